@@ -355,7 +355,7 @@ def without(**parts):
         ({"start": control.append(K, K)}, "K has 2 inputs and 2 outputs"),
         ({"start": control.ss([], [], [], [[0.0]])}, r"does not stabilise.*real part 1 at 1"),
         ({"start": control.ss([], [], [], [[-1e300]])}, "does not stabilise"),
-        ({"start": KD}, "sampling times"),
+        ({"start": KD}, "start has dt = 0.1 s, the plant 0.0 s"),
         ({"family": "PID"}, "family must be a Family, not str"),
         ({"target": "a"}, "target is 'a'"),
         ({"plant": without(A=np.full((3, 3), np.nan))}, "A of the plant .* not finite"),

@@ -162,17 +162,19 @@ def test_a_found_weight_covers_no_more_than_it_must(cover, parts):
 
 def test_slopes_of_the_smoothed_peak_are_those_of_differences(cover, parts):
     """By the real and the imaginary part of each part's value at some of the frequencies."""
-    whole = cover._complete(parts, Context())
+    whole = cover._with_circular_weight(parts, Context())
     values = {name: part.response(cover.omega) for name, part in whole.items()}
     places = np.linspace(5, cover.omega.size - 40, 6).astype(int)
     for name in ("nominal", "real", "controller", "circular"):
         for turn in (1, 1j):
             along = np.zeros((1 + cover.omega.size, places.size), complex)
             along[1 + places, range(places.size)] = turn * abs(values[name][places])
-            _, slopes = cover._smoothed(values, {name: along}, 8)
+            _, slopes = cover._power_mean_of_mu(values, {name: along}, 8)
             for k, slope in enumerate(slopes):
                 ends = [
-                    cover._smoothed(values | {name: values[name] + h * along[1:, k]}, {}, 8)[0]
+                    cover._power_mean_of_mu(
+                        values | {name: values[name] + h * along[1:, k]}, {}, 8
+                    )[0]
                     for h in (-1e-6, 1e-6)
                 ]
                 assert slope == pytest.approx((ends[1] - ends[0]) / 2e-6, rel=1e-3, abs=1e-8)

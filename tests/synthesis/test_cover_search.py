@@ -8,9 +8,9 @@ from workbench.executor import Context
 from workbench.synthesis.mu.cover_search import (
     STALLED_STEPS,
     UNSTABLE_MU,
-    _beside,
-    _definite,
-    _descended,
+    _descent,
+    _positive_definite,
+    _random_start,
     _until_stalled,
     least_of_several,
 )
@@ -40,7 +40,7 @@ def test_the_best_end_does_not_hang_on_last_bits(seed):
 
 def test_one_descent_may_end_in_the_worse_well():
     ends = {
-        round(_descended(two_wells, np.array([x, 0.0, 0.0]), (8,), 300).mu, 2) for x in (-0.3, 0.3)
+        round(_descent(two_wells, np.array([x, 0.0, 0.0]), (8,), 300).mu, 2) for x in (-0.3, 0.3)
     }
     assert ends == {1.0, 0.7}
 
@@ -50,10 +50,10 @@ def test_starts_are_stable_where_there_are_any():
         return (1.0 if y[0] > 0.0 else UNSTABLE_MU), np.zeros_like(y)
 
     rng = np.random.default_rng(0)
-    drawn = [_beside(half_plane, np.array([0.01, 0.0]), rng) for _ in range(20)]
+    drawn = [_random_start(half_plane, np.array([0.01, 0.0]), rng) for _ in range(20)]
     assert all(y[0] > 0.0 for y in drawn) and len({y[0] for y in drawn}) == 20
     alone = np.array([-1.0, 0.0])
-    assert _beside(half_plane, alone, rng) is alone
+    assert _random_start(half_plane, alone, rng) is alone
 
 
 def test_a_search_ends_where_it_no_longer_gains():
@@ -70,8 +70,10 @@ def test_rounding_leaves_second_derivatives_definite():
     random = np.random.default_rng(0)
     root = random.standard_normal((5, 5)) * 10.0 ** np.arange(-6, 4, 2)
     exact = root @ root.T
-    np.testing.assert_allclose(_definite(exact), exact, rtol=1e-9, atol=1e-9 * abs(exact).max())
+    np.testing.assert_allclose(
+        _positive_definite(exact), exact, rtol=1e-9, atol=1e-9 * abs(exact).max()
+    )
     erred = exact - 1e-3 * abs(exact).max() * np.eye(5) + 1e-6 * random.standard_normal((5, 5))
-    found = _definite(erred)
+    found = _positive_definite(erred)
     assert np.array_equal(found, found.T)
     assert (np.linalg.eigvalsh(found) > 0).all()

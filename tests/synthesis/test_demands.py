@@ -198,7 +198,7 @@ def test_misuse_is_named():
     model = UncertaintyModel(control.tf([1.0], [1.0, 1.0]), control.tf([0.1], [1.0]))
     with pytest.raises(InputError, match="nothing is demanded"):
         demanded_plant(model, Demands(), 0.1)
-    with pytest.raises(InputError, match="an overshoot belongs to a loop of some speed"):
+    with pytest.raises(InputError, match="the weight of an overshoot needs a bandwidth"):
         demanded_plant(model, Demands(overshoot=0.1), 0.1)
     with pytest.raises(InputError, match="delay_samples is -1"):
         demanded_plant(model, Demands(bandwidth=1.0), 0.1, delay_samples=-1.0)

@@ -333,7 +333,7 @@ def test_fixed_without_start_and_order_says_what_it_needs():
     assert found.outcome is Outcome.FAILED and "give start, or order" in found.message
     fast = control.ss([[-100.0]], [[1.0]], [[1.0]], [[0.0]])
     found = solve(MuSynthesis(PLANT, start=fast, fastest_pole=10.0), "fixed")
-    assert "the start does not meet what is asked of the controller: fastest pole" in found.message
+    assert "the start does not meet the demands on the controller: fastest pole" in found.message
 
 
 def test_nothing_asked_is_nothing_checked():

@@ -247,9 +247,9 @@ def test_what_a_descent_returns_goes_back_from_another_process():
     """Systems do not go through a pickle; arrays do."""
     import pickle
 
-    from workbench.synthesis.mu.structured.fixed import _minimised_until, _problem
+    from workbench.synthesis.mu.structured.fixed import _minimise_peak_until, _problem
 
     program = MuSynthesis(tracking(1 / (S + 1), 1.0), family=PI(), start=[1.0, 1.0])
-    found = _minimised_until(None, 0.0, 3, _problem(program, program.start))
+    found = _minimise_peak_until(None, 0.0, 3, _problem(program, program.start))
     rounds, _ = pickle.loads(pickle.dumps(found))
     assert rounds["peak"][-1] < rounds["peak"][0]

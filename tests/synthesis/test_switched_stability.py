@@ -153,7 +153,7 @@ def test_with_a_rate_the_dwell_holds_for_all_of_the_hull():
         (lambda: [Mode("a", [[np.nan]])], "not finite"),
         (lambda: [Mode("a", np.ones((2, 3)))], "square"),
         (lambda: [Mode("a", STABLE, rate=1.5)], "rate is 1.5"),
-        (lambda: [Mode("a", STABLE, 1, 9, 0.9)], "without a longest stay"),
+        (lambda: [Mode("a", STABLE, 1, 9, 0.9)], "must have no longest stay"),
         (lambda: [Mode("a", STABLE, None, rate=0.01), Mode("b", STABLE)], "above the spectral"),
         (lambda: [Mode("a", "nothing")], "no array"),
     ],

@@ -11,7 +11,7 @@ from test_switched_stability import geromel_colaneri
 import workbench as wb
 from workbench.program import methods
 from workbench.synthesis import Mode, SwitchedStability
-from workbench.synthesis.switching.descent import Inequalities, _smoothed
+from workbench.synthesis.switching.descent import Inequalities, _p_norm
 
 
 def drawn(seed, states=3, plants=1, longest=6):
@@ -53,11 +53,11 @@ def test_the_gradient_is_exact():
     )  # fmt: skip
     R = np.triu(rng.normal(size=(2, 3, 3))) + 2 * np.eye(3)
     for power in (1, 8):
-        _, gradient, _ = _smoothed(held, R, power)
+        _, gradient, _ = _p_norm(held, R, power)
         for place in np.ndindex(R.shape):
             move = np.zeros(R.shape)
             move[place] = 1e-6
-            up, down = (_smoothed(held, R + sign * move, power)[0] for sign in (1, -1))
+            up, down = (_p_norm(held, R + sign * move, power)[0] for sign in (1, -1))
             assert (up - down) / 2e-6 == pytest.approx(gradient[place], rel=1e-5, abs=1e-6)
 
 
@@ -66,7 +66,7 @@ def test_the_norm_is_above_the_largest_and_approaches_it():
     held = Inequalities(rng.normal(size=(5, 2, 2)), np.zeros(5, int), np.zeros(5, int), np.ones(5))
     R = np.eye(2)[None]
     largest = 2 * np.log(np.linalg.norm(held.A, 2, axis=(1, 2)).max())
-    values = [_smoothed(held, R, power) for power in (1, 4, 16, 64)]
+    values = [_p_norm(held, R, power) for power in (1, 4, 16, 64)]
     assert all(worst == pytest.approx(largest) for _, _, worst in values)
     above = [value - largest for value, _, _ in values]
     assert all(0 <= finer <= coarser for coarser, finer in pairwise(above))

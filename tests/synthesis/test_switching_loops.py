@@ -63,7 +63,7 @@ def test_a_split_controller_responds_alike():
     z = np.exp(0.3j)
     fast = (C @ np.linalg.solve(z * np.eye(len(A)) - A, B))[0, 0]
     assert b / (z - a) + fast + D == pytest.approx(complex(K(z)), rel=1e-9)
-    with pytest.raises(InputError, match="not parted"):
+    with pytest.raises(InputError, match="is coupled with"):
         split_slowest(control.ss([[0.9, 0.1], [0.0, 0.5]], [[1], [1]], [[1, 1]], [[0]], PERIOD))
 
 
@@ -264,5 +264,5 @@ def test_robust_stability_of_an_uncertain_gain():
     assert mu.shape == (1, 2, 2)
     assert mu[0, 0, 0] <= 0.4 <= mu[0, 0, 1] * (1 + 1e-9)
     assert mu[0, 1, 0] > 0.41
-    with pytest.raises(InputError, match="need those named"):
+    with pytest.raises(InputError, match="need the names"):
         SingleLoops(static([3.0], 0), {}, {"tank": G}, 0.5)

@@ -55,7 +55,7 @@ def test_a_control_that_is_another_is_found():
 
 
 def test_misuse_is_named():
-    with pytest.raises(InputError, match="an answered Implementation is needed"):
+    with pytest.raises(InputError, match="an Implementation with an answer is needed"):
         WorkingLoop(PLANTS, None)
     with pytest.raises(InputError, match="needs a working point"):
         WorkingLoop(PLANTS, board(working_point=None, limits=None))

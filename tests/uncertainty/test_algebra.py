@@ -243,7 +243,7 @@ def test_it_is_connected_by_names():
     [
         (lambda: real("k", 10), "give one of percent="),
         (lambda: real("k", 10, percent=40, low=1), "give one of percent="),
-        (lambda: real("k", 0, percent=40), "nominal 0, of which no percent"),
+        (lambda: real("k", 0, percent=40), "nominal 0, for which a percentage"),
         (lambda: real("k", 10, low=11, high=12), "nominal 10 must lie between"),
         (lambda: real("k", 10, low=9), "belong together"),
         (lambda: real("k", 10, percent=-4), "percent is -4"),

@@ -103,7 +103,7 @@ def test_deltas_by_name_or_in_order():
         uncertain.at({"BI": 0.5})
     with pytest.raises(InputError, match=r"\(\.\.\., 9\)"):
         uncertain.at(np.zeros(8))
-    with pytest.raises(InputError, match="one at a time"):
+    with pytest.raises(InputError, match="give one set at a time"):
         uncertain.at(np.zeros((2, 9)))
 
 

@@ -3,7 +3,7 @@
 Takes: a generalised plant, perhaps with uncertainty; the order or family of the controller.
 Gives: a controller with its certified norm or peak of mu, and C code of it.
 Rests on: two Riccati equations or linear matrix inequalities (H-infinity, H2); D-K iteration and
-    nonsmooth descent, which end in local optima; duality for limits of every controller.
+    nonsmooth descent, which end in local optima; duality for bounds that no controller can beat.
 """
 
 from typing import TYPE_CHECKING

@@ -29,7 +29,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.norms import norm
 
 DESIGN_GAINS = tuple(np.geomspace(0.5, 4.0, 13))
-"""Factors on the reference controller."""
+"""Gains that multiply the reference controller in loop shaping."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,27 +39,30 @@ class DesignTask:
     Parameters
     ----------
     plant
-        Plant that controllers are judged on; loop shaping takes the best nominal performance on it.
+        Plant on which all controllers are judged. Loop shaping chooses the gain with the best
+        nominal performance on it.
     regular
-        What H-infinity and mu controllers are made for: the same, made regular (`regularised`).
+        Plant for which H-infinity and mu controllers are designed: the same plant, made regular by
+        `regularised`.
     quadratic
-        What LQG is made for: without perturbation, its noise of finite variance in the outputs.
+        Plant for which LQG is designed: it has no perturbation, and its noise has finite variance
+        in the outputs.
     G
         Nominal plant of the loop with negative feedback, StateSpace.
     W_S, W_KS
-        Weights of mixed sensitivity, as of `MixedSensitivity`.
+        Weights of mixed sensitivity, as in `MixedSensitivity`.
     reference
-        A controller that stabilises, G with negative feedback and `plant` with u = K y: the shape
-        of loop shaping, and the start of the fixed-order method.
+        A stabilising controller: it stabilises G with negative feedback, and `plant` with u = K y.
+        It is the shape for loop shaping, and the start of the fixed-order method.
     sizes
-        Sizes of the perturbation's signals that are tried with a full block, in units of these.
+        Factors on the perturbation's signals, tried in the design against one full block.
     gains
-        Factors on `reference` that are tried as the shape of the loop.
+        Factors on `reference`, tried as the shape of the loop.
 
     Raises
     ------
     InputError
-        No perturbation in `plant` or `regular`.
+        `plant` or `regular` has no perturbation.
 
     Examples
     --------
@@ -113,20 +116,25 @@ class DesignTask:
 
     def __post_init__(self) -> None:
         if self.plant.structure is None or self.regular.structure is None:
-            raise InputError("the plant has no perturbation, which the methods are compared by")
+            raise InputError(
+                "the plant has no perturbation, but the methods are compared by their robustness "
+                "against one"
+            )
 
     @property
     def structure(self) -> Structure:
-        """The perturbation's."""
+        """Uncertainty structure of the perturbation."""
         assert self.regular.structure is not None
         return self.regular.structure
 
     def shaped(self, gain: float = 1.0) -> LoopShaping:
-        """Loop shaping with that multiple of the reference controller before the plant."""
+        """Loop shaping with `gain` times the reference controller in series with the plant."""
         return LoopShaping(self.G, W1=gain * self.reference)
 
     def full_block_plant(self, size: float) -> GeneralisedPlant:
-        """The regular plant for one full block, the perturbation's signals times `size`."""
+        """The regular plant for one full block, with the perturbation's signals scaled by
+        `size`.
+        """
         out, into = [size] * self.structure.columns, [1.0 / size] * self.structure.rows
         return self.regular.unstructured().weighted(out, into)
 
@@ -137,7 +145,9 @@ def reference(task: DesignTask, context: Context) -> StateSpace:
 
 
 def lqg_design(task: DesignTask, context: Context) -> StateSpace:
-    """The least mean square of the outputs of the quadratic plant (SLICOT SB10HD)."""
+    """LQG: the controller with the least mean square of the quadratic plant's outputs (SLICOT
+    SB10HD).
+    """
     import control
 
     quadratic = task.quadratic
@@ -145,16 +155,19 @@ def lqg_design(task: DesignTask, context: Context) -> StateSpace:
 
 
 def mixed_sensitivity(task: DesignTask, context: Context) -> StateSpace:
-    """The least norm of [W_S S; W_KS K S]: the nominal plant alone."""
+    """The controller with the least norm of [W_S S; W_KS K S] for the nominal plant, without
+    uncertainty.
+    """
     K: StateSpace = _answer(MixedSensitivity(task.G, W_S=task.W_S, W_KS=task.W_KS), context).lti
     return K
 
 
 def loop_shaping(task: DesignTask, context: Context) -> StateSpace:
-    """The largest margin of normalised coprime factors, of a loop shaped by the reference.
+    """Largest margin against normalised coprime factor uncertainty, for a loop shaped by the
+    reference.
 
-    The shape is the designer's, and the method has no weight for performance: of the gains tried
-    the one with the best nominal performance.
+    The designer chooses the shape, since the method has no weight for performance. Of the gains
+    tried, the one with the best nominal performance is taken.
     """
     nominal = task.plant.nominal()
     tried = []
@@ -168,9 +181,9 @@ def loop_shaping(task: DesignTask, context: Context) -> StateSpace:
 
 
 def full_block(task: DesignTask, context: Context) -> StateSpace:
-    """The least norm against one full block of uncertainty: H-infinity with a constant D.
+    """H-infinity controller against one full block of uncertainty, with a constant scaling D.
 
-    The perturbation's signals are scaled together, to the size at which that norm is least.
+    One factor scales all of the perturbation's signals; the factor with the least norm is taken.
     """
 
     def level(size: float) -> float:
@@ -188,20 +201,22 @@ def full_block(task: DesignTask, context: Context) -> StateSpace:
 
 
 def dk(task: DesignTask, context: Context) -> StateSpace:
-    """D-K iteration: real scalars count as complex ones, of which it lowers the peak of mu."""
+    """D-K iteration: it lowers the peak of complex mu, so real scalars count as complex ones."""
     program = MuSynthesis(task.regular, task.structure.complexified())
     K: StateSpace = _answer(program, context, "dk").lti
     return K
 
 
 def mu_dk(task: DesignTask, context: Context) -> StateSpace:
-    """(mu, D)-K iteration: real scalars count as what they are."""
+    """(mu, D)-K iteration: it lowers mixed mu, so real scalars count as real."""
     K: StateSpace = _answer(MuSynthesis(task.regular), context, "mu-dk").lti
     return K
 
 
 def fixed_order(task: DesignTask, context: Context) -> StateSpace:
-    """Mixed mu lowered directly over controllers of the reference's order, from it on."""
+    """Direct descent of mixed mu over controllers of the reference's order, starting from the
+    reference.
+    """
     K: StateSpace = _answer(MuSynthesis(task.regular, start=task.reference), context, "fixed").lti
     return K
 
@@ -216,13 +231,13 @@ DESIGNS: dict[str, Callable[[DesignTask, Context], StateSpace]] = {
     "(mu,D)-K": mu_dk,
     "fixed order": fixed_order,
 }
-"""Synthesis methods by the names of tables."""
+"""Synthesis methods by the names that tables print."""
 
 
 def _answer(program: Program, context: Context, method: str | None = None) -> Any:
-    """Certified answer of a method, which keeps its own rounds and checkpoints.
+    """Certified answer of a method. Its iterations and checkpoints stay apart from other methods'.
 
-    Raises SolverError where it has no valid answer.
+    Raises SolverError where the method has no valid answer.
     """
     own = Context(context.options, context.progress, started=context.started)
     solution = solve(program, method, context=own)

@@ -182,5 +182,5 @@ def test_poles_of_weights_leave_no_room_for_an_order():
 
 
 def test_the_search_is_asked_for_something():
-    with pytest.raises(InputError, match="nothing is asked of the controller"):
+    with pytest.raises(InputError, match="no demand on the controller"):
         wb.solve(MixedSensitivity(G, W_S, W_KS), "fixed")

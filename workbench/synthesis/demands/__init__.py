@@ -1,1 +1,1 @@
-"""Demands as people say them, and the weights of the loop that they become."""
+"""Demands on a loop in the words of its user, and the weights that express them."""

@@ -1,4 +1,6 @@
-"""Structures and orders against certified peak and bandwidth, and what limits the bandwidth."""
+"""Certified peak of mu for each structure of controller and bandwidth, and the limit of the
+bandwidth.
+"""
 
 from __future__ import annotations
 
@@ -28,40 +30,41 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.uncertainty import UncertaintyModel
 
 STEPS = (-3, -2, -1, 0, 1, 2)
-"""Bandwidths that are tried: the demanded one times the square root of 2 to these powers."""
+"""Powers of sqrt(2) that multiply the demanded bandwidth: these bandwidths are tried."""
 HOPELESS = 1.5
-"""Peak from which on no higher bandwidth is tried."""
+"""After a peak of mu above this, no higher bandwidth is tried."""
 CLEAR = 1.05
-"""Growth of the bandwidth below which a part does not count as its limit."""
+"""Least growth of the bandwidth for which a part counts as its limit."""
 FREQUENCIES, PHASES = 1000, 16
-"""Frequencies, and phases of the plants' deviations, at which the second opinion looks."""
+"""Numbers of frequencies, and of phases of the plants' deviations, in the second opinion."""
 PEAK_ROUNDING = 1e-3
-"""What a sampled mu may exceed a certified peak by."""
+"""Relative excess allowed of a sampled mu over a certified peak."""
 
 
 @dataclass(frozen=True, eq=False)
 class BandwidthLimits(Study):
-    """Which structure and order keep the demands up to which bandwidth, and what limits it.
+    """The bandwidth up to which each structure and order meets the demands, and what limits it.
 
-    PI, PID, controllers of few states and one of full order, all with integral action, are made
-    for bandwidths about the demanded one; each has its certified peak of mu. What limits the
-    bandwidth is decided by computation: with delay, spread, noise, control or a zero right of the
-    axis left out, the largest bandwidth that any controller could have grows by a factor.
+    PI, PID, controllers with few states and one of full order are designed for bandwidths around
+    the demanded one, all with integral action. Each has its certified peak of mu. The limit of the
+    bandwidth is computed: delay, spread of the plants, noise, limit of the control or zero right of
+    the axis is left out in turn, and the largest bandwidth that any controller could have grows by
+    a factor.
 
     Parameters
     ----------
     model
-        Continuous and multiplicative.
+        Uncertainty model; continuous and multiplicative.
     demands
-        With a bandwidth.
+        Demands, including a bandwidth.
     dt, delay_samples
-        Sampling time [s] of the controller, and delay of its computer [samples].
+        Sampling time [s] of the controller, and computation delay [samples].
     states
-        Largest order that is tried between PID and full order.
+        Largest order tried between PID and full order.
     noise_free
-        The model as it would be without noise of the records; None: it is not known.
+        The model without the noise of the records; None if it is not known.
     time_limit
-        Of each controller [s]; None: there is none.
+        Time limit [s] for each controller; None for no limit.
 
     Raises
     ------
@@ -103,7 +106,7 @@ class BandwidthLimits(Study):
         need_kind(self.model, UncertaintyModel, "model")
         if self.model.form != "multiplicative":
             raise InputError("the model is additive; a multiplicative one is needed")
-        self.plant_at(self.demands.bandwidth)  # raises for what does not fit
+        self.plant_at(self.demands.bandwidth)  # raises InputError for demands that do not fit
 
     def plant_at(self, bandwidth: float) -> GeneralisedPlant:
         """The generalised plant of the demands with another bandwidth [rad/s]."""
@@ -112,13 +115,13 @@ class BandwidthLimits(Study):
 
     @property
     def tasks(self) -> dict[str, dict[str, Any]]:
-        """What is asked of the controllers, by the name of their structure."""
+        """Requirements on the controller, by the name of its structure."""
         orders = {f"order {n}": {"order": n} for n in range(1, self.states + 1)}
         return {"PI": {"family": PI()}, "PID": {"family": PID()}, **orders, "full": {}}
 
     @part
     def made(self, context: Context) -> dict[tuple[str, int], tuple[float, StateSpace]]:
-        """Certified peak and controller of each structure and bandwidth that was tried."""
+        """Certified peak and controller for each structure and bandwidth that was tried."""
         found = {}
         for name in context.track(list(self.tasks), "structures"):
             for k, omega in enumerate(self._bandwidths()):
@@ -137,7 +140,7 @@ class BandwidthLimits(Study):
 
     structure = dim(lambda self: list(self.tasks), meaning="structure of the controller")
     frequency = dim(lambda self: self._bandwidths() / (2 * np.pi), unit="Hz", meaning="bandwidth")
-    limit_of = dim(lambda self: list(self._relaxed()), meaning="what is left out")
+    limit_of = dim(lambda self: list(self._without_each_limit()), meaning="what is left out")
 
     @array((structure, frequency), "1", "certified peak of mu; NaN where none was made")
     def peak(self, made: Any) -> RealArray:
@@ -150,31 +153,31 @@ class BandwidthLimits(Study):
     def controller(self, made: Any, peak: DataArray) -> Mapping[str, StateSpace]:
         return {
             name: made[name, k][1]
-            for name, k in zip(self.tasks, _chosen(peak.values), strict=True)
+            for name, k in zip(self.tasks, _best_columns(peak.values), strict=True)
             if k is not None
         }
 
     @array((limit_of,), "1", "largest bandwidth without it over that with all")
     def growth(self, possible: DataArray) -> RealArray:
-        without = [one().largest() for one in self._relaxed().values()]
+        without = [one().largest() for one in self._without_each_limit().values()]
         most = float(possible) * 2 * np.pi
         return np.array(without) / most if most else np.full(len(without), np.nan)
 
     @array((), "Hz", "bandwidth that no controller can exceed, whatever its order")
     def possible(self) -> float:
-        return self._whole().largest() / (2 * np.pi)
+        return self._with_all_limits().largest() / (2 * np.pi)
 
-    def _whole(self) -> LimitedBandwidth:
+    def _with_all_limits(self) -> LimitedBandwidth:
         return LimitedBandwidth(self.model, self.demands, self.dt, self.delay_samples)
 
-    def _relaxed(self) -> dict[str, Any]:
-        return relaxations(self._whole(), self.noise_free)
+    def _without_each_limit(self) -> dict[str, Any]:
+        return relaxations(self._with_all_limits(), self.noise_free)
 
     # --- checks -----------------------------------------------------------------------------------
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         found = list(super().checks(answer, tolerance))
-        for name, k in zip(self.tasks, _chosen(answer["peak"].values), strict=True):
+        for name, k in zip(self.tasks, _best_columns(answer["peak"].values), strict=True):
             if k is not None:
                 loop = (
                     self.plant_at(self._bandwidths()[k])
@@ -186,24 +189,25 @@ class BandwidthLimits(Study):
         return found
 
     def second_opinion(self, answer: Dataset) -> list[Check]:
-        """Each stored controller with plants of the set, at sampled frequencies.
+        """Try each stored controller with plants of the set, at sampled frequencies.
 
-        Mu is at most p where the demands are kept over p by the plants of deviations up to 1 / p.
+        Mu is at most p if the weighted loop is at most p for all plants with deviations up to 1 /
+        p.
         """
         found = []
-        for name, k in zip(self.tasks, _chosen(answer["peak"].values), strict=True):
+        for name, k in zip(self.tasks, _best_columns(answer["peak"].values), strict=True):
             if k is None:
                 continue
             peak = float(answer["peak"].values[list(self.tasks).index(name), k])
             K, bandwidth = self.controller(answer)[name], float(self._bandwidths()[k])
-            value = self._with_plants(K, bandwidth, peak) / peak - 1
+            value = self._largest_sampled_norm(K, bandwidth, peak) / peak - 1
             statement = "largest weighted loop with a plant of the set, over the peak, less 1"
             over = f"at {FREQUENCIES} frequencies, for {3 * PHASES} plants at each"
             found.append(Check(f"{name} sampled", statement, value, PEAK_ROUNDING, over=over))
         return [*super().second_opinion(answer), *found]
 
-    def _with_plants(self, K: StateSpace, bandwidth: float, peak: float) -> float:
-        """Largest norm of the weighted loop with plants of deviations of size 1 / peak."""
+    def _largest_sampled_norm(self, K: StateSpace, bandwidth: float, peak: float) -> float:
+        """Largest norm of the weighted loop for plants with deviations of size 1 / peak."""
         omega = np.geomspace(1e-4 * bandwidth, 1e3 * bandwidth, FREQUENCIES)
         late = lateness(self.dt, self.delay_samples).response(omega)
         nominal, own = self.model.nominal.response(omega) * late, response(K, omega)[:, 0, 0]
@@ -224,7 +228,7 @@ class BandwidthLimits(Study):
     # --- what it says -----------------------------------------------------------------------------
 
     def certified(self, answer: Dataset) -> dict[str, float]:
-        """The largest tried bandwidth [Hz] with a certified peak below 1, by structure; 0: none."""
+        """Largest tried bandwidth [Hz] with a certified peak below 1, by structure; 0 for none."""
         peaks, tried = answer["peak"].values, answer["frequency"].values
         return {
             name: float(tried[row < 1].max(initial=0.0))
@@ -232,7 +236,7 @@ class BandwidthLimits(Study):
         }
 
     def limit(self, answer: Dataset) -> str:
-        """What limits the bandwidth most; "" where no single part does."""
+        """The part that limits the bandwidth most; "" where no single part does."""
         growth = answer["growth"].values
         if not np.isfinite(growth).any() or np.nanmax(growth) < CLEAR:
             return ""
@@ -299,8 +303,10 @@ class BandwidthLimits(Study):
         return {"bandwidth": drawn}
 
 
-def _chosen(peaks: RealArray) -> list[int | None]:
-    """The column of each row with the largest bandwidth below a peak of 1, else of least peak."""
+def _best_columns(peaks: RealArray) -> list[int | None]:
+    """Column of the largest bandwidth with a peak below 1, or else of the least peak, for
+    each row.
+    """
     found: list[int | None] = []
     for row in peaks:
         if not np.isfinite(row).any():

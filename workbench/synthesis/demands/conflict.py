@@ -1,4 +1,4 @@
-"""An irreducible set of demands that cannot be had together, and what each would have to give."""
+"""An irreducible set of conflicting demands, and how far each one would have to be loosened."""
 
 from __future__ import annotations
 
@@ -19,19 +19,22 @@ from workbench.synthesis.demands.weighted_loop import lateness
 from workbench.synthesis.limits.dual_bound import DualCertificate
 
 GREATEST_GAIN = 1e4
-"""Largest |K S| of controllers that count, over 1 / |G| at the crossover: any sensor's noise would
-drive any actuator from end to end."""
+"""Largest |K S| of the controllers considered, relative to 1 / |G| at the crossover. With a larger
+gain the noise of any sensor would drive any actuator from end to end.
+"""
 LEAST_MARGIN = 0.01
-"""Least distance of L from -1 of controllers that count: the inverse of the largest |S|."""
+"""Least distance of L from -1 for the controllers considered, which is 1 / max |S|."""
 MOST_LOOSENED, LOOSENED_TOLERANCE = 100.0, 1.02
-"""Largest factor by which a demand is loosened, and how far the least factor is narrowed."""
+"""Largest factor by which a demand is loosened, and the ratio of the bounds at which the search for
+the least factor ends.
+"""
 SEARCHED_FROM = 1.05
-"""Least level from which on a proof is looked for."""
+"""Least level at which the search for a proof starts."""
 
 
 @dataclass(frozen=True)
 class NominalDemands:
-    """Demands on a nominal plant behind hold and computer."""
+    """Demands on a nominal plant with the delays of hold and computer."""
 
     nominal: Rational
     demands: Demands
@@ -46,17 +49,19 @@ class NominalDemands:
 
     @property
     def speed(self) -> float:
-        """A frequency [rad/s] at which the loop may cross over."""
+        """An estimate of the crossover frequency of the loop [rad/s]."""
         return self.demands.crossover or float(np.abs(self.nominal.poles).max())
 
     @cached_property
     def bounded_gain(self) -> DemandWeight:
-        """The weight of K S that every controller which counts keeps."""
+        """The weight of K S that limits the gain of all controllers considered."""
         gain = float(np.abs(self.plant.response(np.array([self.speed]))[0])) / GREATEST_GAIN
         return DemandWeight("bounded gain", "KS", rational_of([], [], gain), "gain", gain)
 
     def weights(self, names: Sequence[str], **loosened: float) -> list[DemandWeight]:
-        """The weights of some demands, with one of them loosened by a factor, and what is usual."""
+        """The weights of some demands, with demands loosened by factors, and the weights of margin
+        and gain.
+        """
         some = self.demands.only(names)
         for name, factor in loosened.items():
             some = some.loosened(name, factor)
@@ -67,17 +72,18 @@ class NominalDemands:
         return [*own, margin, self.bounded_gain]
 
     def reach(self, names: Sequence[str], **loosened: float) -> Reach:
-        """Whether a controller keeps the weights of some demands."""
+        """Search for a controller that satisfies the weights of some demands."""
         return nominal_reach(self.plant, self.weights(names, **loosened), SLOW * self.speed)
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """Demands of which no controller was found that keeps all, and any others together.
+    """A set of demands: no controller was found for all of it, but for all but one there is one.
 
-    ``names`` is empty where all can be had together. ``controllers``: by the demand that is left
-    out ("" for all). ``factors``: by how much each would have to be loosened for the rest to hold;
-    infinite where that is more than `MOST_LOOSENED`. ``proof``: that no controller keeps them.
+    ``names`` is empty if all demands can be met together. ``controllers`` are named by the demand
+    that is left out ("" if none is). ``factors`` says by how much each demand would have to be
+    loosened so that all can be met; infinite if that is more than `MOST_LOOSENED`. ``proof`` shows
+    that no controller meets them all; None if no proof was found.
     """
 
     names: tuple[str, ...]
@@ -87,7 +93,7 @@ class Conflict:
 
 
 def find_conflict(task: NominalDemands, context: Context) -> Conflict:
-    """The conflict of demands by a deletion filter: what is not needed for it is left out.
+    """Find the conflict by a deletion filter: demands without which it remains are left out.
 
     Source: J. W. Chinneck, E. W. Dravnieks, Locating minimal infeasible constraint sets in linear
     programs, ORSA Journal on Computing 3 (1991) 157-168.
@@ -107,13 +113,13 @@ def find_conflict(task: NominalDemands, context: Context) -> Conflict:
         else:
             controllers[name] = without.K
     proof = conflict_proof(task.plant, task.weights(kept), max(whole.bound, SEARCHED_FROM), context)
-    factors = {name: _least_factor(task, kept, name) for name in kept}
+    factors = {name: _least_loosening(task, kept, name) for name in kept}
     held = {name: K for name, K in controllers.items() if name in kept}
     return Conflict(tuple(kept), held, factors, proof)
 
 
-def _least_factor(task: NominalDemands, names: Sequence[str], name: str) -> float:
-    """The least factor found by which one demand is loosened so that a controller keeps all."""
+def _least_loosening(task: NominalDemands, names: Sequence[str], name: str) -> float:
+    """The least factor found on one demand with which a controller meets all demands."""
     if task.reach(names, **{name: MOST_LOOSENED}).K is None:
         return math.inf
     low, high = 1.0, MOST_LOOSENED

@@ -1,12 +1,13 @@
-"""A proof that no controller keeps several weights on a plant, each by itself.
+"""A proof that no controller satisfies several weights on a plant, each one separately.
 
-At a frequency the weights of S say |1 - T| <= 1 / w_S, and those of T and K S = T / G say
-|T| <= 1 / w_T: T lies in a lens. For any share x from 0 to 1 it lies in the disk
+At a frequency the weights of S say |1 - T| <= 1 / w_S, and those of T and K S = T / G say |T| <= 1
+/ w_T: T lies in a lens. For any share x from 0 to 1, T also lies in the disk
 
     x w_S^2 |1 - T|^2 + (1 - x) w_T^2 |T|^2 <= 1,
 
-which is least where its centre is on the chord of the lens. So what `DualCertificate` proves of
-such disks with one weight each, by an integral over all frequencies, it proves of the demands.
+which is smallest if its centre is on the chord of the lens. `DualCertificate` proves, by an
+integral over all frequencies, that no controller keeps T in these disks. So no controller meets the
+demands either.
 """
 
 from __future__ import annotations
@@ -34,43 +35,47 @@ from workbench.synthesis.limits.rational_bounds import (
 )
 
 CORNERS = 24
-"""Functions of which a proof consists, beside those of zeros and poles right of the axis."""
+"""Number of basis functions of a proof, besides those of zeros and poles right of the axis."""
 BELOW, ABOVE = 0.1, 10.0
-"""Corners begin at this multiple of the slowest weight and end at this one of where T must fall."""
+"""The lowest corner relative to the slowest root, and the highest corner relative to the frequency
+above which |T| must decrease.
+"""
 BAND = (1e-6, 1e2)
-"""First and last frequency over the first and last corner. What lies below the first one is no part
-of the search: T is 1 there, and h may be large."""
+"""Lowest frequency of the search relative to the lowest corner, and highest frequency relative to
+the highest corner. Lower frequencies are no part of the search: T is about 1 there, and h may be
+large.
+"""
 FAR = 2.0
-"""Factor up to which a level above that of the norm is tried."""
+"""Largest level tried, relative to the level that the norms prove."""
 LEVELS = 8
-"""Levels that are tried."""
+"""Number of levels that are tried."""
 POINTS = 20_000
-"""Points of a sum."""
+"""Number of frequencies in a sum that approximates the integral."""
 CORNER_ROUNDING = 1e-9
 """Relative rounding of the corners of a lens."""
 LEAST_SIZE = 1e-100
-"""Weights below it are this, so that squares of their inverses are finite."""
+"""Smaller weights are replaced by this, so that the squares of their inverses are finite."""
 SHARE_ROUNDING = 1e-12
-"""What roots of shares are made smaller by, so that the shares are at most 1 together."""
+"""Relative reduction of the roots of the shares, so that rounded shares add up to at most 1."""
 LEAST_SHARE = 1e-9
-"""Least share of either kind of weights."""
+"""Least share of the weights of S, and of those of T."""
 
 
 @dataclass(frozen=True, eq=False)
 class DemandedLoop(LoopFunctions):
-    """The sets of T that several weights leave, each of them by itself.
+    """A loop with several weights; each one separately limits the set of T.
 
-    ``performance`` and ``control`` of the base are one weight of S and one of K S; the others are
-    ``more``.
+    ``more`` holds all weights. ``performance`` and ``control`` of the base class are the constant 1
+    and a weight of K S.
     """
 
     more: tuple[DemandWeight, ...] = field(default=())
     level: float = 1.0
-    """The level at which the disks are least; at others they hold the lenses too."""
+    """The level for which the disks are smallest. For other levels they contain the lenses too."""
 
     @np.errstate(all="ignore")
     def over(self, cells: FrequencyCells) -> LeastWeights:
-        """Weights of disks around the lenses over cells, rounded downward."""
+        """Weights of the disks that contain the lenses over cells, rounded downward."""
         of_S, of_T = np.zeros(cells.low.shape), np.zeros(cells.low.shape)
         plant = largest_magnitude(self.plant, cells)
         for one in self.more:
@@ -82,14 +87,16 @@ class DemandedLoop(LoopFunctions):
             else:
                 of_T = np.fmax(of_T, down(size / plant))
         share = _chord_share(of_S / self.level, of_T / self.level)
-        base = super().over(cells)  # for its parts that are 0: no uncertainty
+        base = super().over(cells)  # for its weights of the uncertainty, which are 0
         of_S = down(np.sqrt(share) * (1 - SHARE_ROUNDING) * of_S)
         of_T = down(np.sqrt(1 - share) * (1 - SHARE_ROUNDING) * of_T)
         return replace(base, performance=of_S, control=of_T)
 
     @np.errstate(all="ignore")
     def largest_beyond(self, lowest: float, level: float) -> float:
-        """A number c: |T| <= c / omega^`falls` above `lowest` [rad/s], by a weight of K S."""
+        """A number c with |T| <= c / omega^`falls` above `lowest` [rad/s], from the weights
+        of K S.
+        """
         above = asymptote(self.plant, lowest)
         found = [
             float((above * Interval.of(level) / asymptote(one.W, lowest)).high)
@@ -100,7 +107,7 @@ class DemandedLoop(LoopFunctions):
 
 
 def _chord_share(of_S: RealArray, of_T: RealArray) -> RealArray:
-    """The share x of the least disk around each lens: its centre is where the chord is."""
+    """The share x of the smallest disk around each lens: its centre is the middle of the chord."""
     squares = of_S**2, of_T**2
     chord = np.clip((1 + 1 / squares[1] - 1 / squares[0]) / 2, 0.0, 1.0)
     part, rest = chord * squares[1], (1 - chord) * squares[0]
@@ -110,9 +117,9 @@ def _chord_share(of_S: RealArray, of_T: RealArray) -> RealArray:
 
 
 def demanded_loop(plant: Rational, weights: Sequence[DemandWeight], level: float) -> DemandedLoop:
-    """The loop of a plant, with its delays, of which `conflict_proof` speaks.
+    """The weighted loop of a plant, including delays, for `conflict_proof`.
 
-    One of the weights is of K S.
+    At least one of the weights must be a weight of K S.
     """
     control = next(one.W for one in weights if one.channel == "KS")
     return DemandedLoop(rational_of([], [], 1.0), control, plant, more=tuple(weights), level=level)
@@ -121,10 +128,11 @@ def demanded_loop(plant: Rational, weights: Sequence[DemandWeight], level: float
 def conflict_proof(
     plant: Rational, weights: Sequence[DemandWeight], bound: float, context: Context
 ) -> DualCertificate | None:
-    """A proof that no stabilising controller keeps each of the weights; None where none is found.
+    """A proof that no stabilising controller satisfies all weights; None where none is found.
 
-    Its level is above 1: no controller keeps each weight over that level. ``bound`` is where it is
-    looked for. Levels are bisected by sums over points; what they show is then proven.
+    The level of the proof is above 1: no controller satisfies all weights divided by this level.
+    Bisection between 1 and `FAR` times ``bound`` judges levels by sums over frequencies. The levels
+    found are then proven.
     """
     basis = proof_basis(plant, weights)
     low, high = 1.0, FAR * bound
@@ -149,7 +157,9 @@ def conflict_proof(
 
 
 def summed_excess(proof: DualCertificate, loop: DemandedLoop) -> float:
-    """What `DualCertificate.excess` bounds, by a sum over points of the lenses themselves."""
+    """Approximation of `DualCertificate.excess` by a sum over frequencies, for the lenses
+    themselves.
+    """
     omega = 2 * np.pi * np.geomspace(*proof.basis.band, POINTS)
     h = proof.h(omega)
     of_S, of_T = np.full(omega.size, LEAST_SIZE), np.full(omega.size, LEAST_SIZE)
@@ -160,15 +170,17 @@ def summed_excess(proof: DualCertificate, loop: DemandedLoop) -> float:
         else:
             over = np.abs(loop.plant.response(omega)) if one.channel == "KS" else 1.0
             of_T = np.maximum(of_T, size / over)
-    most = _in_lenses(of_S, of_T, h)
+    most = _largest_in_lenses(of_S, of_T, h)
     whole = np.trapezoid(most, omega) + most[0] * omega[0]
     return float(whole - np.pi * proof.basis.known @ proof.coefficients)
 
 
-def _in_lenses(of_S: RealArray, of_T: RealArray, h: ComplexArray) -> RealArray:
-    """The largest Re(T h) (F,) with |1 - T| <= 1 / of_S and |T| <= 1 / of_T; -inf: none.
+def _largest_in_lenses(of_S: RealArray, of_T: RealArray, h: ComplexArray) -> RealArray:
+    """Largest Re(T h) (F,) with |1 - T| <= 1 / of_S and |T| <= 1 / of_T; -inf if there is no such
+    T.
 
-    It is the farthest point of one disk where that lies in the other one, else a corner.
+    It is reached at the farthest point of one disk, if this lies in the other disk, or else at a
+    corner of the lens.
     """
     small, large = 1 / of_S, 1 / of_T
     turn = np.conj(h) / np.maximum(np.abs(h), 1e-300)
@@ -183,7 +195,7 @@ def _in_lenses(of_S: RealArray, of_T: RealArray, h: ComplexArray) -> RealArray:
 
 
 def proof_basis(plant: Rational, weights: Sequence[DemandWeight]) -> AnalyticBasis:
-    """Functions from the slowest weight to where T must fall; zeros and poles of the plant."""
+    """Basis functions for the frequencies from the slowest root to where |T| must decrease."""
     roots = np.abs(np.concatenate([plant.zeros, plant.poles, *(one.W.zeros for one in weights)]))
     roots = roots[roots > 0]
     low = BELOW * float(roots.min())

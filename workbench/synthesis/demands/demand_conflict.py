@@ -1,4 +1,4 @@
-"""Whether demands can be had together, as a Study."""
+"""A Study of whether demands can be met together."""
 
 from __future__ import annotations
 
@@ -26,36 +26,37 @@ from workbench.systems.generalised_plant import response
 from workbench.uncertainty import UncertaintyModel
 
 SAMPLED = 2000
-"""Frequencies at which loops and proofs are looked at a second time."""
+"""Number of frequencies at which the second opinion looks at loops and proofs."""
 SHOWN, SHOWN_SIZES = (1e-3, 1e2), (1e-3, 1e3)
-"""Frequencies of the figure over the crossover, and its sizes."""
+"""Ranges of the figure: frequencies relative to the crossover, and magnitudes."""
 SAMPLED_ROUNDING = 1e-6
-"""What a sampled response may exceed its norm by."""
+"""Relative excess allowed of a sampled response over its certified norm."""
 
 
 @dataclass(frozen=True, eq=False)
 class DemandConflict(Study):
-    """Which demands the nominal plant cannot have together, with a controller of any order.
+    """Demands that no controller of any order can meet together on the nominal plant.
 
-    A set of demands is irreducible: with any one of them left out, a controller is found that keeps
-    each of the other weights, certified. That none keeps all of the set is proven by an integral
-    over all frequencies, where a proof is found, for every linear controller that stabilises the
-    plant and whose gain is not absurd; otherwise they were not found together. For each demand of
-    the set stands the number from which on, by the search, the rest can be had.
+    The set found is irreducible: if any one demand is left out, a controller is found that
+    satisfies the weights of all others, which is certified. An integral over all frequencies proves
+    that no controller satisfies all of them, where a proof is found. The proof is for every linear
+    controller that stabilises the plant and has no absurd gain. Without a proof the answer says
+    only that no controller was found. For each demand of the set the search gives the number with
+    which the rest can be met.
 
     Parameters
     ----------
     model
-        Continuous; its nominal counts.
+        Uncertainty model; continuous. Only its nominal is used.
     demands
-        One or more.
+        One or more demands.
     dt, delay_samples
-        Sampling time [s] of the controller, and delay of its computer [samples].
+        Sampling time [s] of the controller, and computation delay [samples].
 
     Raises
     ------
     InputError
-        Nothing is demanded, or as `demanded_plant`.
+        Nothing is demanded; or as in `demanded_plant`.
 
     Examples
     --------
@@ -85,7 +86,7 @@ class DemandConflict(Study):
             raise InputError("the model is sampled; a continuous one is needed")
         if not self.demands.asked:
             raise InputError("nothing is demanded; give a bandwidth, for example")
-        _ = self.nominal.weights(self.demands.asked)  # raises for a dt or a delay that is none
+        _ = self.nominal.weights(self.demands.asked)  # raises InputError for an invalid dt or delay
 
     @cached_property
     def nominal(self) -> NominalDemands:
@@ -94,7 +95,7 @@ class DemandConflict(Study):
 
     @part
     def conflict(self, context: Context) -> Conflict:
-        """What the search found."""
+        """The conflict that the search found."""
         return find_conflict(self.nominal, context)
 
     demand = dim(lambda self: list(self.demands.asked), meaning="demand")
@@ -136,7 +137,7 @@ class DemandConflict(Study):
         return [*super().checks(answer, tolerance), *self._kept(answer)]
 
     def _kept(self, answer: Dataset) -> list[Check]:
-        """That each controller keeps each weight that it is for."""
+        """Check that each controller satisfies each weight it was designed for."""
         found = []
         G = self.nominal.plant.state_space()
         for name, K in self.controller(answer).items():
@@ -160,7 +161,7 @@ class DemandConflict(Study):
         return None if found is None else float(found[0].excess(found[1]))
 
     def _certificate(self, proof: Any, level: Any, member: Any) -> Any:
-        """The stored proof and the loop that it is about."""
+        """The stored proof, and the loop for which it holds."""
         if not proof.size:
             return None
         names = [one for one, is_in in zip(self.demands.asked, member.values, strict=True) if is_in]
@@ -170,7 +171,7 @@ class DemandConflict(Study):
         return certificate, demanded_loop(self.nominal.plant, weights, float(level))
 
     def second_opinion(self, answer: Dataset) -> list[Check]:
-        """Each controller at sampled frequencies; the proof's integral by sums over points."""
+        """Try each controller at sampled frequencies, and sum the proof's integral over points."""
         plant = self.nominal.plant
         found = []
         for name, K in self.controller(answer).items():
@@ -206,7 +207,7 @@ class DemandConflict(Study):
     # --- what it says -----------------------------------------------------------------------------
 
     def conflicting(self, answer: Dataset) -> tuple[str, ...]:
-        """Names of the demands that conflict; none where all can be had together."""
+        """Names of the demands that conflict; empty where all can be met together."""
         return tuple(answer["demand"].values[answer["member"].values > 0].tolist())
 
     @metric

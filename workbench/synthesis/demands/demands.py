@@ -1,11 +1,11 @@
-"""Demands on a loop in the words of its user, and the weight that each becomes.
+"""Demands on a loop in the words of its user, and the weight that expresses each one.
 
 The loop is u = K e, e = r - y, y = G u, with S = 1 / (1 + G K) and T = 1 - S. A weight W of a
-transfer function X asks |W X| <= 1 at every frequency. Some weights are necessary or sufficient;
-others are exact for the simplest loop that the words suit, and the simulated loop says whether the
-words came true: beside integrators and unstable poles slow poles may stay, and times were found up
-to 2.4 times as long as those demanded. w is the frequency, z the damping that belongs to the
-overshoot.
+transfer function X requires |W X| <= 1 at every frequency. Some weights are necessary or sufficient
+for the demand. Others are exact for the simplest loop only, and a simulation of the loop shows
+whether the demand is met: with integrators and unstable poles, slow poles may remain, and times
+were found up to 2.4 times as long as those demanded. w is the angular frequency [rad/s], z the
+damping that belongs to the overshoot.
 
     bandwidth       |S| <= w / w_b at low frequencies and 2 at high ones: W = (s / 2 + w_b) / s.
     settling_time   As a bandwidth of log(50) / t. S = s / (s + a), which settles to 2 % within
@@ -46,28 +46,33 @@ from workbench.fitting.rational import Rational
 from workbench.input_checks import is_real, need_positive
 
 Channel = Literal["S", "T", "KS"]
-"""Transfer functions of a loop that weights act on."""
+"""Transfer functions of a loop that have weights."""
 SETTLED = 0.02
-"""Distance from the set-point, over the step, within which a loop has settled."""
+"""A loop has settled within this distance from the set-point, relative to the step."""
 RECOVERED = 0.1
-"""Share of the largest deviation after a step at the input, within which a loop has recovered."""
+"""A loop has recovered from a step at its input within this share of the largest deviation."""
 RECOVERY_DECAY = 4.8897
-"""The x > 1 at which x exp(1 - x) is `RECOVERED`."""
+"""The x > 1 with x exp(1 - x) = `RECOVERED`."""
 SLOW = 1e-3
-"""Pole of the weight of a bandwidth over the bandwidth: |S| may be this at frequency zero."""
+"""Pole of the bandwidth's weight, relative to the bandwidth: |S| may have this size at frequency
+zero.
+"""
 PEAK_SENSITIVITY = 2.0
 """Largest |S| that a bandwidth allows."""
 BELOW_CROSSOVER = 0.3
-"""Corner, over the bandwidth, below which the weight of an overshoot falls."""
+"""Corner below which the weight of an overshoot decreases, relative to the bandwidth."""
 ABOVE_CROSSOVER, UP_TO_SAMPLING = 20.0, 0.6
-"""Corner of an effort's weight: this multiple of the bandwidth, but a fifth of half the sampling
-rate at most, in rad / s times the sampling time."""
+"""Corner of the effort's weight: the first number times the bandwidth, but at most the second
+number over the sampling time, a fifth of half the sampling rate [rad/s].
+"""
 NO_PEAK = 1 / math.sqrt(2)
-"""Damping from which on two poles have no peak of T, and that where no overshoot is demanded."""
+"""Damping from which on T of two poles has no peak; also the damping assumed if no overshoot is
+demanded.
+"""
 
 
 class Kind(NamedTuple):
-    """What a demand is called, its unit, and whether a smaller number is the harder one."""
+    """The words for a demand, its unit, and whether a smaller number is harder to meet."""
 
     words: str
     unit: str
@@ -87,9 +92,9 @@ KINDS = {
 
 
 class DemandWeight(NamedTuple):
-    """A weight W of a channel: |W X| <= 1 is what the demand ``name`` becomes.
+    """Weight W of a channel X = S, T or K S: the demand ``name`` becomes |W X| <= 1.
 
-    Of weights of one ``shape`` that with the largest ``size`` includes the others.
+    Among weights of the same ``shape``, the one with the largest ``size`` implies the others.
     """
 
     name: str
@@ -101,7 +106,7 @@ class DemandWeight(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Demands:
-    """What a loop is asked for; None leaves a demand out.
+    """Demands on a loop; None leaves a demand out.
 
     Parameters
     ----------
@@ -110,19 +115,21 @@ class Demands:
     settling_time
         Time [s] after which a step of the set-point has settled to 2 %.
     overshoot
-        Overshoot of a step of the set-point, over the step; 0: none.
+        Overshoot after a step of the set-point, relative to the step; 0 for no overshoot.
     recovery_time
-        Time [s] after which the deviation after a step at the input is below a tenth of its peak.
+        Time [s] after a step at the plant's input until the deviation stays below a tenth of its
+        peak.
     effort
         Weight of the control at low frequencies: |K S| <= 1 / effort.
     control_rms
         Largest rms [units of u] of the control that measurement noise causes.
     control_range
-        Largest control [units of u] of a step of the set-point, from the working point.
+        Largest deviation of the control [units of u] from the working point after a step of the
+        set-point.
     noise
         Rms [units of y] of the measurement noise, white at the sampling rate.
     setpoint_step
-        The step [units of y] that `control_range` is about.
+        Step of the set-point [units of y] for which `control_range` holds.
 
     Raises
     ------
@@ -158,8 +165,8 @@ class Demands:
             is_real(self.overshoot) and 0.0 <= self.overshoot < 1.0
         ):
             raise InputError(
-                f"overshoot is {self.overshoot!r}; it must be a share of the step, from 0 to below "
-                "1 (0.1 is 10 %)"
+                f"overshoot is {self.overshoot!r}; it must be a share of the step, at least 0 and "
+                "below 1 (0.1 is 10 %)"
             )
         for name, other in (("control_rms", "noise"), ("control_range", "setpoint_step")):
             value = getattr(self, other)
@@ -170,12 +177,12 @@ class Demands:
 
     @property
     def asked(self) -> tuple[str, ...]:
-        """Names of what is demanded."""
+        """Names of the demands that are given."""
         return tuple(name for name in KINDS if getattr(self, name) is not None)
 
     @property
     def damping(self) -> float:
-        """Damping of two poles with the overshoot demanded; 0.71 where none is."""
+        """Damping of two poles with the demanded overshoot; 0.71 where no overshoot is demanded."""
         if self.overshoot is None:
             return NO_PEAK
         if not self.overshoot:
@@ -185,7 +192,9 @@ class Demands:
 
     @property
     def crossover(self) -> float:
-        """The largest bandwidth [rad/s] that is demanded, also by times; 0 where none is."""
+        """The largest bandwidth [rad/s] demanded, directly or by a time; 0 where none is
+        demanded.
+        """
         found = [self.bandwidth or 0.0]
         if self.settling_time is not None:
             found.append(_settling_bandwidth(self.settling_time, self.damping))
@@ -194,10 +203,10 @@ class Demands:
         return max(found)
 
     def loosened(self, name: str, factor: float) -> Demands:
-        """The demands with one number made easier by a factor.
+        """The demands with one of them loosened by a factor.
 
-        An overshoot is made so by the peak of T that belongs to it. Raises InputError where it is
-        not demanded, or for a factor below 1.
+        For an overshoot the factor multiplies the peak of T. Raises InputError if `name` is not
+        demanded, or for a factor below 1.
         """
         self._need(name)
         if not (is_real(factor) and 1.0 <= factor < math.inf):
@@ -223,12 +232,12 @@ class Demands:
         dt
             Sampling time [s] of the controller.
         beside
-            Demands that tell where the loop crosses over and how it is damped; None: these.
+            Demands that give the crossover and the damping of the loop; None for these demands.
 
         Raises
         ------
         InputError
-            An overshoot is demanded, and nothing that tells a bandwidth.
+            An overshoot is demanded, but neither a bandwidth nor a time.
         """
         need_positive(dt, "dt")
         told = self if beside is None else beside
@@ -245,7 +254,7 @@ class Demands:
             gain, corner = 1 / _peak(self.damping), BELOW_CROSSOVER * told.crossover
             if not corner:
                 raise InputError(
-                    "an overshoot belongs to a loop of some speed: demand a bandwidth, a settling "
+                    "the weight of an overshoot needs a bandwidth: demand a bandwidth, a settling "
                     "time or a recovery time too"
                 )
             return DemandWeight(name, "T", rational_of([0.0], [-corner], gain), "T", gain)
@@ -261,7 +270,7 @@ class Demands:
         return DemandWeight(name, "KS", rational_of([], [], over / value), "KS", over / value)
 
     def only(self, names: Collection[str]) -> Demands:
-        """The demands of these names alone. Raises InputError for one that is not demanded."""
+        """Only the demands with these names. Raises InputError for a name that is not demanded."""
         for name in names:
             self._need(name)
         left_out: dict[str, Any] = dict.fromkeys(set(self.asked) - set(names))
@@ -273,12 +282,12 @@ class Demands:
 
 
 def rational_of(zeros: Sequence[Any], poles: Sequence[Any], gain: float) -> Rational:
-    """A rational function by lists of its zeros and poles."""
+    """A rational function with lists of zeros and poles, and a gain."""
     return Rational(np.array(zeros, complex), np.array(poles, complex), gain)
 
 
 def strictest(weights: Collection[DemandWeight]) -> list[DemandWeight]:
-    """The weights without those that another one of the same shape includes."""
+    """The weights without those that another one of the same shape implies."""
     found: dict[str, DemandWeight] = {}
     for one in weights:
         if one.shape not in found or one.size > found[one.shape].size:
@@ -287,39 +296,40 @@ def strictest(weights: Collection[DemandWeight]) -> list[DemandWeight]:
 
 
 def tracking(omega: float) -> Rational:
-    """The weight (s / 2 + omega) / (s + omega / 1000) of S."""
+    """The weight (s / 2 + omega) / (s + omega / 1000) of S, for the bandwidth omega [rad/s]."""
     return rational_of([-PEAK_SENSITIVITY * omega], [-SLOW * omega], 1 / PEAK_SENSITIVITY)
 
 
 def _recovery(nominal: Rational, omega: float) -> Rational:
-    """The weight of S that bounds G S: stable and without zeros right of the axis, as every weight.
+    """The weight of S that bounds G S. Like every weight it is stable and has no zeros right of the
+    axis.
 
-    Poles near the axis, as integrators, keep the distance of the pole of `tracking`.
+    Poles near the axis, such as integrators, are moved as far from it as the pole of `tracking`.
     """
     own, least = tracking(omega), SLOW * omega
-    poles, zeros = (_left(roots, least) for roots in (nominal.poles, nominal.zeros))
+    poles, zeros = (_mirrored_left(roots, least) for roots in (nominal.poles, nominal.zeros))
     outer = Rational(zeros, poles, abs(nominal.gain))
     gain = own.gain * outer.gain / float(np.abs(outer.response(np.array([omega]))[0]))
     return rational_of([*own.zeros, *zeros], [*own.poles, *poles], gain)
 
 
-def _left(roots: np.ndarray, least: float) -> np.ndarray:
-    """The roots mirrored to the left of the axis, at least so far from it."""
+def _mirrored_left(roots: np.ndarray, least: float) -> np.ndarray:
+    """The roots mirrored to the left of the imaginary axis, at least `least` away from it."""
     return -np.maximum(np.abs(roots.real), least) + 1j * roots.imag
 
 
 def _settling_bandwidth(time: float, damping: float) -> float:
-    """Bandwidth [rad/s] with which a step settles within a time [s]."""
+    """Bandwidth [rad/s] for which a step settles within a time [s]."""
     return -math.log(SETTLED) / (min(2 * damping**2, 1.0) * time)
 
 
 def _peak(damping: float) -> float:
-    """Peak of T of two poles."""
+    """Peak of |T| of two poles with this damping."""
     return 1.0 if damping >= NO_PEAK else 1 / (2 * damping * math.sqrt(1 - damping**2))
 
 
 def _overshoot_of(peak: float) -> float:
-    """Overshoot of two poles with a peak of T above 1."""
-    # z^2 of 4 z^2 (1 - z^2) = 1 / peak^2, in a form without cancellation
+    """Overshoot of two poles whose |T| has this peak, above 1."""
+    # z^2 from 4 z^2 (1 - z^2) = 1 / peak^2, in a form without cancellation
     square = 0.5 / (peak**2 * (1 + math.sqrt(1 - peak**-2)))
     return math.exp(-math.pi * math.sqrt(square / (1 - square)))

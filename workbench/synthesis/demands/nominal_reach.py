@@ -1,9 +1,9 @@
-"""Which of several weights a controller of any order keeps on the nominal plant, each by itself.
+"""Search for a controller of any order that satisfies several weights on the nominal plant.
 
-With scales d_i the norm of the stack of d_i W_i X_i is at most |d| where each |W_i X_i| is at most
-1. So a level of the stack above |d| that no controller is below is one that the weights together
-cannot have, whatever d is. Scales grow with the norms of their rows, until each row is at most 1 or
-such a level is found.
+Each weight must be satisfied separately. If each |W_i X_i| is at most 1, the norm of the stack of
+d_i W_i X_i with scales d_i is at most |d|. So if no controller reaches a norm of the stack of |d|
+or less, no controller satisfies all weights, whatever d is. Each scale grows with the norm of its
+row, until each row is at most 1 or the weights are impossible.
 """
 
 from __future__ import annotations
@@ -24,25 +24,27 @@ from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.realisation import realisation
 
 ROUNDS, SLOWEST = 25, 0.99
-"""Most changes of the scales; the search ends where one leaves more than this share of what the
-norms exceed 1 by."""
+"""Largest number of changes of the scales. A change is slow if more than this share of the norms'
+excess over 1 remains.
+"""
 PATIENCE = 4
-"""Rounds of that kind before it ends."""
+"""Number of slow changes after which the search ends."""
 LEVEL_TOLERANCE = 1e-3
-"""Relative width of the interval in which the least level of a stack is found."""
+"""Relative width of the interval that contains the least norm of a stack."""
 CERTAIN = 1.002
-"""Level from which on weights count as impossible: above 1 by more than that width."""
+"""Weights count as impossible above this level, which exceeds 1 by more than that width."""
 
 OFF_AXIS = 1e-3
-"""Poles nearer to the axis than this share of where they are moved to count as on it."""
+"""Poles nearer to the axis than this share of `slow_pole` count as on the axis."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What was found of weights on the nominal plant.
+    """Result of the search for a controller that satisfies the weights on the nominal plant.
 
-    ``K`` keeps each weight, u = K e (None: no such controller was found), with the norms ``rows``
-    of its rows. ``bound``: no controller keeps each weight over a number below it.
+    ``K``, with u = K e, satisfies each weight, and ``rows`` are the weighted norms; K is None if no
+    such controller was found. ``bound`` is a lower bound on the largest weighted norm of every
+    controller.
     """
 
     K: StateSpace | None
@@ -51,22 +53,22 @@ class Reach:
 
     @property
     def impossible(self) -> bool:
-        """Whether the level says that no controller keeps all weights."""
+        """Whether the bound says that no controller satisfies all weights."""
         return self.bound > CERTAIN
 
 
 def nominal_reach(plant: Rational, weights: Sequence[DemandWeight], slow_pole: float) -> Reach:
-    """Whether a controller of any order keeps each of the weights on a plant.
+    """Search for a controller of any order that satisfies each weight on a plant.
 
     Parameters
     ----------
     plant
-        From u to y, with its delays; strictly proper.
+        Plant from u to y, including delays; strictly proper.
     weights
-        One of K S or more, so that the controller's gain is bounded.
+        Weights; at least one is a weight of K S, which bounds the controller's gain.
     slow_pole
-        Where poles on the axis are moved to [rad/s], as Riccati equations need it. Controllers are
-        made for that plant and judged with the plant itself.
+        Real part [rad/s] to which poles on the axis are moved, since Riccati equations need it.
+        Controllers are designed for the moved plant and judged with the plant itself.
     """
     G, near = plant.state_space(), poles_off_axis(plant, slow_pole).state_space()
     scales = np.ones(len(weights))
@@ -101,20 +103,21 @@ def nominal_reach(plant: Rational, weights: Sequence[DemandWeight], slow_pole: f
 
 
 def poles_off_axis(plant: Rational, slow_pole: float) -> Rational:
-    """The plant with its poles at the axis moved to the right of it.
+    """The plant with its poles on the imaginary axis moved to the right.
 
-    On the left they would be cancelled by the controller, and stay at the axis in the true loop.
+    If they were moved to the left, the controller would cancel them, and they would stay on the
+    axis in the true loop.
     """
     near = np.abs(plant.poles.real) < OFF_AXIS * slow_pole
     return replace(plant, poles=np.where(near, slow_pole + 1j * plant.poles.imag, plant.poles))
 
 
 def row_norms(G: StateSpace, K: StateSpace, weights: Sequence[DemandWeight]) -> np.ndarray:
-    """Certified norms of each weighted transfer function; infinite where the loop is unstable."""
+    """Certified norm of each weighted transfer function; infinite if the loop is unstable."""
     loop = weighted_loop(G, None, weights).close(K)
     if not stability_of(loop).holds:
         return np.full(len(weights), np.inf)
     try:
         return np.array([certified_norm(loop[k, 0]) for k in range(len(weights))])
-    except (ArithmeticError, np.linalg.LinAlgError):  # poles at the axis, up to rounding
+    except (ArithmeticError, np.linalg.LinAlgError):  # poles on the axis, up to rounding
         return np.full(len(weights), np.inf)

@@ -1,4 +1,4 @@
-"""What a loop reaches of each demand: by its signals in time, or by its responses."""
+"""The value that a loop reaches for each demand, from its signals or its frequency responses."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from workbench.synthesis.demands.demands import PEAK_SENSITIVITY, RECOVERED, SET
 from workbench.systems.generalised_plant import response
 
 FREQUENCIES = 2000
-"""Frequencies at which a loop is looked at."""
+"""Number of frequencies at which a loop is evaluated."""
 SLOWEST = 1e-5
-"""The first of them over half the sampling rate."""
+"""The lowest of these frequencies, relative to half the sampling rate."""
 
 
 def step_quality(share: RealArray, dt: float) -> tuple[RealArray, RealArray]:
     """Overshoot and settling time [s] of steps (..., samples) from 0 to 1 at the first sample."""
-    settling = _last(np.abs(share - 1) > SETTLED) * dt
+    settling = _samples_until_inside(np.abs(share - 1) > SETTLED) * dt
     return np.maximum(share.max(axis=-1) - 1, 0.0), settling
 
 
 def recovery_time(deviation: RealArray, dt: float) -> RealArray:
     """Time [s] until deviations (..., samples) stay below a tenth of their largest size."""
     size = np.abs(deviation)
-    return _last(size > RECOVERED * size.max(axis=-1, keepdims=True)) * dt
+    return _samples_until_inside(size > RECOVERED * size.max(axis=-1, keepdims=True)) * dt
 
 
-def _last(outside: np.ndarray) -> RealArray:
-    """Number of samples up to the last one that is outside."""
+def _samples_until_inside(outside: np.ndarray) -> RealArray:
+    """Number of samples up to the last one that is outside the limits."""
     count = outside.shape[-1] - np.argmax(outside[..., ::-1], axis=-1)
     found: RealArray = np.where(outside.any(axis=-1), count, 0).astype(float)
     return found
@@ -38,9 +38,10 @@ def _last(outside: np.ndarray) -> RealArray:
 def reached_by_responses(
     plant: StateSpace, controller: StateSpace, sign: int, demands: Demands, nominal: Rational
 ) -> dict[str, float]:
-    """The bandwidth [rad/s] and the weight of the control that a sampled loop reaches.
+    """The bandwidth [rad/s] and the effort, 1 over the control gain, that a sampled loop reaches.
 
-    The bandwidth is the largest with which |S| keeps its weight as long as |S| is below 1.
+    The bandwidth is the largest one for which |S| satisfies its weight at the frequencies where |S|
+    is below 1.
     """
     assert plant.dt
     end = np.pi / plant.dt

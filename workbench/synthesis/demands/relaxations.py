@@ -1,9 +1,9 @@
-"""The largest bandwidth that any controller could have, and what it would be without each limit.
+"""The largest bandwidth that any controller could have, with all limits and without each of them.
 
-Robust performance of the stack of demands a and of the uncertainty b is |a| + |b| < 1 at every
-frequency; then |a|^2 + |b|^2 < 1. So no controller has a bandwidth at which the norm of the stack
-of both cannot be below 1. With one part of the statement left out the bandwidth grows; the part
-with which it grows most is what limits it.
+Let a be the stack of the weighted demands, and b the weighted uncertainty. Robust performance means
+|a| + |b| < 1 at every frequency, and then |a|^2 + |b|^2 < 1. So a bandwidth is impossible if no
+controller makes the norm of the stack of both less than 1. If one part of the problem is left out,
+the largest bandwidth grows. The part whose omission gives the largest growth limits the bandwidth.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from workbench.synthesis.h_infinity.riccati import central
 from workbench.uncertainty import UncertaintyModel
 
 LARGEST_CHANGE = 64.0
-"""The bandwidth is looked for up to this factor above and below the one demanded."""
+"""The search covers bandwidths up to this factor above and below the demanded one."""
 BANDWIDTH_TOLERANCE = 1.03
-"""How far the interval of the largest bandwidth is narrowed, as a factor."""
+"""Ratio of the bounds on the largest bandwidth at which the search ends."""
 NORM_TOLERANCE = 1e-2
-"""Relative width of the interval of a norm."""
+"""Relative width of the interval that contains a norm."""
 MORE_CONTROL = 10.0
-"""Factor of the control that counts as free."""
+"""Factor by which control demands are loosened when the control counts as free."""
 OF_CONTROL = ("effort", "control_range")
 """Demands that limit the control."""
 
 
 @dataclass(frozen=True)
 class LimitedBandwidth:
-    """A plant, its uncertainty and demands, of which parts may be left out."""
+    """A plant, its uncertainty and the demands; parts of these may be left out."""
 
     model: UncertaintyModel
     demands: Demands
@@ -48,24 +48,24 @@ class LimitedBandwidth:
     free_control: bool = False
 
     def largest(self) -> float:
-        """Largest bandwidth [rad/s] at which the norm of the stack can be below 1; 0: none."""
+        """Largest bandwidth [rad/s] for which the norm of the stack can be below 1; 0 for none."""
         asked = self.demands.bandwidth
         assert asked is not None
         low, high = asked / LARGEST_CHANGE, asked * LARGEST_CHANGE
-        if not self._possible(low):
+        if not self._can_be_below_one(low):
             return 0.0
-        if self._possible(high):
+        if self._can_be_below_one(high):
             return high
         while high > BANDWIDTH_TOLERANCE * low:
             middle = float(np.sqrt(low * high))
-            low, high = (middle, high) if self._possible(middle) else (low, middle)
+            low, high = (middle, high) if self._can_be_below_one(middle) else (low, middle)
         return low
 
     @cached_property
     def _task(self) -> NominalDemands:
         return NominalDemands(self.model.nominal, self.demands, self.dt, self.delay_samples)
 
-    def _possible(self, bandwidth: float) -> bool:
+    def _can_be_below_one(self, bandwidth: float) -> bool:
         plant = self._task.plant if self.late else self.model.nominal
         demands = replace(self.demands, bandwidth=bandwidth)
         rows = strictest(demands.weights(self.model.nominal, self.dt))
@@ -94,7 +94,7 @@ class LimitedBandwidth:
 def relaxations(
     whole: LimitedBandwidth, noise_free: UncertaintyModel | None
 ) -> dict[str, Callable[[], LimitedBandwidth]]:
-    """The statement without each of what may limit the bandwidth, by the words for it."""
+    """The problem without each possible limit of the bandwidth, by the words for this limit."""
     demands, nominal = whole.demands, whole.model.nominal
     found: dict[str, Callable[[], LimitedBandwidth]] = {
         "the delay of hold and computer": lambda: replace(whole, late=False),
@@ -119,7 +119,7 @@ def relaxations(
 
 
 def _mirrored(nominal: Rational) -> Rational:
-    """The plant with its zeros right of the axis mirrored: the same gain at every frequency."""
+    """The plant with its zeros right of the axis mirrored to the left: its gain stays the same."""
     zeros = nominal.zeros
     right = zeros.real > 0
     odd = -1.0 if int(right.sum()) % 2 else 1.0

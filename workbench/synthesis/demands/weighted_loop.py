@@ -17,12 +17,14 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import UncertaintyModel
 
 READS = {"S": "e", "T": "y", "KS": "u"}
-"""Signals that weights of the transfer functions act on, where the set-point is the input."""
+"""The signal that the set-point drives through each weighted transfer function."""
 HOLD = 0.5
-"""Delay of a hold [samples]."""
+"""Mean delay of a hold [samples]."""
 LOAD = 0.25
-"""Size of a load at the input, over the input of an error of 1 at the bandwidth. Integral action is
-then as fast as the SIMC rules have it, which take four times the closed loop's time constant."""
+"""Size of a load at the plant's input, relative to the input that an error of 1 needs at the
+bandwidth. The integral action is then as fast as by the SIMC rules, whose integral time is four
+times the closed loop's time constant.
+"""
 
 
 def demanded_plant(
@@ -30,26 +32,28 @@ def demanded_plant(
 ) -> GeneralisedPlant:
     """The loop u = K e, e = r - y of an uncertain plant, with a weight of each demand.
 
-    Mu below 1: each demand's weight is kept by every plant of the model, and all of them together,
-    in the sum of their squares. Weights that another one of the same form includes are left out. A
-    load at the plant's input enters besides, of `LOAD` times the input that an error of 1 takes at
-    the bandwidth: its errors fade as those of the set-point do.
+    If mu is below 1, every plant of the model satisfies each demand's weight, and also all weights
+    together in the sum of their squares. Weights that another one of the same shape implies are
+    left out. A load also acts at the plant's input. Its size is `LOAD` times the input that an
+    error of 1 needs at the bandwidth. So errors due to a load decay as fast as errors due to the
+    set-point.
 
     Parameters
     ----------
     model
-        Continuous, from u to y.
+        Uncertainty model, continuous, from u to y.
     demands
         One or more.
     dt
-        Sampling time [s] of the controller. It is continuous here; its hold is half a sample late.
+        Sampling time [s] of the controller. The controller is continuous here, and its hold is a
+        delay of half a sample.
     delay_samples
-        Delay of its computer [samples].
+        Computation delay [samples].
 
     Raises
     ------
     InputError
-        Nothing is demanded; the model is sampled; or as `Demands.weights`.
+        Nothing is demanded; the model is sampled; or as in `Demands.weights`.
 
     Examples
     --------
@@ -75,7 +79,7 @@ def demanded_plant(
 
 
 def lateness(dt: float, delay_samples: float) -> Rational:
-    """The delay of hold and computer, as (-s + 2 / T) / (s + 2 / T)."""
+    """The delay T of hold and computer as the approximation (-s + 2 / T) / (s + 2 / T)."""
     need_positive(dt, "dt")
     if not (is_real(delay_samples) and 0.0 <= delay_samples < float("inf")):
         raise InputError(
@@ -91,8 +95,9 @@ def weighted_loop(
     rows: Sequence[DemandWeight],
     load: float | None = None,
 ) -> GeneralisedPlant:
-    """The loop with a row of each weight; ``late`` acts before the plant, and ``load`` is the size
-    of a disturbance at its input."""
+    """The loop with an output for each weight. ``late`` acts before the plant, and ``load`` is the
+    size of a disturbance at the plant's input.
+    """
     names = [f"z_{one.name}" for one in rows]
     parts: list[Any] = [
         (one.W.state_space(), READS[one.channel], name)

@@ -31,7 +31,7 @@ class Decentralised(EntryFamilies):
 
     def __init__(self, *channels: Family) -> None:
         if not channels:
-            raise InputError("no channels: Decentralised(PID(), PI()) has two")
+            raise InputError("no channels are given; Decentralised(PID(), PI()) has two")
         for number, each in enumerate(channels, start=1):
             need_family(each, f"channel {number}")
         sized = tuple(each.sized(1, 1) for each in channels)
@@ -42,7 +42,9 @@ class Decentralised(EntryFamilies):
 
     @classmethod
     def of(cls, members: Sequence[tuple[Family, RealArray]]) -> tuple[Decentralised, RealArray]:
-        """The family and its parameters from families and parameters as their `of` gives them."""
+        """The family and its parameters, from the families and parameters of the channels as `of`
+        gives them.
+        """
         families, parts = zip(*members, strict=True)
         return cls(*families), np.concatenate(parts)
 
@@ -61,7 +63,7 @@ class Decentralised(EntryFamilies):
         return f"channel {place[0] + 1}"
 
     def sized(self, inputs: int, outputs: int) -> Decentralised:
-        do = "there must be one channel for each of both"
+        do = "it needs one channel for each measurement and control"
         need_size(self, self.shape, inputs, outputs, do)
         return self
 

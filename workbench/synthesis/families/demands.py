@@ -1,4 +1,4 @@
-"""Controllers that one would ship: stable, not too fast, of an order."""
+"""Demands on the controller itself: its order, stability, speed and gain."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.synthesis.families.integral_action import without_integrators
 
 ROUNDING = 1e-9
-"""Relative rounding of the sizes of poles and gains."""
+"""Rounding allowed in sizes of poles and gains, relative to the limit."""
 
 
 @dataclass(frozen=True)
 class Shippable:
-    """What a controller must be besides stabilising: order, stability, poles up to a size [rad/s].
+    """Demands on a controller besides stability of the loop: order, own stability, pole sizes
+    [rad/s].
 
-    None leaves a demand out. With ``integral`` integrators count as stable. A controller whose
+    None leaves a demand out. With ``integral``, integrators count as stable. A controller whose
     largest gain (the largest singular value over all frequencies) is limited must be stable. Raises
-    InputError for an order, a size or a gain that is none.
+    InputError for an order, a size or a gain that is not valid.
     """
 
     order: int | None = None
@@ -49,17 +50,19 @@ class Shippable:
 
     @property
     def asked(self) -> bool:
-        """Whether anything is asked."""
+        """Whether there is any demand."""
         return self.order is not None or self.stable or self.fastest is not None
 
     @property
     def asked_of_poles(self) -> bool:
-        """Whether anything is asked of the controller's poles."""
+        """Whether there is a demand on the controller's poles."""
         return self.stable or self.fastest is not None
 
     @property
     def without_gain(self) -> Shippable:
-        """The demands on order and poles, which a search keeps at every step."""
+        """The demands on order and poles, without the gain: a search satisfies these at every
+        step.
+        """
         return replace(self, gain=None)
 
     def checks(self, K: StateSpace) -> list[Check]:

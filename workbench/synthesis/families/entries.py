@@ -1,4 +1,4 @@
-"""Controllers with a family of their own in each entry of the transfer matrix that is not zero."""
+"""Controllers with one family for each nonzero entry of the transfer matrix."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from workbench.systems.hidden_states import seen_states
 from workbench.systems.realisation import realisation
 
 MOST_EXAMPLES = 64
-"""Most combinations of the entries' examples."""
+"""Largest number of combinations of the entries' examples."""
 
 EntryPlace = tuple[int, int]
-"""Output i and input j of the controller."""
+"""Indices of output i and input j of the controller."""
 
 
 class EntryFamilies(Family):
     """Controllers whose entries K_ij are members of families, or zero.
 
-    The parameters are those of the entries, row by row; the states are those of the entries too.
+    Parameters and states are those of the entries, one after the other, row by row.
     """
 
     @property
@@ -40,11 +40,13 @@ class EntryFamilies(Family):
 
     @abstractmethod
     def place_name(self, place: EntryPlace) -> str:
-        """What messages call an entry."""
+        """Name of an entry in messages."""
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Numbers of parameters of the entries; raises InputError where one does not tell."""
+        """Number of parameters of each entry; raises InputError if a family does not say how many
+        it has.
+        """
         counts = [each.count for each in self.entries.values()]
         if None in counts:
             name = self.place_name(list(self.entries)[counts.index(None)])
@@ -57,7 +59,7 @@ class EntryFamilies(Family):
 
     @abstractmethod
     def with_entries(self, families: Sequence[Family]) -> EntryFamilies:
-        """The same places with other families, row by row."""
+        """The same nonzero entries with other families, row by row."""
 
     def system(self, x: RealArray) -> StateSpace:
         parts = zip(self.entries.values(), self._split(x), strict=True)
@@ -95,7 +97,7 @@ class EntryFamilies(Family):
         return block_diag(*rows), np.concatenate(sides)
 
     def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
-        """The entries' examples, in all combinations where these are few."""
+        """All combinations of the entries' examples, or some of them where there are too many."""
         each = [family.examples(omega, gain) for family in self.entries.values()]
         combinations = np.ndindex(*(len(one) for one in each))
         return [
@@ -106,7 +108,7 @@ class EntryFamilies(Family):
     def nearest(
         self, controller: StateSpace, omega: RealArray, weight: RealArray
     ) -> StateSpace | None:
-        """Each entry by itself, the nearest to that of controller."""
+        """The controller whose entries are each the nearest to the given controller's."""
         parts = []
         for (i, j), family in self.entries.items():
             part = family.nearest(_entry(controller, i, j), omega, weight)
@@ -125,11 +127,11 @@ class EntryFamilies(Family):
         }
 
     def _split(self, x: RealArray) -> list[RealArray]:
-        """The parameters of each entry."""
+        """Split the parameters x into those of each entry."""
         return np.split(x, np.cumsum(self.counts)[:-1])
 
     def _joined(self, parts: Sequence[StateSpace]) -> StateSpace:
-        """The controller of the systems of its entries."""
+        """The controller composed of the systems of its entries."""
         outputs, inputs = self.shape
         n = sum(part.nstates for part in parts)
         A, B, C = np.zeros((n, n)), np.zeros((n, inputs)), np.zeros((outputs, n))
@@ -142,7 +144,9 @@ class EntryFamilies(Family):
         return realisation((A, B, C, D), 0.0)
 
     def _entries_of(self, K: StateSpace) -> Iterator[tuple[Family, StateSpace]]:
-        """The families with the entries of K; InputError where K has others that are not zero."""
+        """The families, each with its entry of K. Raises InputError if K has another nonzero
+        entry.
+        """
         import control
 
         outputs, inputs = self.shape
@@ -152,43 +156,45 @@ class EntryFamilies(Family):
                 f"{self} has {inputs} and {outputs}"
             )
         for i, j in np.ndindex(outputs, inputs):
-            if (i, j) in self.entries or not (_between(K, i, j).any() or K.D[i, j]):
+            if (i, j) in self.entries or not (_on_path(K, i, j).any() or K.D[i, j]):
                 continue
             off = control.minreal(_entry(K, i, j), verbose=False)
             if off.nstates or np.abs(off.D).max() > 0:
                 raise InputError(
                     f"output {i} of the controller answers input {j}: {self._says_zero}"
                 )
-        return ((family, _own_states(K, i, j)) for (i, j), family in self.entries.items())
+        return (
+            (family, _without_foreign_states(K, i, j)) for (i, j), family in self.entries.items()
+        )
 
     @property
     def _says_zero(self) -> str:
-        """What is said of an entry that must be zero."""
+        """The words for an entry that must be zero."""
         return f"{self} is zero there"
 
 
 def _entry(K: StateSpace, i: int, j: int) -> StateSpace:
-    """One entry of K with every state."""
+    """One entry of K with all states of K."""
     return realisation((K.A, K.B[:, [j]], K.C[[i]], K.D[[i]][:, [j]]), 0.0)
 
 
-def _between(K: StateSpace, i: int, j: int) -> BoolArray:
-    """States between input j and output i, by the zeros of the matrices."""
+def _on_path(K: StateSpace, i: int, j: int) -> BoolArray:
+    """Mask of the states on a path from input j to output i, by the zeros of the matrices."""
     M = np.block([[K.A, K.B[:, [j]]], [K.C[[i]], K.D[[i]][:, [j]]]])
     return seen_states(M, K.nstates)
 
 
-def _own_states(K: StateSpace, i: int, j: int) -> StateSpace:
-    """One entry of K without the states of the others."""
+def _without_foreign_states(K: StateSpace, i: int, j: int) -> StateSpace:
+    """One entry of K without the states that belong to other entries."""
     import control
 
-    # States that a gain of zero hides are kept, since they belong to no other entry.
+    # States hidden by a gain of zero are kept, since they belong to no other entry.
     foreign = np.zeros(K.nstates, bool)
     for other in set(range(K.ninputs)) - {j}:
-        foreign |= _reached(K.A, K.B[:, [other]])
+        foreign |= _reachable(K.A, K.B[:, [other]])
     for other in set(range(K.noutputs)) - {i}:
-        foreign |= _reached(K.A.T, K.C[[other]].T)
-    if (_between(K, i, j) & foreign).any():
+        foreign |= _reachable(K.A.T, K.C[[other]].T)
+    if (_on_path(K, i, j) & foreign).any():
         return control.minreal(_entry(K, i, j), verbose=False)
     own = ~foreign
     return realisation(
@@ -196,7 +202,7 @@ def _own_states(K: StateSpace, i: int, j: int) -> StateSpace:
     )
 
 
-def _reached(A: RealArray, B: RealArray) -> BoolArray:
-    """States that an input reaches, by the zeros of the matrices."""
+def _reachable(A: RealArray, B: RealArray) -> BoolArray:
+    """Mask of the states that an input reaches, by the zeros of the matrices."""
     n = len(A)
     return seen_states(np.block([[A, B], [np.ones((1, n)), np.zeros((1, 1))]]), n)

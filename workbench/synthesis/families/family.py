@@ -1,7 +1,7 @@
 """Families of controllers with a fixed structure and few real parameters.
 
-The parameters are free real numbers, scaled such that a step of a given size has about the same
-effect everywhere.
+The parameters are free real numbers. They are scaled so that steps of the same size have similar
+effects everywhere.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import Matrices, matrices_of
 
 LARGEST_LOG = 100.0
-"""Largest size of a logarithm among parameters, so that products stay within doubles."""
+"""Largest magnitude of a parameter that is a logarithm, so that products do not overflow."""
 POLE_ROOM = 1e-6
-"""Share of the size allowed that poles keep away from it."""
+"""Poles keep this distance from the largest allowed size, relative to that size."""
 
 
 class Family(ABC):
     """Controllers u = K(s; x) y with p outputs and m inputs and real parameters x.
 
-    A family of one's own needs `system`, `response` and `parameters`. With `examples` a method
-    finds its own starts in it.
+    A user's own family must define `system`, `response` and `parameters`. If it also defines
+    `examples`, methods find their own starts in it.
 
     Examples
     --------
@@ -60,22 +60,24 @@ class Family(ABC):
         """Parameters (k,) of a member of the family; raises InputError for other controllers."""
 
     def units(self, x: RealArray) -> RealArray:
-        """Units of steps (k,): the size of each parameter, or a tenth of the median if larger.
+        """Units of steps (k,): the size of each parameter, or a tenth of the median size if that is
+        larger.
 
-        Zero where all parameters are about zero: their sizes tell no unit.
+        Zero where all parameters are about zero, since their sizes then give no unit.
         """
         size = np.abs(x)
         return np.maximum(size, 0.1 * float(np.median(size)))
 
     def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
-        """Rows G (r, k) and sides h (r,): controllers with G x <= h meet the demands on poles.
+        """G (r, k) and h (r,): controllers whose parameters satisfy G x <= h meet the demands on
+        poles.
 
-        No rows where a family has no such form; its members are then only checked.
+        There are no rows if a family has no such inequalities. Its members are then only checked.
         """
         return np.zeros((0, self.count or 0)), np.zeros(0)
 
     def about(self, controller: StateSpace) -> tuple[Family, RealArray]:
-        """The family in parameters that suit a member, and the member's parameters (k,).
+        """The family with parameters scaled to suit a member, and the member's parameters (k,).
 
         Raises InputError for other controllers.
         """
@@ -84,29 +86,29 @@ class Family(ABC):
     def sized(self, inputs: int, outputs: int) -> Family:
         """The family for a plant with so many measurements and controls.
 
-        Raises InputError where the family has other numbers of inputs and outputs.
+        Raises InputError if the family has other numbers of inputs or outputs.
         """
         return self
 
     def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
-        """Members from which searches begin: corners about omega [rad/s], gains far below one.
+        """Members from which searches start: corners near omega [rad/s], gains far below `gain`.
 
-        None where a family knows none; it then needs a start.
+        Empty if a family has no examples; a search then needs a start.
         """
         return ()
 
     @property
     def count(self) -> int | None:
-        """Number of parameters; None where the family does not tell."""
+        """Number of parameters; None if the family does not say."""
         return None
 
     def nearest(
         self, controller: StateSpace, omega: RealArray, weight: RealArray
     ) -> StateSpace | None:
-        """The member nearest to a controller: least sum of squares of weight (F,) times distance.
+        """The member nearest to a controller, by the sum of squares of weight (F,) times distance.
 
-        omega: frequencies (F,) [rad/s]. None where no member is found. Families that are not linear
-        in their parameters descend from their `examples`, to a local optimum.
+        `omega` are frequencies (F,) [rad/s]. Returns None if no member is found. Families that are
+        not linear in their parameters descend from their `examples` to a local optimum.
         """
         wanted = response(controller, omega)
         corner = float(np.exp(np.average(np.log(omega), weights=weight / weight.max())))
@@ -119,7 +121,8 @@ class Family(ABC):
         return min(found)[2] if found else None
 
     def settings(self, controller: StateSpace) -> Mapping[str, float]:
-        """The numbers by which people know a member, by name with unit; empty where none have one.
+        """Settings of a member as engineers know them, by name with unit; empty if the family has
+        none.
 
         Raises InputError for other controllers.
         """
@@ -136,13 +139,15 @@ def need_size(family: Family, has: tuple[int, int], inputs: int, outputs: int, d
 
 
 def need_leak(leak: Any) -> None:
-    """Raise InputError for the pole of an integrator that is no number from 0 on."""
+    """Raise InputError unless the leak of an integrator is a number of at least 0."""
     if not (is_real(leak) and 0.0 <= leak < np.inf):
         raise InputError(f"leak is {leak!r}; it must be a number of rad/s, 0 or more")
 
 
 def need_family(family: Any, name: str) -> None:
-    """Raise InputError for what is no family, saying how one is given."""
+    """Raise InputError for anything that is not a family; the message says how a family is
+    given.
+    """
     if isinstance(family, Family):
         return
     if isinstance(family, type) and issubclass(family, Family):
@@ -160,9 +165,9 @@ def need_family(family: Any, name: str) -> None:
 
 
 def family_for(family: Any, plant: GeneralisedPlant) -> Family:
-    """A family for the measurements and controls of a plant.
+    """The family, adapted to the measurements and controls of a plant.
 
-    Raises InputError for what is no family or does not fit.
+    Raises InputError for anything that is not a family or does not fit.
     """
     need_family(family, "family")
     sized: Family = family.sized(plant.measurements, plant.controls)
@@ -170,7 +175,7 @@ def family_for(family: Any, plant: GeneralisedPlant) -> Family:
 
 
 def need_continuous_plant(program: Any) -> None:
-    """Raise InputError where the plant is sampled and what is asked is for continuous time."""
+    """Raise InputError if the plant is sampled but a demand is for continuous controllers."""
     dt, integral = program.plant.system.dt, getattr(program, "integral", False)
     if dt and (program.fastest_pole is not None or integral):
         raise InputError(
@@ -180,7 +185,7 @@ def need_continuous_plant(program: Any) -> None:
 
 
 def asked_of(program: Any) -> list[str]:
-    """Names of what a synthesis asks of the controller itself."""
+    """Names of a synthesis' demands on the controller itself."""
     names = ("start", "family", "order", "fastest_pole", "largest_gain")
     asked = [name for name in names if getattr(program, name) is not None]
     flags = ("stable", "integral", "further_plants")
@@ -188,27 +193,29 @@ def asked_of(program: Any) -> list[str]:
 
 
 def need_draws(random: Any) -> None:
-    """Raise InputError for a number of random members that is none."""
+    """Raise InputError unless the number of random members is 0 or more."""
     need_whole(random, "random")
     if random < 0:
         raise InputError(f"random is {random}; it must be 0 or more")
 
 
 def need_form_for_all(program: Any) -> None:
-    """Raise InputError where several plants have one controller of which no form is told."""
+    """Raise InputError if there are several plants but no order, family or start of the
+    controller.
+    """
     told = (program.family, program.order, program.start)
     if program.further_plants and all(each is None for each in told):
         raise InputError(
-            "further_plants need order, family or start: a controller for several plants is "
-            "searched among those of a form"
+            "further_plants need order, family or start: the search for one controller of "
+            "several plants needs its form"
         )
 
 
 def started(family: Family | None, start: Any, plants: Sequence[GeneralisedPlant]) -> StateSpace:
-    """A start as a system: given as one, or by its parameters in a family.
+    """The start as a system; it is given as a system or by its parameters in a family.
 
-    Raises InputError for other numbers of parameters, for what is no member, and for what does not
-    stabilise all plants.
+    Raises InputError for a wrong number of parameters, for a system that is no member of the
+    family, and for a start that does not stabilise all plants.
     """
     K = _as_member(family, start, float(plants[0].system.dt or 0.0))
     for number, plant in enumerate(plants):
@@ -225,9 +232,9 @@ def started(family: Family | None, start: Any, plants: Sequence[GeneralisedPlant
 
 
 def _as_member(family: Family | None, start: Any, dt: float) -> StateSpace:
-    """A start as a system of that sampling time [s], 0 in continuous time.
+    """The start as a system with the sampling time `dt` [s], 0 for continuous time.
 
-    Raises InputError for what is no member of the family.
+    Raises InputError for a system that is no member of the family.
     """
     if family is None or isinstance(start, str) or np.ndim(start) != 1:
         K = as_system(start, "start")
@@ -236,7 +243,7 @@ def _as_member(family: Family | None, start: Any, dt: float) -> StateSpace:
                 f"start has dt = {float(K.dt or 0.0)} s, the plant {dt} s; 0 is continuous time"
             )
         if family is not None:
-            family.about(in_continuous_plane(K))  # raises for what is no member
+            family.about(in_continuous_plane(K))  # raises InputError for a system that is no member
         return K
     x, count = as_array(start, "start"), family.count
     if count is not None and len(x) != count:

@@ -1,4 +1,4 @@
-"""Every controller of an order by its matrices, whose entries are all free."""
+"""All controllers of an order, with all entries of their matrices free."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ from workbench.systems.realisation import Matrices
 
 @dataclass(frozen=True)
 class FreeMatrices(Family):
-    """Controllers with n states, m inputs and p outputs; parameters are A, B, C and D by rows.
+    """Controllers with n states, m inputs and p outputs; the parameters are A, B, C and D, row by
+    row.
 
-    More parameters than a controller has, since the state may be chosen; but none is singular where
-    modes meet, as in `Modal`, so that a descent goes on there.
+    There are more parameters than a controller has degrees of freedom, since coordinates of the
+    state are free. But unlike in `Modal` the parameters are not singular where two poles become
+    equal, so a descent can go on there.
     """
 
     order: int
@@ -45,7 +47,7 @@ class FreeMatrices(Family):
         A, B, C, D = self.matrices(x)
         n, m, p, count = self.order, self.inputs, self.outputs, len(omega)
         resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(n) - A)
-        # K = D + C R B: K moves by [C R, I] dX [R B; I].
+        # K = D + C R B changes by [C R, I] dX [R B; I] when X = [A B; C D] changes by dX.
         ones = np.ones((count, 1, 1))
         left = np.concatenate([C @ resolvent, ones * np.eye(p)], axis=2)
         right = np.concatenate([resolvent @ B, ones * np.eye(m)], axis=1)

@@ -1,4 +1,4 @@
-"""Controllers with an exact integrator, made of those with a pole near zero."""
+"""Controllers with an exact integrator, made from controllers with a pole near zero."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from workbench.systems.realisation import realisation
 
 
 def with_integrator(K: StateSpace) -> StateSpace:
-    """K with its real pole nearest to zero moved there, as a first state of its own.
+    """K with its real pole nearest to zero moved to zero; this integrator becomes the first state.
 
-    A weight with a pole at a small distance from zero leads to a controller with nearly this pole.
-    K is returned as it is where it has an integrator, or no real pole.
+    A weight with a pole near zero leads to a controller with nearly this pole. K is returned
+    unchanged if it has an integrator already, or no real pole.
     """
     if has_integrator(np.asarray(K.A)):
         return K
@@ -28,7 +28,7 @@ def with_integrator(K: StateSpace) -> StateSpace:
         return K
     slowest = real[np.argmin(np.abs(real))]
     T, Q, _ = schur(A, sort=lambda re, im: im == 0.0 and re == slowest)
-    # Two subsystems side by side: the first row loses its entries to the right.
+    # Two decoupled subsystems: the entries of the first row right of the diagonal become zero.
     X = solve_sylvester(T[:1, :1], -T[1:, 1:], -T[:1, 1:])
     inward, outward = Q.T @ B, C @ Q
     inward[:1] -= X @ inward[1:]
@@ -39,12 +39,12 @@ def with_integrator(K: StateSpace) -> StateSpace:
 
 
 def has_integrator(A: RealArray) -> bool:
-    """Whether a state is an integrator to the last bit: a row of A of zeros."""
+    """Whether a state is an exact integrator, which is a zero row of A."""
     return bool((np.asarray(A) == 0.0).all(axis=1).any()) if len(A) else False
 
 
 def without_integrators(K: StateSpace) -> StateSpace:
-    """K without the states that are integrators to the last bit."""
+    """K without the states that are exact integrators."""
     kept = np.flatnonzero((np.asarray(K.A) != 0.0).any(axis=1))
     return realisation((K.A[np.ix_(kept, kept)], K.B[kept], K.C[:, kept], K.D), K.dt or 0.0)
 

@@ -21,9 +21,11 @@ from workbench.synthesis.families.family import (
 )
 
 SPREADS, SMALL_GAIN = (1.0, 10.0), 1e-2
-"""Factors that set the corners of examples apart, and the gain of examples over the given one."""
+"""Factors between the corners of examples, and the gain of examples relative to the given gain."""
 ROOT_TOLERANCE = 1e-6
-"""Relative distance up to which a root counts as real, and a pole as the fixed pole of a family."""
+"""Relative distance within which a root counts as real, and a pole as the fixed pole of a
+family.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +34,10 @@ class LeadLag(Family):
 
         K(s) = sign g (s + z_1) ... (s + z_m) / ((s + leak) (s + p_1) ... (s + p_n)),
 
-    with g, z and p positive. The parameters are log g, log z and log p. For m = n = 2 these are the
-    zero of the PI part, zero and pole of the lead, and the roll-off. ``leak`` [rad/s] is the size
-    of the fixed pole of the integrator. ``sign`` is 1 or -1; None: that of a start.
+    with g, z and p positive. The parameters are log g, log z and log p. For m = n = 2 these roots
+    are the zero of the PI part, zero and pole of the lead, and the roll-off. ``leak`` [rad/s] is
+    the size of the fixed pole of the integrator. ``sign`` is 1 or -1; None takes the sign of a
+    start.
 
     Examples
     --------
@@ -67,8 +70,8 @@ class LeadLag(Family):
     def of(cls, K: Any) -> tuple[LeadLag, RealArray]:
         """The family that contains a controller, and the controller's parameters.
 
-        Its roots must be real and not right of the imaginary axis; the slowest pole is the leak.
-        Raises InputError for other controllers.
+        The controller's roots must be real and not right of the imaginary axis; its slowest pole is
+        the leak. Raises InputError for other controllers.
         """
         import control
 
@@ -84,7 +87,7 @@ class LeadLag(Family):
         ):
             raise InputError(
                 f"the controller has zeros {zeros} and poles {poles}; they must be real and not "
-                "right of the imaginary axis, with a pole at least"
+                "right of the imaginary axis, and there must be at least one pole"
             )
         leak, fast = -poles.real[-1], -poles.real[:-1]
         s = 1j * float(np.exp(np.mean(np.log(np.append(fast, 1.0)))))
@@ -118,7 +121,7 @@ class LeadLag(Family):
 
     def sized(self, inputs: int, outputs: int) -> LeadLag:
         need_size(
-            self, (1, 1), inputs, outputs, "Decentralised(LeadLag(), LeadLag()) has one a channel"
+            self, (1, 1), inputs, outputs, "Decentralised(LeadLag(), LeadLag()) has two channels"
         )
         return self
 
@@ -138,7 +141,7 @@ class LeadLag(Family):
         for spread in SPREADS:
             zeros = omega / spread * np.geomspace(0.1, 1.0, max(self.zeros, 1))[: self.zeros]
             poles = omega * spread * np.geomspace(3.0, 10.0, max(self.poles, 1))[: self.poles]
-            # |K| is small at omega
+            # the gain for which |K| is small at omega
             size = SMALL_GAIN * gain * omega * np.prod(poles) / omega**self.zeros
             x = np.log(np.concatenate([[size], zeros, poles]))
             found += [replace(self, sign=sign).system(x) for sign in signs]
@@ -157,7 +160,7 @@ class LeadLag(Family):
 
     @property
     def _sign(self) -> float:
-        """The sign, positive where a start has not told it yet."""
+        """The sign; positive as long as no start has given it."""
         return self.sign or 1.0
 
     def parameters(self, controller: StateSpace) -> RealArray:
@@ -178,11 +181,11 @@ class LeadLag(Family):
         return self._sign * float(_sizes(x[:1])[0])
 
     def _roots(self, x: RealArray) -> tuple[RealArray, RealArray]:
-        """Sizes of the zeros and of the poles, the leak first [rad/s]."""
+        """Magnitudes [rad/s] of the zeros, and of the poles with the leak first."""
         zeros, poles = np.split(_sizes(x[1:]), [self.zeros])
         return zeros, np.concatenate([[self.leak], poles])
 
 
 def _sizes(logs: RealArray) -> RealArray:
-    """Exponentials of logarithms, kept within doubles."""
+    """Exponentials of logarithms, limited so that they do not overflow."""
     return np.exp(np.clip(logs, -LARGEST_LOG, LARGEST_LOG))

@@ -1,4 +1,4 @@
-"""Least squares over frequency: the member of a family that is nearest to a response."""
+"""Least squares over frequency: the member of a family nearest to a response."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 
 MOST_EVALUATIONS = 200
-"""Most evaluations of a descent."""
+"""Largest number of evaluations in a descent."""
 NO_SHARE = 1e-9
-"""Share of the largest contribution to a sum below which another one is rounding, and made 0."""
+"""A contribution to a sum below this share of the largest one is rounding and is set to 0."""
 MOST_MOVED = 20.0
-"""Largest change of a parameter of about one, or of a logarithm, on the way."""
+"""Largest change of a parameter during the descent, for parameters of about one and logarithms."""
 
 
 def combined(
     basis: ComplexArray, wanted: ComplexArray, weight: RealArray
 ) -> tuple[RealArray, float]:
-    """Real coefficients (k,) of responses (F, k, p, m) whose sum is nearest to one (F, p, m).
+    """Real coefficients (k,) with which a sum of responses (F, k, p, m) is nearest to one (F, p,
+    m).
 
-    Returns the coefficients and the weighted distance that is left.
+    Returns the coefficients and the remaining weighted distance.
     """
     count = basis.shape[1]
     columns = (weight[:, None, None, None] * basis).swapaxes(0, 1).reshape(count, -1)
@@ -41,7 +42,9 @@ def fitted_parameters(
     omega: RealArray,
     weight: RealArray,
 ) -> tuple[RealArray, float]:
-    """Parameters near x whose response is nearest to one (F, p, m), and the distance left."""
+    """Parameters near x whose response is nearest to `wanted` (F, p, m), and the remaining
+    distance.
+    """
     from scipy.optimize import least_squares
 
     scale = np.linalg.norm(weight[:, None, None] * wanted) or 1.0

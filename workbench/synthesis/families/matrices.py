@@ -13,7 +13,7 @@ def matrix_slopes(
 ) -> tuple[ComplexArray, ComplexArray]:
     """K (F, p, m) at omega (F,) [rad/s], and its derivatives (F, k, p, m) by k parameters.
 
-    slopes: derivatives (k, ...) of A, B, C and D.
+    `slopes` are the derivatives (k, ...) of A, B, C and D.
     """
     (A, B, C, D), (dA, dB, dC, dD) = matrices, slopes
     resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(len(A)) - A)

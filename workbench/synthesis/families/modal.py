@@ -1,4 +1,4 @@
-"""Every controller of an order, and constant gains, which are those of order zero."""
+"""All controllers of an order, and constant gains, which are the controllers of order zero."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import in_parallel, realisation
 
 LEAST_DAMPING = 1e-6
-"""Least coefficient of a block that is asked to be stable."""
+"""Least coefficient a and b of a block that must be stable."""
 STATE_DIRECTIONS = 24
-"""Directions of the first state of a second-order block that are tried for good conditioning."""
+"""Number of directions of a second-order block's first state that are tried for good
+conditioning.
+"""
 
 
 @dataclass(frozen=True)
 class Modal(Family):
-    """Every controller of an order, with second-order blocks in A and free B, C and D.
+    """All controllers of an order, with second-order blocks in A and free B, C and D.
 
     A has blocks w [[-b, -a], [1, 0]], and a block -w c if the order is odd. A block may have
-    complex or real poles, stable or not. The ``corners`` [rad/s] are the w of the controller for
-    which the family is made, so that the parameters are of order one; those of a start where none
-    are given. The numbers of inputs and outputs are then those of the plant.
+    complex or real poles, stable or not. The ``corners`` w [rad/s] scale the parameters to about
+    one. If none are given, they come from a start, and the numbers of inputs and outputs from the
+    plant.
 
     Examples
     --------
@@ -57,14 +59,14 @@ class Modal(Family):
         if self.corners is not None and len(self.corners) != blocks:
             raise InputError(
                 f"{len(self.corners)} corners for order {self.order}; there must be {blocks}, one "
-                "for each two states, or none given"
+                "for each pair of states, or none"
             )
 
     @classmethod
     def of(cls, K: StateSpace) -> tuple[Modal, RealArray]:
         """The family that contains a controller, and the controller's parameters.
 
-        Raises InputError for a controller with a mode that no second-order block has.
+        Raises InputError for a controller with a mode that no second-order block can represent.
         """
         return Modal(K.nstates).about(K)
 
@@ -73,9 +75,9 @@ class Modal(Family):
             raise InputError(
                 f"the controller has {controller.nstates} states, a member of {self} {self.order}"
             )
-        blocks, T = _blocks(controller.A)
+        blocks, T = _second_order_blocks(controller.A)
         corners, shapes, changes = (
-            zip(*map(_companion, blocks), strict=True) if blocks else ((),) * 3
+            zip(*map(_family_form, blocks), strict=True) if blocks else ((),) * 3
         )
         family = replace(
             self, corners=tuple(corners), inputs=controller.ninputs, outputs=controller.noutputs
@@ -84,11 +86,11 @@ class Modal(Family):
         at = 0
         for block, change in zip(blocks, changes, strict=True):
             part = slice(at, at + len(change))
-            if block[0, -1] == 0:  # two real modes: a block may hold one large, the other small
+            if block[0, -1] == 0:  # two real modes: one may be large, one small
                 for mode in range(part.start, part.stop):
-                    _even(B, C, slice(mode, mode + 1))
+                    _equalise_norms(B, C, slice(mode, mode + 1))
             B[part], C[:, part] = np.linalg.solve(change, B[part]), C[:, part] @ change
-            _even(B, C, part)
+            _equalise_norms(B, C, part)
             at = part.stop
         x = (
             np.concatenate([*shapes, B.ravel(), C.ravel(), controller.D.ravel()])
@@ -136,7 +138,9 @@ class Modal(Family):
     def nearest(
         self, controller: StateSpace, omega: RealArray, weight: RealArray
     ) -> StateSpace | None:
-        """controller reduced to the order by balanced truncation; gains by least squares."""
+        """The controller reduced to the order by balanced singular perturbation; for order 0, gains
+        by least squares.
+        """
         n, (_, m, p) = self.order, self._shape
         if n == 0:
             basis = np.eye(p * m).reshape(p * m, p, m)
@@ -164,7 +168,9 @@ class Modal(Family):
 
     @property
     def _shape(self) -> tuple[tuple[float, ...], int, int]:
-        """Corners, inputs and outputs; without any given, corners of 1 rad/s and one of each."""
+        """Corners, numbers of inputs and of outputs; by default corners of 1 rad/s and one of
+        each.
+        """
         corners = (1.0,) * ((self.order + 1) // 2) if self.corners is None else self.corners
         return corners, self.inputs or 1, self.outputs or 1
 
@@ -175,8 +181,8 @@ class Modal(Family):
         return x
 
     def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
-        # A block s^2 + w b s + w^2 a has stable poles where a, b > 0, and poles of size P at most
-        # where |w^2 a| <= P^2 and P^2 + w^2 a >= P |w b|: Jury's triangle, scaled.
+        # A block s^2 + w b s + w^2 a has stable poles if a, b > 0. Its poles have a size of at most
+        # P if |w^2 a| <= P^2 and P^2 + w^2 a >= P |w b|, which is Jury's triangle, scaled.
         n, (corners, m, p) = self.order, self._shape
         rows: list[RealArray] = []
         sides: list[float] = []
@@ -213,7 +219,8 @@ class Modal(Family):
         for k, w in enumerate(corners):
             i = 2 * k
             if i + 1 < n:
-                # With b first eigenvalues keep the digits of a slow pole beside a fast one.
+                # With b in the first entry, computed eigenvalues keep the digits of a slow pole
+                # beside a fast one.
                 A[i, i], A[i, i + 1], A[i + 1, i] = -w * shape[i + 1], -w * shape[i], w
             else:
                 A[i, i] = -w * shape[i]
@@ -260,15 +267,17 @@ class Static(Modal):
     order: int = field(default=0, init=False)
 
 
-def _even(B: RealArray, C: RealArray, part: slice) -> None:
-    """Scale some of the states so that their rows of B and columns of C have one size."""
+def _equalise_norms(B: RealArray, C: RealArray, part: slice) -> None:
+    """Scale some states so that their rows of B and their columns of C have equal norms."""
     out, into = float(np.linalg.norm(C[:, part])), float(np.linalg.norm(B[part]))
     size = np.sqrt(out / into) if out > 0 and into > 0 else 1.0
     B[part], C[:, part] = B[part] * size, C[:, part] / size
 
 
-def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
-    """Real second-order blocks of A's modes, one of first order if n is odd, and their basis."""
+def _second_order_blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
+    """Real second-order blocks of A's modes, and one of first order if n is odd; with their
+    basis.
+    """
     values, vectors = np.linalg.eig(A)
     if len(A) and np.linalg.cond(vectors) > 1e12:
         raise InputError("the controller has a defective mode; perturb or reduce it first")
@@ -278,7 +287,7 @@ def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
     reals = np.flatnonzero(values.imag == 0)
     reals = reals[np.argsort(np.abs(values[reals]))]
     half = len(reals) // 2
-    # Combine slow poles with fast ones, since two equal poles have no common block.
+    # Combine slow poles with fast ones, since two equal poles cannot form a block.
     for i, j in zip(reals[:half], reals[half : 2 * half], strict=True):
         blocks.append(np.diag(values[[i, j]].real))
         basis.append(vectors[:, [i, j]].real)
@@ -288,14 +297,16 @@ def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
     return blocks, np.hstack(basis) if basis else np.zeros((0, 0))
 
 
-def _companion(block: RealArray) -> tuple[float, list[float], RealArray]:
-    """Corner, shape parameters, and the change of state that gives a block the family's form."""
+def _family_form(block: RealArray) -> tuple[float, list[float], RealArray]:
+    """Corner, shape parameters, and the change of coordinates that gives a block the family's
+    form.
+    """
     if len(block) == 1:
         corner = float(abs(block[0, 0])) or 1.0
         return corner, [-block[0, 0] / corner], np.eye(1)
     determinant, trace = float(np.linalg.det(block)), float(np.trace(block))
     corner = float(np.sqrt(abs(determinant))) or 1.0
-    # The first state may be any direction u; the second is then (block u - trace u) / corner.
+    # Any direction u may be the first state; the second one is then (block u - trace u) / corner.
     angles = np.pi * np.arange(STATE_DIRECTIONS) / STATE_DIRECTIONS
     changes = [
         np.column_stack([u, (block @ u - trace * u) / corner])
@@ -304,6 +315,6 @@ def _companion(block: RealArray) -> tuple[float, list[float], RealArray]:
     best = min(changes, key=np.linalg.cond)
     if np.linalg.cond(best) > 1e10:
         raise InputError(
-            "two equal real poles of the controller have no common block; perturb them"
+            "two equal real poles of the controller cannot form a second-order block; perturb them"
         )
     return corner, [determinant / corner**2, -trace / corner], best

@@ -1,4 +1,4 @@
-"""Observer-based controllers: static gains about a model of the plant."""
+"""Observer-based controllers: a model of the plant with static gains."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import Matrices, matrices_of, realisation
 
 MEMBER_TOLERANCE = 1e-6
-"""Relative distance of matrices, or of responses, up to which a controller is a member."""
+"""Relative distance of matrices, or of responses, within which a controller is a member."""
 WEIGHTS = (1.0, 1e-2, 1e2)
-"""Weights of the control, and of the noise, of examples, in units of the model's signals."""
+"""Weights of the control and of the noise in examples, in units of the model's signals."""
 ZERO_WEIGHT = 1e-8
-"""Weight of all states and of their noise that gives Riccati equations a solution."""
+"""Weight of all states, and of noise on all states, with which the Riccati equations have a
+solution.
+"""
 MOST_CONDITION = 1e8
-"""Largest condition of a change of states that is trusted."""
+"""Largest condition number of a change of coordinates that is trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +38,12 @@ class ObserverForm(Family):
 
         x' = A x + B u + L (y - C x - D u),    u = F x,
 
-    about a ``model`` A, B, C, D from the controls to the measurements with n states; positive
-    feedback, so that A + B F should be stable. The parameters are F (controls, n) and
-    L (n, measurements), row by row. The model may be unstable. Every strictly proper controller
-    with n states has this form, in suitable states (D. Alazard, P. Apkarian, Exact observer-based
-    structures for arbitrary compensators, Int. J. Robust and Nonlinear Control 9 (1999) 101-118).
-    A sampled model is taken by s = (2 / T) (z - 1) / (z + 1).
+    with a ``model`` A, B, C, D of n states from the controls to the measurements. Feedback is
+    positive, so A + B F should be stable. The parameters are F (controls, n) and L (n,
+    measurements), row by row. The model may be unstable. Every strictly proper controller with n
+    states has this form, in suitable states (D. Alazard, P. Apkarian, Exact observer-based
+    structures for arbitrary compensators, Int. J. Robust and Nonlinear Control 9 (1999) 101-118). A
+    sampled model is transformed by s = (2 / T) (z - 1) / (z + 1).
 
     Examples
     --------
@@ -58,7 +60,7 @@ class ObserverForm(Family):
         system = as_system(model, "model")
         system = bilinear_continuous(system) if system.dt else system
         if not system.nstates:
-            raise InputError("model has no states, of which an observer could be made")
+            raise InputError("model has no states, so an observer has nothing to estimate")
         if not all(np.isfinite(part).all() for part in matrices_of(system)):
             raise InputError("model has entries that are not finite")
         object.__setattr__(self, "model", system)
@@ -77,12 +79,12 @@ class ObserverForm(Family):
 
     def sized(self, inputs: int, outputs: int) -> ObserverForm:
         _, m, p = self._sizes
-        do = "the model is that from the controls to the measurements"
+        do = "the model must be that from the controls to the measurements"
         need_size(self, (p, m), inputs, outputs, do)
         return self
 
     def gains(self, x: RealArray) -> tuple[RealArray, RealArray]:
-        """F (controls, n) and L (n, measurements) of parameters x."""
+        """Gains F (controls, n) and L (n, measurements) from the parameters x."""
         n, m, p = self._sizes
         F, L = np.split(np.asarray(x, dtype=float), [m * n])
         return F.reshape(m, n), L.reshape(n, p)
@@ -116,29 +118,29 @@ class ObserverForm(Family):
                 f"member of {self} has {n}, {p} and {m}, in continuous time"
             )
         if np.abs(controller.D).max(initial=0.0) > 0:
-            raise InputError("the controller passes measurements on at once; an observer does not")
+            raise InputError("the controller has a direct term; an observer has none")
         A, B, C, _ = matrices_of(controller)
         own = self._matrices(C, B)[0]
         if np.abs(own - A).max() <= MEMBER_TOLERANCE * np.abs(own).max():
             return np.concatenate([C.ravel(), B.ravel()])
-        for T in self._changes(A, B, C):
+        for T in self._coordinate_changes(A, B, C):
             if np.linalg.cond(T) > MOST_CONDITION:
                 continue
             F, L = C @ T, np.asarray(np.linalg.solve(T, B), dtype=float)
-            if self._same(controller, F, L):
+            if self._is_same_response(controller, F, L):
                 return np.concatenate([F.ravel(), L.ravel()])
         raise InputError(
             f"the controller is no member of {self}: no change of its states gives it that form"
         )
 
     def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
-        """The gains of quadratic costs and white noises, of several sizes."""
+        """LQG controllers for several sizes of the control weight and of the noise."""
         return [self.system(x) for x in self._quadratic]
 
     def nearest(
         self, controller: StateSpace, omega: RealArray, weight: RealArray
     ) -> StateSpace | None:
-        """The controller itself where it has the model's states, without its direct term."""
+        """The controller itself without its direct term, if it has as many states as the model."""
         if controller.nstates == self.model.nstates:
             A, B, C, D = matrices_of(controller)
             try:
@@ -149,7 +151,7 @@ class ObserverForm(Family):
 
     @cached_property
     def _quadratic(self) -> list[RealArray]:
-        """Parameters of LQG controllers; raises SolverError for a model that none stabilises."""
+        """Parameters of LQG controllers; raises SolverError if none stabilises the model."""
         A, B, C, _ = matrices_of(self.model)
         found = []
         size = float(np.linalg.norm(A, 2)) or 1.0
@@ -172,11 +174,12 @@ class ObserverForm(Family):
         none = np.zeros((len(F), L.shape[1]))
         return A + B @ F - L @ (C + D @ F), L, F, none
 
-    def _changes(self, A: RealArray, B: RealArray, C: RealArray) -> Iterator[RealArray]:
-        """Changes of the controller's states T, for which F = C T and L = inv(T) B.
+    def _coordinate_changes(self, A: RealArray, B: RealArray, C: RealArray) -> Iterator[RealArray]:
+        """Changes of coordinates T of the controller's states, with F = C T and L = inv(T) B.
 
-        [I; T] spans an invariant subspace of the loop of model and controller, whose poles are
-        those of the state feedback: the slow half, the fast half, or as Schur's form has them.
+        [I; T] spans an invariant subspace of the loop of model and controller. The poles of this
+        subspace are those of the state feedback: the right, the left, the slow or the fast half of
+        the loop's poles.
         """
         n = self.model.nstates
         G, H, K, D = matrices_of(self.model)
@@ -197,8 +200,8 @@ class ObserverForm(Family):
             if count in (n, n - 1, n + 1) and np.linalg.cond(U[:n, :n]) < MOST_CONDITION:
                 yield np.linalg.solve(U[:n, :n].T, U[n:, :n].T).T
 
-    def _same(self, controller: StateSpace, F: RealArray, L: RealArray) -> bool:
-        """Whether gains give the controller's response."""
+    def _is_same_response(self, controller: StateSpace, F: RealArray, L: RealArray) -> bool:
+        """Whether the observer with these gains has the controller's response."""
         omega = np.abs(controller.poles())
         omega = np.geomspace(0.1, 10.0, 5)[:, None] * np.where(omega > 0, omega, 1.0)
         omega = omega.ravel() * 1.0123
@@ -208,7 +211,9 @@ class ObserverForm(Family):
 
 
 def _regulator(A: RealArray, B: RealArray, C: RealArray, share: float) -> RealArray:
-    """The gain of the quadratic regulator of outputs, and a little of all states."""
+    """The gain of the quadratic regulator whose cost is the outputs, with a small weight on all
+    states.
+    """
     scale = float(np.linalg.norm(B, 2)) or 1.0
     seen = C / (float(np.linalg.norm(C, 2)) or 1.0)
     Q, b = seen.T @ seen + ZERO_WEIGHT * np.eye(len(A)), B / scale

@@ -1,4 +1,6 @@
-"""Families of one's own: state-space matrices as functions of parameters, with CasADi's slopes."""
+"""A user's own families: state-space matrices as functions of parameters, differentiated by
+CasADi.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import Matrices, realisation
 
 MEMBER_TOLERANCE = 1e-6
-"""Relative distance of responses up to which a controller is a member."""
+"""Relative distance of responses within which a controller is a member."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -31,11 +33,12 @@ class Parametrised(Family):
     Parameters
     ----------
     matrices
-        A function of the parameters x, a CasADi column of k numbers, that returns A, B, C and D:
-        CasADi or numpy matrices, or lists of rows. For example
-        ``lambda x: ([[-x[0]]], [[1.0]], [[x[1]]], [[0.0]])``.
+        A function that returns A, B, C and D for the parameters x, a CasADi column of k numbers.
+        Each matrix is a CasADi matrix, a numpy array or a list of rows. For example ``lambda x:
+        ([[-x[0]]], [[1.0]], [[x[1]]], [[0.0]])``.
     near
-        Parameters (k,) of usual size, from which searches begin: a member that stabilises is best.
+        Parameters (k,) of typical size, from which searches start. A member that stabilises is
+        best.
 
     Raises
     ------
@@ -56,13 +59,13 @@ class Parametrised(Family):
     def __init__(self, matrices: Callable[[Any], Sequence[Any]], near: ArrayLike) -> None:
         x = as_array(near, "near")
         if x.ndim != 1 or not len(x):
-            raise InputError(f"near has shape {x.shape}; give a list of one number a parameter")
+            raise InputError(f"near has shape {x.shape}; give a list of one number per parameter")
         if not callable(matrices):
             raise InputError(
                 f"matrices must be a function of the parameters, not {type(matrices).__name__}"
             )
         object.__setattr__(self, "near", tuple(map(float, x)))
-        object.__setattr__(self, "_of", _compiled(matrices, len(x)))
+        object.__setattr__(self, "_of", _compiled_function(matrices, len(x)))
         at = self._values(np.asarray(self.near))
         if not all(np.isfinite(part).all() for part in at):
             raise InputError(f"matrices are not finite at near = {list(self.near)}")
@@ -76,7 +79,7 @@ class Parametrised(Family):
 
     @cached_property
     def _sizes(self) -> tuple[int, int, int]:
-        """States, inputs and outputs."""
+        """Numbers of states, inputs and outputs."""
         A, _, _, D = self._values(np.asarray(self.near))[:4]
         return len(A), D.shape[1], D.shape[0]
 
@@ -125,15 +128,15 @@ class Parametrised(Family):
             best = min(best, miss)
         raise InputError(
             f"the controller is no member of {self}, as far as a search from near tells: the "
-            f"nearest response is {best / np.sqrt(len(omega)):.3g} away, relatively"
+            f"nearest response has a relative error of {best / np.sqrt(len(omega)):.3g}"
         )
 
     def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
-        """The member that is near."""
+        """The member with the parameters ``near``."""
         return [self.system(np.asarray(self.near))]
 
     def _by_matrices(self, controller: StateSpace) -> RealArray:
-        """Parameters whose matrices are nearest to a controller's, as far as they are known."""
+        """Parameters whose matrices are nearest to those of a controller."""
         from scipy.optimize import least_squares
 
         wanted = [np.asarray(getattr(controller, name), dtype=float) for name in "ABCD"]
@@ -156,18 +159,20 @@ class Parametrised(Family):
         return A, B, C, D
 
     def _values(self, x: RealArray) -> list[RealArray]:
-        """A, B, C and D, and their derivatives (entries by columns, k)."""
+        """Entries of A, B, C and D, column by column, and their derivatives (entries, k)."""
         return [np.asarray(part.full(), dtype=float) for part in self._of(np.asarray(x))]
 
 
-def _compiled(matrices: Callable[[Any], Sequence[Any]], count: int) -> Any:
-    """The CasADi function of A, B, C and D and their derivatives; InputError where it fails."""
+def _compiled_function(matrices: Callable[[Any], Sequence[Any]], count: int) -> Any:
+    """The CasADi function of A, B, C and D and their derivatives. Raises InputError if `matrices`
+    fails.
+    """
     import casadi
 
     x = casadi.SX.sym("x", count)
     try:
-        parts = [_expression(part) for part in matrices(x)]
-    except Exception as error:  # whatever the user's function raises
+        parts = [_casadi_matrix(part) for part in matrices(x)]
+    except Exception as error:  # the user's function may raise anything
         raise InputError(
             f"matrices(x) fails for a CasADi column x of {count} numbers: "
             f"{' '.join(str(error).split())[:200]}; it returns A, B, C and D"
@@ -188,8 +193,8 @@ def _compiled(matrices: Callable[[Any], Sequence[Any]], count: int) -> Any:
     return casadi.Function("K", [x], [*map(casadi.densify, [*shaped, *slopes])])
 
 
-def _expression(part: Any) -> Any:
-    """A CasADi matrix of what a user gives: one, an array, or a list of rows."""
+def _casadi_matrix(part: Any) -> Any:
+    """A CasADi matrix from a CasADi matrix, an array, or a list of rows."""
     import casadi
 
     if isinstance(part, list | tuple) and part and isinstance(part[0], list | tuple):

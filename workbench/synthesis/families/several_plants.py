@@ -1,4 +1,6 @@
-"""One controller for several plants: what they must share, and their loops side by side."""
+"""One controller for several plants: checks that they fit together, and their loops as one
+system.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,9 @@ from workbench.systems.realisation import matrices_of, realisation
 
 
 def further(plants: Any, plant: GeneralisedPlant) -> tuple[GeneralisedPlant, ...]:
-    """Plants that a controller of ``plant`` is for besides, without hidden states.
+    """The further plants for the controller of ``plant``, without hidden states.
 
-    Raises InputError where they are none, or have other controls, measurements or sampling.
+    Raises InputError if they are no plants, or have other controls, measurements or sampling times.
     """
     what = "further_plants must be a tuple of GeneralisedPlants"
     if isinstance(plants, GeneralisedPlant):
@@ -36,8 +38,8 @@ def further(plants: Any, plant: GeneralisedPlant) -> tuple[GeneralisedPlant, ...
         if has != needed:
             raise InputError(
                 f"{name} has {has[0]} measurements, {has[1]} controls and dt = {has[2]} s; the "
-                f"plant has {needed[0]}, {needed[1]} and {needed[2]} s, and one controller is for "
-                "all"
+                f"plant has {needed[0]}, {needed[1]} and {needed[2]} s, and one controller must "
+                "fit all"
             )
         if not (each.exogenous and each.performance):
             raise InputError(
@@ -48,9 +50,9 @@ def further(plants: Any, plant: GeneralisedPlant) -> tuple[GeneralisedPlant, ...
 
 
 def closed_side_by_side(plants: Sequence[GeneralisedPlant], K: StateSpace) -> StateSpace:
-    """The closed loops of plants, each with a controller of its own: one loop for one plant.
+    """The closed loops of all plants as one block diagonal system; K controls each plant.
 
-    Its norm, or peak of mu for `joint_structure`, is the largest of the plants'.
+    Its norm, or its peak of mu for `joint_structure`, is the largest over the plants.
     """
     loops = [plant.close(K) for plant in plants]
     if len(loops) == 1:
@@ -61,7 +63,7 @@ def closed_side_by_side(plants: Sequence[GeneralisedPlant], K: StateSpace) -> St
 
 
 def joint_structure(plants: Sequence[GeneralisedPlant]) -> Structure:
-    """The perturbations and performance blocks of all plants, in the order of their loops."""
+    """The perturbation and performance blocks of all plants, in the order of their loops."""
     if len(plants) == 1:
         return plants[0].performance_structure
     blocks: list[Any] = [

@@ -1,4 +1,4 @@
-"""Controllers some of whose entries are zero."""
+"""Controllers with some entries equal to zero."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from workbench.synthesis.families.family import Family, need_family, need_size
 
 @dataclass(frozen=True, init=False)
 class Sparse(EntryFamilies):
-    """A transfer matrix with zeros where they are asked for, and a family in each other entry.
+    """A transfer matrix with some entries zero, and a family of controllers for each other entry.
 
     ``rows`` has a row for each control and a column for each measurement: a family with one input
-    and one output, or None for an entry that is zero. ``Static()`` is a gain. The entries have
-    states of their own, so that a zero stays one.
+    and one output, or None for an entry that is zero. ``Static()`` is a gain. Each entry has its
+    own states, so that a zero entry stays zero.
 
     Examples
     --------

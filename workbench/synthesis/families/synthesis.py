@@ -1,4 +1,6 @@
-"""A synthesis that may ask for the form of its controller: order, family, stable or slow poles."""
+"""Base of syntheses that may demand a form of the controller: order, family, stable or slow
+poles.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,11 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 @dataclass(frozen=True, eq=False)
 class ControllerSynthesis(Program):
-    """The synthesis of a controller for a plant, of any form or of one that is asked for.
+    """Synthesis of a controller for a plant, of any form or with demands on its form.
 
-    Method "fixed" searches controllers of an order or a family. Another method whose controller is
-    not what is asked hands over to it. Parameters as of `workbench.synthesis.HinfSynthesis`.
+    Method "fixed" searches controllers of an order or a family. If another method finds a
+    controller that does not meet the demands, method "fixed" is run instead. Parameters are as in
+    `workbench.synthesis.HinfSynthesis`.
     """
 
     plant: GeneralisedPlant
@@ -52,8 +55,8 @@ class ControllerSynthesis(Program):
         """The plant that the controller closes."""
 
     def _set_form(self) -> None:
-        """Take what is asked of the controller; raises InputError for what cannot be asked."""
-        _ = self.demands  # raises for what is none
+        """Read the demands on the controller; raises InputError for demands that are not valid."""
+        _ = self.demands  # raises InputError for a value that is not valid
         need_draws(self.random)
         need_continuous_plant(self)
         object.__setattr__(self, "further_plants", further(self.further_plants, self.closed_plant))
@@ -68,7 +71,7 @@ class ControllerSynthesis(Program):
 
     @property
     def demands(self) -> Shippable:
-        """What the controller must be besides."""
+        """The demands on the controller itself."""
         return Shippable(self.order, self.stable, self.fastest_pole, gain=self.largest_gain)
 
     @property
@@ -77,7 +80,7 @@ class ControllerSynthesis(Program):
         return (self.closed_plant, *self.further_plants)
 
     def loop(self, controller: StateSpace) -> StateSpace:
-        """The closed loops of all plants, side by side."""
+        """The closed loops of all plants, as one block diagonal system."""
         return closed_side_by_side(self.plants, controller)
 
     def claim_task(self, claim: Outcome) -> Task | None:
@@ -90,17 +93,17 @@ class ControllerSynthesis(Program):
         stable = self.demands.stable
         zeros = violated(controlled) if stable and not controlled.dt else None
         if zeros is not None:
-            find_method(self, method)  # raises for an unknown one
+            find_method(self, method)  # raises an error for an unknown method
             return None, Outcome.INFEASIBLE, words(controlled, *zeros)
         claim = super().respond(method, context)
         answer, _, said = claim
         if (method or self.default_method) == "fixed" or answer is None or self.suits(answer.K):
             return claim
         fixed = super().respond("fixed", context)
-        return *fixed[:2], f"{said}; not what is asked, handed over to fixed: {fixed[2]}"
+        return *fixed[:2], f"{said}; it does not meet the demands, handed over to fixed: {fixed[2]}"
 
     def suits(self, controller: StateSpace) -> bool:
-        """Whether a controller meets the demands and is of the family."""
+        """Whether a controller meets the demands and belongs to the family."""
         if self.family is not None:
             try:
                 self.family.about(in_continuous_plane(controller))

@@ -1,4 +1,6 @@
-"""PID, PI and PD controllers, with weights of the set-point where it is measured apart."""
+"""PID, PI and PD controllers, with set-point weights if the set-point is a measurement of its
+own.
+"""
 
 from __future__ import annotations
 
@@ -24,23 +26,27 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
 ROOT_TOLERANCE = 1e-6
-"""Relative distance up to which a pole is the fixed pole of a family."""
+"""Relative distance within which a pole counts as the fixed pole of a family."""
 MEMBER_TOLERANCE = 1e-6
-"""Relative distance of responses up to which a controller is a member."""
+"""Relative distance of responses within which a controller is a member."""
 FILTERS = tuple(np.geomspace(1e-3, 1.0, 13))
-"""Filters among which the nearest member is looked for, times the frequency that matters most."""
+"""Filter time constants tried in the search for the nearest member, times the most important
+frequency.
+"""
 AS_NEAR = 1e-6
-"""Relative difference of distances that are the same; of such filters the slowest is taken."""
+"""Distances with a smaller relative difference count as equal; of filters with equal distance the
+slowest is taken.
+"""
 FAST_FILTER = 10.0
-"""Corner of an example's filter over the other corners."""
+"""Corner of an example's filter relative to the other corners."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ThreeTerms(Family):
-    """What PID, PI and PD controllers share: a sum of terms with gains of any sign.
+    """Base of PID, PI and PD controllers: a sum of terms with gains of any sign.
 
-    The parameters are the gains by their names in ``terms``, then log T where the filter is free,
-    then the gains of the set-point where it is measured apart.
+    The parameters are the gains named in ``terms``, then log T if the filter is free, then the
+    gains of the set-point if there are set-point weights.
     """
 
     terms: ClassVar[str]
@@ -56,7 +62,9 @@ class ThreeTerms(Family):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters: gains P, I and D, the filter T, gains P_r and D_r of r."""
+        """Names of the parameters: gains P, I and D, the filter T, and gains P_r and D_r of the
+        set-point r.
+        """
         free = "D" in self.terms and self.filter is None
         apart = [f"{each}_r" for each in self.terms if each != "I"] if self.setpoint_weights else []
         return (*self.terms, *(["T"] if free else []), *apart)
@@ -112,7 +120,7 @@ class ThreeTerms(Family):
         return np.asarray(K, dtype=complex), np.stack(slopes, axis=1)
 
     def units(self, x: RealArray) -> RealArray:
-        """The sizes of the gains, and one for the logarithm of T."""
+        """Units: the sizes of the gains, and 1 for the logarithm of T."""
         return np.where([name == "T" for name in self.names], 1.0, np.abs(x))
 
     def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
@@ -133,15 +141,15 @@ class ThreeTerms(Family):
                 f"and {controller.nstates} states; a member of {self} has {inputs}, 1 and at most "
                 "2, in continuous time"
             )
-        T = self._filter_of(controller)
+        T = self._filter_time_constant(controller)
         near = 1.0 / T if T else float(np.abs(controller.poles()).max(initial=0.0)) or 1.0
         omega = near * np.geomspace(1e-3, 3.0, 12)
         wanted = response(controller, omega)
         size = np.abs(wanted).max(axis=(1, 2))
         weight = 1.0 / np.where(size > 0, size, 1.0)
-        x, miss = self._fitted(wanted, omega, weight, T)
+        x, miss = self._nearest_gains(wanted, omega, weight, T)
         if miss > MEMBER_TOLERANCE * np.sqrt(wanted.size):
-            raise InputError(f"the controller is no member of {self}: its response is another")
+            raise InputError(f"the controller is no member of {self}: no member has its response")
         return x
 
     def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
@@ -153,7 +161,7 @@ class ThreeTerms(Family):
     def nearest(
         self, controller: StateSpace, omega: RealArray, weight: RealArray
     ) -> StateSpace | None:
-        """The gains by linear least squares, for each of many filters."""
+        """The nearest member: for each of many filters, linear least squares gives the gains."""
         wanted = response(controller, omega)
         filters = [self.filter or 0.0]
         if "T" in self.names:
@@ -161,7 +169,7 @@ class ThreeTerms(Family):
             own = controller.poles()
             own = own[own.real < 0].real
             filters = sorted([each / corner for each in FILTERS] + (-1.0 / own).tolist())
-        tried = [self._fitted(wanted, omega, weight, T) for T in filters]
+        tried = [self._nearest_gains(wanted, omega, weight, T) for T in filters]
         size = float(np.linalg.norm(weight[:, None, None] * wanted))
         near = min(miss for _, miss in tried) + AS_NEAR * size
         return self.system([x for x, miss in tried if miss <= near][-1])
@@ -201,16 +209,18 @@ class ThreeTerms(Family):
             found["I"] = (alone["I"][:, None] * np.array([1.0, -1.0]))[:, None, :]
         return found
 
-    def _fitted(
+    def _nearest_gains(
         self, wanted: ComplexArray, omega: RealArray, weight: RealArray, T: float
     ) -> tuple[RealArray, float]:
-        """Parameters with this filter nearest to a response (F, 1, m), and the distance left."""
+        """Parameters nearest to a response (F, 1, m) for this filter, and the remaining
+        distance.
+        """
         basis = self._basis(omega, T or 1.0)
         gains, miss = combined(np.stack(list(basis.values()), axis=1), wanted, weight)
         found = dict(zip(basis, gains, strict=True)) | {"T": np.log(T or 1.0)}
         return np.array([found[name] for name in self.names]), miss
 
-    def _filter_of(self, K: StateSpace) -> float:
+    def _filter_time_constant(self, K: StateSpace) -> float:
         """Time constant [s] of a member's filter; 0 where it has none."""
         poles = np.sort(K.poles().real)
         fastest = float(np.abs(poles).max(initial=0.0))
@@ -220,19 +230,19 @@ class ThreeTerms(Family):
                 poles = np.delete(poles, place)
             elif len(poles) + ("D" not in self.terms) == 2:
                 raise InputError(
-                    f"the controller's slow pole is {poles[-1]}, that of {self} {-self.leak}"
+                    f"the controller's slow pole is {poles[-1]}, but that of {self} is {-self.leak}"
                 )
         if "D" not in self.terms:
             return 0.0
         if self.filter is not None:
             return self.filter
         if not len(poles) and len(K.A) and K.D.any() and K.C.any() and K.B.any():
-            # D is zero, and every filter is right: one that is fast beside P / I
+            # D is zero, so any filter is right; take one that is fast compared with P / I
             rest = abs(complex(response(K - K.D, [1.0])[0, 0, -1]) * (1j + self.leak))
             return abs(float(K.D[0, -1])) / rest / FAST_FILTER
         if len(poles) != 1 or not poles[0] < 0:
             raise InputError(
-                f"the controller has the poles {K.poles()}, of which one has to be the filter of "
+                f"the controller has the poles {K.poles()}; one of them must be the filter of "
                 f"the derivative: where D is zero give it a small gain, or {self} a filter"
             )
         return -1.0 / float(poles[0])
@@ -264,9 +274,9 @@ class PID(ThreeTerms):
 
     @classmethod
     def of(cls, P: float, I: float, D: float, T: float, leak: float = 0.0) -> tuple[PID, RealArray]:  # noqa: E741
-        """The family with an integrator of that leak, and the parameters of the controller.
+        """The family with this leak of the integrator, and the parameters of the controller.
 
-        T: filter of the derivative [s]. leak: size of the integrator's pole [rad/s].
+        `T` is the filter of the derivative [s], `leak` the size of the integrator's pole [rad/s].
         """
         given: list[Any] = [P, I, D]
         if not (np.isfinite(given).all() and 0.0 < T < np.inf and any(given)):

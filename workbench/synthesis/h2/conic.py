@@ -1,9 +1,9 @@
-"""H2 synthesis by linear matrix inequalities, for every conic solver.
+"""H2 synthesis by linear matrix inequalities, with any conic solver.
 
-Of all X with x' X x at most the cost that is still to come, the largest solves the Riccati
-equation (J. C. Willems, Least squares stationary optimal control and the algebraic Riccati
+Consider all X for which x' X x is at most the future cost from state x. The largest X solves the
+Riccati equation (J. C. Willems, Least squares stationary optimal control and the algebraic Riccati
 equation, IEEE Trans. Automatic Control 16 (1971) 621-634): semidefinite programs for X and Y
-replace the equations.
+replace the Riccati equations.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from workbench.synthesis.h2.separation import Separated, separated_controller
 from workbench.systems.standard_plant import StandardPlant
 
 MOST_STATES = 30
-"""Most states of a plant; the semidefinite programs of larger plants take too long."""
+"""Largest number of states of a plant. The semidefinite programs of larger plants take too long."""
 FINEST_ACCURACY = 1e-8
 """Finest accuracy asked of solvers."""
 
 
 def _unfit(program: H2Synthesis) -> str | None:
-    """Why the method cannot take the program; None where it can."""
+    """Why the method cannot solve the program; None where it can."""
     states = program.plant.system.nstates
     if not states:
         return "it has no states"
     if states > MOST_STATES:
-        return f"it has {states} states; at most {MOST_STATES} make LMIs of a practical size"
+        return f"it has {states} states; LMIs are practical for at most {MOST_STATES}"
     return None
 
 
@@ -43,20 +43,22 @@ def _unfit(program: H2Synthesis) -> str | None:
     H2Synthesis, optimal=False, unfit=_unfit, accuracy=AccuracyRange(finest=FINEST_ACCURACY)
 )
 def _conic(program: H2Synthesis, context: Context, solver: ConicSolver) -> Claim:
-    """The largest X and Y below the costs to come, by linear matrix inequalities."""
+    """Linear matrix inequalities give the largest X and Y below the future costs."""
 
     def step(plant: StandardPlant) -> Separated:
         return separated_controller(
-            plant, _largest(plant, solver, context), _largest(plant.dual, solver, context)
+            plant,
+            _largest_value_matrix(plant, solver, context),
+            _largest_value_matrix(plant.dual, solver, context),
         )
 
     answer, outcome, said = claim_of_step(program, step)
-    # the norm by X and Y is no better than the accuracy of the solver, and claims nothing
+    # the norm from X and Y is only as accurate as the solver, so it is not claimed as the least
     return answer and replace(answer, least=float("nan")), outcome, said
 
 
-def _largest(plant: StandardPlant, solver: ConicSolver, context: Context) -> RealArray:
-    """The largest X below the cost to come of the control problem."""
+def _largest_value_matrix(plant: StandardPlant, solver: ConicSolver, context: Context) -> RealArray:
+    """The largest X for which x' X x is at most the future cost of the control problem."""
     import cvxpy as cp
 
     A, B, C, D = plant.A, plant.B2, plant.C1, plant.D12

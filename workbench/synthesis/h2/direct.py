@@ -1,4 +1,4 @@
-"""The direct term of w -> z, which in continuous time a gain has to cancel."""
+"""The direct term of w -> z. In continuous time a gain must cancel it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 ROUNDING = 1e3 * EPS
-"""Share of its terms up to which a direct term counts as rounding."""
+"""A direct term below this share of the terms that it is the sum of counts as rounding."""
 
 
 def cancelling_gain(plant: StandardPlant) -> RealArray:
-    """The smallest gain Dk with D11 + D12 Dk D21 = 0, without D22.
+    """The smallest gain Dk with D11 + D12 Dk D21 = 0, where D22 is ignored.
 
     Raises
     ------
     InputError
-        There is none: white noise passes to the performance whatever the controller does.
+        There is no such gain: white noise passes directly to the performance with every controller.
     """
     if not plant.D11.any():
         return np.zeros((plant.controls, plant.measurements))
@@ -39,7 +39,7 @@ def cancelling_gain(plant: StandardPlant) -> RealArray:
 
 
 def _inverse(D12: RealArray) -> RealArray:
-    """The pseudoinverse for columns in any units."""
+    """The pseudoinverse, computed with columns of norm 1."""
     sizes = np.linalg.norm(D12, axis=0)
     sizes = np.where(sizes > 0.0, sizes, 1.0)
     found: RealArray = np.linalg.pinv(D12 / sizes) / sizes[:, None]
@@ -47,7 +47,7 @@ def _inverse(D12: RealArray) -> RealArray:
 
 
 def direct_term(plant: StandardPlant, Dk: RealArray) -> float:
-    """The largest direct term of the loop, w -> z, over the terms that it is the sum of; 0 of none.
+    """Largest direct term w -> z of the loop, relative to the sum of its terms; 0 without terms.
 
     Raises LinAlgError where the loop through D22 and Dk is singular.
     """
@@ -58,7 +58,7 @@ def direct_term(plant: StandardPlant, Dk: RealArray) -> float:
 
 
 def without_direct(plant: StandardPlant, Dk: RealArray) -> StandardPlant:
-    """The plant with u = Dk y + u', where Dk cancels D11, and without D22."""
+    """The plant with u = Dk y + u' and without D22, where Dk cancels D11."""
     A = plant.A + plant.B2 @ Dk @ plant.C2
     B, C, D = plant.B.copy(), plant.C.copy(), without_D22(plant).D
     z, w = plant.D11.shape
@@ -76,7 +76,7 @@ def without_D22(plant: StandardPlant) -> StandardPlant:
 
 
 def with_D22(K: Matrices, D22: RealArray) -> Matrices:
-    """The controller of a plant with a direct term of u -> y, from that of the plant without it.
+    """The controller for a plant with D22, from the controller for the plant without D22.
 
     Raises LinAlgError where the loop through both direct terms is singular.
     """

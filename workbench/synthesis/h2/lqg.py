@@ -33,7 +33,7 @@ def lqg(
 
     The plant is x' = A x + B u + w, y = C x + D u + v, with white noises w and v of covariance
     (continuous time: intensity) W and V. K minimises the mean of x' Q x + u' R u; the square of the
-    answer's ``norm`` is this mean. In sampled time u answers to the newest y at once.
+    answer's ``norm`` is this mean. In sampled time u depends on the newest y without delay.
 
     Parameters
     ----------
@@ -41,17 +41,18 @@ def lqg(
         StateSpace or TransferFunction with n states, m inputs and p outputs.
     Q, R, W, V
         Weights and covariances (n, n), (m, m), (n, n) and (p, p), symmetric; Q and W positive
-        semidefinite, R and V positive definite. A number is one times the identity.
+        semidefinite, R and V positive definite. A number stands for this number times the identity.
     recovery
-        Loop transfer recovery: so much white noise, of that covariance, at the inputs of the plant
-        besides. As it grows, the loop at the plant's input becomes that of full information, for
-        plants without zeros right of the axis (J. C. Doyle, G. Stein, IEEE Trans. Automatic
-        Control 26 (1981) 4-16). It is part of the cost of the answer.
+        Loop transfer recovery: covariance of additional white noise at the plant's inputs. As it
+        grows, the loop transfer function at the plant's input approaches that of state feedback,
+        for plants without zeros right of the axis (J. C. Doyle, G. Stein, IEEE Trans. Automatic
+        Control 26 (1981) 4-16). The cost in the answer includes this noise.
 
     Raises
     ------
     InputError
-        A weight has another size, is not symmetric, or is not (semi)definite; or as `H2Synthesis`.
+        A weight has another size, is not symmetric, or is not (semi)definite; or as in
+        `H2Synthesis`.
     SolverError
         No valid controller was found; the message says why.
 

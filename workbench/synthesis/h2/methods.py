@@ -26,14 +26,20 @@ from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import StandardPlant
 
 Step = Callable[[StandardPlant], Separated]
-"""A method as a function of a plant without direct terms of w -> z (continuous time) and u -> y."""
+"""Function: plant -> its controller. The plant has no direct term u -> y, and in continuous time
+none w -> z.
+"""
 
 
 def claim_of_step(program: H2Synthesis, step: Step) -> Claim:
-    """The claim of a method for the plant, or for a perturbed one where it must be perturbed."""
+    """The claim of a method for the plant, or for a perturbed plant where the assumptions fail."""
     given, regular = program.standard, bool(program.plant.system.dt) or program.scaled is not None
     try:
-        made = _sampled(given, step) if given.dt else _continuous(given, step, regular)
+        made = (
+            _sampled_controller(given, step)
+            if given.dt
+            else _continuous_controller(given, step, regular)
+        )
         K = with_D22(made.K, given.D22)
     except (LinAlgError, ArithmeticError, SolverError) as error:
         return None, Outcome.FAILED, " ".join(str(error).split())
@@ -44,8 +50,8 @@ def claim_of_step(program: H2Synthesis, step: Step) -> Claim:
     return answer, Outcome.SOLVED, said
 
 
-def _continuous(given: StandardPlant, step: Step, regular: bool) -> Separated:
-    """The controller of a plant without D22, and its norm; of a perturbed one unless regular."""
+def _continuous_controller(given: StandardPlant, step: Step, regular: bool) -> Separated:
+    """Controller and norm for a plant without D22; unless `regular`, for a perturbed plant."""
     Dk = cancelling_gain(given)
     plant = without_direct(given, Dk)
 
@@ -60,20 +66,20 @@ def _continuous(given: StandardPlant, step: Step, regular: bool) -> Separated:
     return on_regular(GeneralisedPlant(system, None, plant.controls, plant.measurements), made)
 
 
-def _sampled(given: StandardPlant, step: Step) -> Separated:
-    """The controller of a plant without D22, and its norm, found in balanced states."""
+def _sampled_controller(given: StandardPlant, step: Step) -> Separated:
+    """Controller and norm for a plant without D22, computed with balanced states."""
     A, B, C = balanced(given.A, given.B, given.C)
     return step(replace(without_D22(given), A=A, B=B, C=C))
 
 
 @method(H2Synthesis, "riccati", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _riccati(program: H2Synthesis, context: Context) -> Claim:
-    """Two Riccati equations, of the control and of the estimation problem."""
+    """Solve two Riccati equations: one of the control problem, one of the estimation problem."""
     return claim_of_step(program, riccati_step)
 
 
 def riccati_step(plant: StandardPlant) -> Separated:
-    """The controller of a plant without direct terms, by both Riccati equations."""
+    """The controller for a plant without direct terms, from both Riccati equations."""
     return separated_controller(plant, _root(plant), _root(plant.dual))
 
 
@@ -91,7 +97,7 @@ def _root(plant: StandardPlant) -> RealArray:
 
 
 def _unfit(program: H2Synthesis) -> str | None:
-    """Why SB10HD cannot take the program; None where it can."""
+    """Why SB10HD cannot solve the program; None where it can."""
     if program.plant.system.dt:
         return "SB10HD is for continuous time"
     if not program.plant.system.nstates:

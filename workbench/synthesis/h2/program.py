@@ -34,15 +34,17 @@ from workbench.systems.storage import restored, stored
 CLAIM_TOLERANCE = 1e-9
 """Share by which the proven norm of a loop may exceed the claimed one."""
 LEAST_TOLERANCE = 1e-6
-"""Share by which the norm of a loop may lie below the least one, which is not proven."""
+"""Share by which the norm of a loop may lie below the least norm, which is computed but not
+proven.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class H2Controller(drawn.DrawnController):
     """A controller u = K y with positive feedback, and the H2 norm of its loop.
 
-    ``norm`` is proven from above. ``least`` is the norm of the best controller of all, as far as
-    it is known (NaN: it is not).
+    ``norm`` is a proven upper bound. ``least`` is the norm of the best of all controllers; NaN if
+    it is not known.
 
     Examples
     --------
@@ -68,7 +70,7 @@ class H2Controller(drawn.DrawnController):
 
 
 def h2_loop(plant: GeneralisedPlant, controller: StateSpace) -> StateSpace:
-    """The closed loop, without a direct term that is the rounding of terms that cancel."""
+    """The closed loop. A direct term that is only rounding of terms that cancel is set to zero."""
     closed = plant.close(controller)
     dt = float(plant.system.dt or 0.0)
     if dt or not closed.D.any() or direct_term(standard_plant(plant), controller.D) > ROUNDING:
@@ -81,16 +83,16 @@ def h2_loop(plant: GeneralisedPlant, controller: StateSpace) -> StateSpace:
 class H2Synthesis(ControllerSynthesis):
     """The stabilising K with the least H2 norm of F_l(P, K).
 
-    White noise of intensity 1 (sampled: of variance 1) at all exogenous inputs gives performance
-    outputs of this root mean square.
+    With white noise of intensity 1 (in sampled time of variance 1) at all exogenous inputs, the
+    performance outputs have this root mean square.
 
     Parameters
     ----------
     plant
-        Perturbation channels, where the plant has any, count as exogenous and performance. In
-        continuous time the norm is infinite unless a gain cancels the direct term of w -> z. Where
-        D12 or D21 lacks rank, or there are zeros on the stability boundary, methods perturb the
-        plant a little; the certificate is about the plant given.
+        Generalised plant. Perturbation channels, if there are any, count as exogenous inputs and
+        performance outputs. In continuous time the norm is infinite unless a gain cancels the
+        direct term of w -> z. If D12 or D21 lacks rank, or there are zeros on the stability
+        boundary, methods perturb the plant a little. The certificate holds for the given plant.
     order, family, stable, fastest_pole, largest_gain, start, random
         As in `HinfSynthesis`.
     further_plants
@@ -100,7 +102,7 @@ class H2Synthesis(ControllerSynthesis):
     ------
     InputError
         The plant is not stabilisable or not detectable, is not finite or lacks signals; every loop
-        has an infinite norm; or what is asked of the controller is none or does not fit.
+        has an infinite norm; or a requirement on the controller is not valid or does not fit.
 
     References
     ----------
@@ -138,9 +140,9 @@ class H2Synthesis(ControllerSynthesis):
     def __post_init__(self) -> None:
         need_plant(self.plant)
         object.__setattr__(self, "plant", visible(self.plant))
-        _ = self.scaled  # raises for hidden modes
+        _ = self.scaled  # raises InputError for hidden modes
         if not self.plant.system.dt:
-            cancelling_gain(self.standard)  # raises where the norm is infinite
+            cancelling_gain(self.standard)  # raises InputError where the norm is infinite
         self._set_form()
         need_all_stabilisable(self.further_plants)
         for plant in () if self.plant.system.dt else self.further_plants:
@@ -152,12 +154,12 @@ class H2Synthesis(ControllerSynthesis):
 
     @cached_property
     def standard(self) -> StandardPlant:
-        """Matrices of the plant."""
+        """Matrices of the plant with its partition into signals."""
         return standard_plant(self.plant)
 
     @cached_property
     def scaled(self) -> Scaled | None:
-        """The scaled continuous-time plant; None where it must be perturbed."""
+        """The scaled continuous-time plant; None where the plant must be perturbed."""
         return scaled_if_regular(self.standard)
 
     def objective(self, answer: H2Controller) -> float:
@@ -225,9 +227,9 @@ class H2Synthesis(ControllerSynthesis):
         return [h2_loop(plant, controller) for plant in self.plants]
 
     def largest_norm(self, controller: StateSpace) -> float:
-        """The largest proven H2 norm of the stable loops of a controller.
+        """The largest proven H2 norm of a controller's loops, which are stable.
 
-        Raises InputError where rounding hides whether one is stable.
+        Raises InputError if rounding hides whether a loop is stable.
         """
         return max(h2_norm(loop).upper for loop in self.loops(controller))
 
@@ -238,7 +240,7 @@ class H2Synthesis(ControllerSynthesis):
             return None
         try:
             norm = self.largest_norm(K)
-        except InputError:  # rounding hides a pole
+        except InputError:  # rounding hides whether a pole is stable
             return None
         return H2Controller(K, norm, least=least) if np.isfinite(norm) else None
 

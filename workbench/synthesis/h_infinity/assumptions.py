@@ -1,8 +1,9 @@
-"""The standard assumptions of H-infinity synthesis, tested one by one.
+"""Tests of the standard assumptions of H-infinity synthesis, one by one.
 
 (A, B2) stabilisable and (C2, A) detectable; D12 of full column and D21 of full row rank; no
 invariant zero of (A, B2, C1, D12) or (A, B1, C2, D21) on the imaginary axis (Zhou, Doyle, Glover,
-Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s = (z - 1)/(z + 1).
+Robust and Optimal Control (1996), section 17.1). A sampled plant is first transformed by s = (z -
+1)/(z + 1).
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 
 class HiddenModeError(InputError):
-    """A mode that is not stable, and that no control reaches or no measurement shows."""
+    """The plant has a mode that is not stable and that no control reaches or no measurement
+    shows.
+    """
 
 
 def checked(plant: StandardPlant) -> Scaled:
@@ -57,14 +60,14 @@ def checked(plant: StandardPlant) -> Scaled:
     on_the_axis = "has an invariant zero on the stability boundary, at"
     zeros = axis_zeros(small.A, small.B2, small.C1, small.D12)
     if zeros:
-        where = _place(1j * zeros[0].omega * normal.rate, plant.dt)
+        where = _point_text(1j * zeros[0].omega * normal.rate, plant.dt)
         raise SingularPlantError(
             f"(A, B2, C1, D12), u -> z, {on_the_axis} {where}: weigh a signal that moves there, or "
             "ask regularised()"
         )
     zeros = axis_zeros(small.A.T, small.C2.T, small.B1.T, small.D21.T)
     if zeros:
-        where = _place(1j * zeros[0].omega * normal.rate, plant.dt)
+        where = _point_text(1j * zeros[0].omega * normal.rate, plant.dt)
         raise SingularPlantError(
             f"(A, B1, C2, D21), w -> y, {on_the_axis} {where}: let a disturbance or noise act "
             "there, or ask regularised()"
@@ -73,7 +76,7 @@ def checked(plant: StandardPlant) -> Scaled:
 
 
 def scaled_if_regular(plant: StandardPlant) -> Scaled | None:
-    """As `checked`; None where only a perturbation makes the plant meet the assumptions."""
+    """As `checked`, but None if the plant meets the assumptions only after a perturbation."""
     try:
         return checked(plant)
     except SingularPlantError:
@@ -82,7 +85,9 @@ def scaled_if_regular(plant: StandardPlant) -> Scaled | None:
 
 
 def need_all_stabilisable(plants: Sequence[GeneralisedPlant]) -> None:
-    """Raise HiddenModeError for a plant that no controller stabilises, by its number."""
+    """Raise HiddenModeError for the first plant that no controller stabilises; the message has its
+    number.
+    """
     for number, plant in enumerate(plants, start=1):
         try:
             need_stabilisable(standard_plant(plant))
@@ -91,7 +96,9 @@ def need_all_stabilisable(plants: Sequence[GeneralisedPlant]) -> None:
 
 
 def need_stabilisable(plant: StandardPlant) -> None:
-    """Raise HiddenModeError for a mode that no control stabilises or no measurement shows."""
+    """Raise HiddenModeError for an unstable mode that no control reaches or no measurement
+    shows.
+    """
     given = continuous(plant)
     rate = speed(given.A, given.B, given.C)
     root = math.sqrt(rate)
@@ -100,30 +107,32 @@ def need_stabilisable(plant: StandardPlant) -> None:
 
 
 def _need_stabilisable(scaled: StandardPlant, rate: float, dt: float) -> None:
-    """As `need_stabilisable`, of a plant in balanced units; `rate` and `dt` are for messages."""
+    """As `need_stabilisable`, for a plant in balanced units; `rate` and `dt` are for messages."""
     advice = "weights must be stable, their integrators moved a little to the left"
-    hidden = _unreached(scaled.A, scaled.B2)
+    hidden = _unreached_mode(scaled.A, scaled.B2)
     if hidden is not None:
-        where = _place(hidden * rate, dt)
+        where = _point_text(hidden * rate, dt)
         raise HiddenModeError(
             f"(A, B2) is not stabilisable: no control reaches the mode {where}; {advice}"
         )
-    hidden = _unreached(scaled.A.T, scaled.C2.T)
+    hidden = _unreached_mode(scaled.A.T, scaled.C2.T)
     if hidden is not None:
-        where = _place(hidden * rate, dt)
+        where = _point_text(hidden * rate, dt)
         raise HiddenModeError(
             f"(C2, A) is not detectable: no measurement shows the mode {where}; {advice}"
         )
 
 
-def _place(s: complex, dt: float) -> str:
-    """Text for a point of the transformed s plane in the plant's own s or z plane."""
+def _point_text(s: complex, dt: float) -> str:
+    """Text for a point of the transformed s plane, given in the plant's own s or z plane."""
     return f"z = {(1 + s) / (1 - s):.6g}" if dt else f"{s:.6g} rad/s"
 
 
-def _unreached(A: RealArray, B: RealArray) -> complex | None:
-    """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None if none."""
-    size = float(np.linalg.norm(A) or np.linalg.norm(B))  # integrators alone have no size
+def _unreached_mode(A: RealArray, B: RealArray) -> complex | None:
+    """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None if there is
+    none.
+    """
+    size = float(np.linalg.norm(A) or np.linalg.norm(B))  # integrators alone give no size
     rounding = ZERO_ROUNDING * EPS * len(A) * size
     for mode in np.linalg.eigvals(A).astype(complex):
         if mode.real < -rounding:

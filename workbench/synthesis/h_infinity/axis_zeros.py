@@ -1,4 +1,4 @@
-"""Invariant zeros on the imaginary axis, judged in units that suit each state and channel."""
+"""Invariant zeros on the imaginary axis, computed in units that suit each state and channel."""
 
 from __future__ import annotations
 
@@ -11,22 +11,28 @@ from workbench.systems.balancing import balancing
 from workbench.systems.hidden_states import ZERO_ROUNDING
 
 AXIS_TOLERANCE = 1e-11
-"""Smallest singular value, in balanced units, up to which a system matrix counts as singular."""
+"""A system matrix whose least singular value, in balanced units, is at most this counts as
+singular.
+"""
 NEAR_AXIS = 0.1
-"""Share of its size by which a mode may lie off the axis and yet be searched for a zero near it."""
+"""Modes whose distance from the axis is below this share of their size start a search for a
+zero.
+"""
 NEGLIGIBLE_SHARE = 1e-6
-"""Components of a zero's direction of at most this size, in balanced units, count as zero."""
+"""Components of a zero's direction below this size, in balanced units, count as zero."""
 REFINED_BELOW = 1e-2
-"""Largest singular value, in balanced units, from which a zero is sought by Newton steps."""
+"""Newton steps towards a zero are made while the least singular value, in balanced units, is below
+this.
+"""
 REFINEMENTS = 3
-"""Newton steps from the computed frequency of a mode to that of a zero."""
+"""Number of Newton steps from the computed frequency of a mode to that of a zero."""
 
 
 class AxisZero(NamedTuple):
-    """A zero j omega; its ``outputs`` (k, n) of the states show what moves there unseen.
+    """A zero j omega; its ``outputs`` (k, n) of the states show the motion that z does not show.
 
-    Each output is as large as the terms of z that cancel there; where z has no such terms, as the
-    largest entry of C, or 1.
+    Each output is as large as the terms of z that cancel at the zero. If z has no such terms, it is
+    as large as the largest entry of C, or 1.
     """
 
     omega: float
@@ -37,8 +43,8 @@ def axis_zeros(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> list[A
     """Invariant zeros of a system on the imaginary axis, at frequencies of at least 0.
 
     A zero is a frequency at which the system matrix [[A - j omega, B], [C, D]] loses rank. Rows and
-    columns of this matrix have no common unit, so it is balanced at each frequency: units of time,
-    states and signals do not count, nor that some modes are slow and others fast.
+    columns of this matrix have no common unit, so it is balanced at each frequency. So the result
+    does not depend on the units of time, states and signals, nor on modes being slow or fast.
 
     Parameters
     ----------
@@ -46,28 +52,31 @@ def axis_zeros(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> list[A
         Realisation with balanced states, D^T D = 1.
     """
     n = len(A)
-    system = np.block([[_cleared(A, A.ravel()), B], [_cleared(C, C), D]])
-    # With D^T D = 1 the zeros are the modes of A - B D^T C that are not seen in (1 - D D^T) C.
+    system = np.block([[_without_rounding(A, A.ravel()), B], [_without_rounding(C, C), D]])
+    # With D^T D = 1 the zeros are the modes of A - B D^T C that are unobservable through (1 - D
+    # D^T) C.
     modes = np.linalg.eigvals(A - B @ D.T @ C).astype(complex)
     near = modes[(modes.imag > 0.0) & (abs(modes.real) <= NEAR_AXIS * abs(modes))]
     found: list[AxisZero] = []
-    for start in (0.0, *near.imag):  # modes of a multiple zero at 0 are computed far from 0
+    for start in (0.0, *near.imag):  # rounding moves the modes of a multiple zero at 0 far from 0
         omega, directions = _null_space(system, n, float(start))
         if len(directions) and not any(np.isclose(omega, each.omega, atol=0.0) for each in found):
-            found.append(AxisZero(omega, _outputs(system, n, directions)))
+            found.append(AxisZero(omega, _showing_outputs(system, n, directions)))
     return found
 
 
-def _cleared(M: RealArray, among: RealArray) -> RealArray:
-    """M without entries that are rounding errors of the largest ones, in each row, of others."""
+def _without_rounding(M: RealArray, among: RealArray) -> RealArray:
+    """M without entries that are rounding errors, relative to the largest entry of each row of
+    `among`.
+    """
     largest = abs(among).max(axis=-1, initial=0.0, keepdims=True)
     return np.where(abs(M) > ZERO_ROUNDING * EPS * largest, M, 0.0)
 
 
 def _null_space(system: RealArray, n: int, omega: float) -> tuple[float, ComplexArray]:
-    """The frequency of a zero near omega, and vectors (k, n + m) that the system matrix cancels.
+    """The frequency of a zero near omega, and a basis (k, n + m) of the system matrix's null space.
 
-    No vectors where there is no zero. Each has unit size in balanced units.
+    The basis is empty if there is no zero. Each vector has norm 1 in balanced units.
     """
     for _ in range(1 + REFINEMENTS):
         pencil = system.astype(complex)
@@ -79,15 +88,15 @@ def _null_space(system: RealArray, n: int, omega: float) -> tuple[float, Complex
             kept = np.where(abs(Vh[small]) > NEGLIGIBLE_SHARE, Vh[small].conj(), 0.0)
             return abs(omega), kept * columns
         left, right = U[:n, -1] * rows[:n], Vh[-1, :n].conj() * columns[:n]
-        turn = 1j * np.vdot(left, right)  # how the singular value falls with the frequency
+        turn = 1j * np.vdot(left, right)  # derivative of the singular value by the frequency
         if turn == 0.0 or values[-1] > REFINED_BELOW:
             break
         omega += float((values[-1] / turn).real)
     return omega, np.zeros((0, len(system.T)), complex)
 
 
-def _outputs(system: RealArray, n: int, directions: ComplexArray) -> RealArray:
-    """Outputs (k, n) of the states along directions (k, n + m) of a zero."""
+def _showing_outputs(system: RealArray, n: int, directions: ComplexArray) -> RealArray:
+    """Outputs (k, n) that show the states along the directions (k, n + m) of a zero."""
     C = system[n:, :n]
     alone = float(abs(C).max(initial=0.0)) or 1.0
     outputs = []

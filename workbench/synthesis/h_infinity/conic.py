@@ -1,4 +1,4 @@
-"""H-infinity synthesis by linear matrix inequalities, for every conic solver.
+"""H-infinity synthesis by linear matrix inequalities, with any conic solver.
 
 P. Gahinet, P. Apkarian, A linear matrix inequality approach to H-infinity control, Int. J. Robust
 and Nonlinear Control 4 (1994) 421-448; P. Gahinet, Explicit controller formulas for LMI-based
@@ -27,43 +27,49 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 MOST_STATES = 20
-"""Most states of a plant; the semidefinite programs of larger plants take too long."""
+"""Largest number of states of a plant. The semidefinite programs of larger plants take too long."""
 LEVEL_RISES = (2e-3, 1e-2, 5e-2)
-"""Relative distances above the least level, tried until the loop holds its level."""
+"""Relative distances above the least level, tried until the loop's norm is at most its level."""
 FINEST_ACCURACY = 1e-5
-"""Finest accuracy asked of solvers, much finer than the distance kept from the least level."""
+"""Finest accuracy asked of solvers. It is much finer than the distance kept from the least
+level.
+"""
 LMI_ACCURACY = AccuracyRange(finest=FINEST_ACCURACY)
-"""The tolerances that make a difference to the LMIs."""
+"""The range of tolerances that affect the LMIs."""
 TRACE_RATIO = 4.0
-"""Largest trace of X and Y relative to the least trace, when X and Y are centred."""
+"""Largest trace of X and Y, relative to the least trace, in the search for well-conditioned X and
+Y.
+"""
 
 
 def _unfit(program: HinfSynthesis) -> str | None:
-    """Why the method cannot take the program; None where it can."""
+    """Why the method cannot solve the program; None where it can."""
     states = program.absorbed.plant.system.nstates
     if not states:
         return "it has no states"
     if states > MOST_STATES:
-        return f"it has {states} states; at most {MOST_STATES} make LMIs of a practical size"
+        return f"it has {states} states; LMIs are practical for at most {MOST_STATES}"
     return None
 
 
 @conic_method(HinfSynthesis, optimal=False, unfit=_unfit, accuracy=LMI_ACCURACY)
 def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Claim:
-    """The LMIs of Gahinet and Apkarian, at 2e-3 above the least level (5e-2 where needed)."""
+    """The LMIs of Gahinet and Apkarian, at 2e-3 above the least level (up to 5e-2 if needed)."""
     options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
     return answered(
-        program, context, lambda normal: _made(normal, program.gamma, solver, options, context)
+        program,
+        context,
+        lambda normal: _make_controller(normal, program.gamma, solver, options, context),
     )
 
 
-def _made(
+def _make_controller(
     normal: Scaled, gamma: float | None, solver: ConicSolver, options: Options, context: Context
 ) -> Made:
-    """A controller just above the least level, or of the level asked for."""
+    """A controller for a level just above the least one, or for the given level."""
     import cvxpy as cp
 
-    plant = _weighed(normal.plant)
+    plant = _scaled_states(normal.plant)
     with context.stating():
         statement = _Statement(plant)
     held = [*statement.constraints, statement.margin == 0]
@@ -77,10 +83,10 @@ def _made(
     elif gamma > least:
         levels = [gamma]
     else:
-        message = f"{said}: it finds none with a norm below {least:.6g}, asked {gamma:.6g}"
+        message = f"{said}: no controller with a norm below {least:.6g} found; gamma is {gamma:.6g}"
         return Made(None, outcome=Outcome.INFEASIBLE, said=message)
     for trial in context.track(levels, "levels"):
-        outcome, said = _centred(statement, trial, solver, options, context)
+        outcome, said = _centre(statement, trial, solver, options, context)
         if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
             continue
         try:
@@ -96,10 +102,10 @@ def _made(
     return Made(None, outcome=Outcome.FAILED, said=said)
 
 
-def _weighed(plant: StandardPlant) -> StandardPlant:
-    """The plant with states scaled to make A, B and C small together; signals are not scaled.
+def _scaled_states(plant: StandardPlant) -> StandardPlant:
+    """The plant with states scaled so that A, B and C are small together; signals are not scaled.
 
-    Unlike the Riccati equations, the inequalities add all these matrices, X and Y in one sum.
+    Unlike the Riccati equations, the inequalities have all these matrices, X and Y in one matrix.
     """
     tb01id = slicot_routine("tb01id")
 
@@ -108,14 +114,16 @@ def _weighed(plant: StandardPlant) -> StandardPlant:
     return replace(plant, A=A, B=B, C=C)
 
 
-def _centred(
+def _centre(
     statement: _Statement,
     gamma: float,
     solver: ConicSolver,
     options: Options,
     context: Context,
 ) -> tuple[Outcome, str]:
-    """Find X and Y of a level well inside their constraints; K is ill-conditioned at the edge."""
+    """Find X and Y of a level well inside their constraints, since K is ill-conditioned at the
+    boundary.
+    """
     import cvxpy as cp
 
     size = cp.trace(statement.X) + cp.trace(statement.Y)
@@ -142,14 +150,14 @@ class _Statement:
         one = np.eye(n)
         coupling = cp.bmat([[self.X, one], [one, self.Y]])
         self.constraints = [
-            self._bounded(plant.A, plant.B1, plant.C1, plant.D11, plant.B2, plant.D12, self.X),
-            self._bounded(
+            self._bounded_real(plant.A, plant.B1, plant.C1, plant.D11, plant.B2, plant.D12, self.X),
+            self._bounded_real(
                 *(plant.A.T, plant.C1.T, plant.B1.T, plant.D11.T, plant.C2.T, plant.D21.T), self.Y
             ),
             coupling >> self.margin * np.eye(2 * n),
         ]
 
-    def _bounded(
+    def _bounded_real(
         self,
         A: RealArray,
         B1: RealArray,
@@ -183,7 +191,7 @@ def _controller(plant: StandardPlant, X: RealArray, Y: RealArray, gamma: float) 
     """
     A, B1, B2, C1, C2 = plant.A, plant.B1, plant.B2, plant.C1, plant.C2
     D12, D21 = plant.D12, plant.D21
-    Dk = _direct(plant, gamma)
+    Dk = _central_direct_term(plant, gamma)
     direct = plant.D11 + D12 @ Dk @ D21
     z, w = direct.shape
     W = np.linalg.inv(np.block([[gamma * np.eye(w), -direct.T], [-direct, gamma * np.eye(z)]]))
@@ -203,7 +211,7 @@ def _controller(plant: StandardPlant, X: RealArray, Y: RealArray, gamma: float) 
     return np.linalg.solve(N, np.linalg.solve(M, inner.T).T), Bk, Ck, Dk
 
 
-def _direct(plant: StandardPlant, gamma: float) -> RealArray:
+def _central_direct_term(plant: StandardPlant, gamma: float) -> RealArray:
     """The central Dk with |D11 + D12 Dk D21| < gamma, for D12 = [0; I] and D21 = [0 I]."""
     D11 = plant.D11
     rows, columns = len(D11) - plant.controls, D11.shape[1] - plant.measurements

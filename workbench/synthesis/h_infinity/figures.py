@@ -12,7 +12,7 @@ from workbench.heavy_types import Axes, Figure, StateSpace
 from workbench.systems.generalised_plant import response
 
 GRID_POINTS = 400
-"""Frequencies of a curve."""
+"""Number of frequencies of a curve."""
 SMALLEST_SHARE = 1e-6
 """Singular values below this share of the largest one are not shown."""
 DECADES_BEYOND = 1.5
@@ -43,7 +43,7 @@ def controller(K: StateSpace, closed: StateSpace, unit: str = "") -> Figure:
 
 
 class DrawnController(ProgramAnswer, ABC):
-    """An answer that is a controller and can be drawn."""
+    """Base of answers that are controllers: it draws them."""
 
     @property
     @abstractmethod
@@ -53,7 +53,7 @@ class DrawnController(ProgramAnswer, ABC):
     def plot(self, *, name: str | None = None) -> Figure:
         """Bode plot of the controller or filter, or singular values of one of several channels.
 
-        With a name, that figure of its Program.
+        With a name, the figure of this name of its Program.
         """
         if name is not None:
             return super().plot(name=name)
@@ -78,7 +78,9 @@ def grid(closed: StateSpace) -> np.ndarray:
 
 
 def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None:
-    """Draw the singular values of a system's response, but those that are zero beside the first."""
+    """Draw the singular values of a system's response that are not negligible beside the
+    largest.
+    """
     values = np.linalg.svd(response(system, omega), compute_uv=False)
     largest = max(float(values.max()), 1e-290)
     seen = values[:, values.max(axis=0) > SMALLEST_SHARE * largest]

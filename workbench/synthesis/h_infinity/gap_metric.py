@@ -1,8 +1,8 @@
-"""The gap between the graphs of two plants, as a model-matching problem.
+"""The gap metric between two plants, as a model-matching problem.
 
-The directed gap is the least norm of G1 - G2 Q over stable Q, G1 and G2 the normalised right
-coprime factors [N; M] (T. Georgiou, On the computation of the gap metric, Systems & Control Letters
-11 (1988) 253-257).
+The directed gap is the least norm of G1 - G2 Q over stable Q, where G1 and G2 are the normalised
+right coprime factors [N; M] (T. Georgiou, On the computation of the gap metric, Systems & Control
+Letters 11 (1988) 253-257).
 """
 
 from __future__ import annotations
@@ -33,37 +33,39 @@ from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation, worst_pole
 
 OVER = "at every frequency, for these two plants"
-"""What the bounds quantify over."""
+"""The frequencies and plants for which the bounds hold, in words."""
 BELOW_IT = "the nu-gap is never above it"
-"""What the lower bound rests on."""
+"""The reason for the lower bound, in words."""
 FACTORS_ROUNDING = 1e-9
-"""Share that rounding of the coprime factors may move a bound by."""
+"""Relative change of a bound that rounding of the coprime factors may cause."""
 GRAPHS_ROUNDING = 1e-9
-"""What rounding may add to the distance of the graphs of equal plants."""
+"""Distance that rounding may cause between the graphs of equal plants."""
 
 
 @dataclass(frozen=True, repr=False)
 class PlantGap(Answer):
-    """Bounds of the gap of two plants, from 0 to 1: above by a Q, below by the nu-gap."""
+    """Bounds on the gap of two plants, from 0 to 1: a Q gives the upper bound, the nu-gap the lower
+    one.
+    """
 
     lower: float
     upper: float
 
 
 def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
-    """The gap of two plants: the larger of both directed gaps, with certified norms.
+    """The gap metric of two plants: the larger of both directed gaps, with certified norms.
 
     Parameters
     ----------
     first, second
-        As in `nu_gap`, which is never above it.
+        Plants as in `nu_gap`. The nu-gap is never larger than the gap.
     tolerance
         Relative accuracy of the least norm.
 
     Raises
     ------
     InputError, SolverError
-        As `nu_gap`.
+        As in `nu_gap`.
 
     Examples
     --------
@@ -78,8 +80,8 @@ def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
     systems = [as_system(one, name) for one, name in ((first, "first"), (second, "second"))]
     plane = [bilinear_continuous(one) if one.dt else one for one in systems]
     factors = right_factors(plane[0], "first"), right_factors(plane[1], "second")
-    upper = max(_directed(*factors, tolerance), _directed(*factors[::-1], tolerance))
-    # Both are proven for computed coprime factors, which rounding moves.
+    upper = max(_directed_gap(*factors, tolerance), _directed_gap(*factors[::-1], tolerance))
+    # Both bounds are proven for the computed coprime factors, which have rounding errors.
     need_agreement(
         (1 - FACTORS_ROUNDING) * below.lower, upper, "the gap", BELOW_IT, "a stable Q reaches it"
     )
@@ -90,9 +92,10 @@ def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
 
 @dataclass(frozen=True, eq=False)
 class GapChecker(RepeatedChecker):
-    """Computes a `PlantGap` again, and compares it with the plants' graphs in time.
+    """Computes a `PlantGap` again, and compares it with the distance of the plants' graphs in time
+    domain.
 
-    ``plants`` are both, ``below`` their nu-gap.
+    ``plants`` are the two plants, and ``below`` is their nu-gap.
     """
 
     plants: tuple[StateSpace, StateSpace]
@@ -116,7 +119,7 @@ class GapChecker(RepeatedChecker):
         return found
 
 
-def _directed(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:
+def _directed_gap(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:
     """The least certified norm of G1 - G2 Q for three Q: 0, 1, and one near the best."""
     m = G1.ninputs
     A = block_diag(G1.A, G2.A)
@@ -127,6 +130,6 @@ def _directed(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:
     simple = min(1.0, certified_norm(G1 - G2))
     try:
         Q = realisation(central(A, B, C, D, m, m, tolerance).K, 0.0)
-    except SolverError:  # also where the least norm is 0, which 1 has then
+    except SolverError:  # also if the least norm is 0, which the identity then reaches
         return simple
     return min(simple, certified_norm(G1 - G2 * Q)) if worst_pole(Q)[1] < 0 else simple

@@ -24,10 +24,11 @@ def hinf(
     method: str | None = None,
     options: Options | None = None,
 ) -> HinfController:
-    """The H-infinity controller u = K y (positive feedback) of a plant, certified.
+    """The certified H-infinity controller u = K y (positive feedback) of a plant.
 
-    Plants that miss an assumption are perturbed until the norm of the loop settles. Where weights
-    have poles on the stability boundary, the controller is ``lti`` of the answer, and K a part.
+    A plant that does not meet an assumption is perturbed, less and less, until the norm of the loop
+    settles. If weights have poles on the stability boundary, the controller is ``lti`` of the
+    answer, and K is only a part of it.
 
     Parameters
     ----------
@@ -40,12 +41,13 @@ def hinf(
         As in `HinfSynthesis`.
     method
         ``"riccati"`` (default), ``"sb10ad"``, the name of a conic solver, or ``"fixed"``, the
-        default where an order or a family is asked for.
+        default if an order or a family is given.
 
     Raises
     ------
     InputError
-        As `HinfSynthesis`; numbers are missing, or given together with a GeneralisedPlant.
+        As in `HinfSynthesis`; or the numbers are missing, or are given together with a
+        GeneralisedPlant.
     SolverError
         No valid controller was found. The message says why; if gamma is too small, it gives the
         least level.

@@ -1,8 +1,8 @@
-"""Lower bounds of the H-infinity norm that no controller can beat, from known disturbances.
+"""Lower bounds on the H-infinity norm that no controller can beat, from known disturbances.
 
-Let a decaying disturbance w be known from its beginning to its end. The least energy of z over all
-controls u is then a linear-quadratic problem. The square root of this energy over the norm of w is
-at most the norm of any stabilised loop, whatever the controller measures. Let w be the output of an
+Let a decaying disturbance w be completely known in advance. The least energy of z over all controls
+u is then a linear-quadratic problem. The square root of this energy over the norm of w is at most
+the norm of any stabilised loop, whatever the controller measures. Let w be the output of an
 autonomous system x_g' = A_g x_g, w = C_g x_g. Then both energies are quadratic in x_g(0), and the
 best bound over all such w is an eigenvalue. The bound is close to the least norm where the
 measurement determines w.
@@ -33,18 +33,20 @@ from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import standard_plant
 
 BOUND_LOWERING = 1e-6
-"""Share by which the bound is lowered to allow for rounding errors."""
+"""Relative reduction of the bound that allows for rounding errors."""
 DISSIPATION_TOLERANCE = 1e-9
-"""The dissipation matrix counts as semidefinite if no eigenvalue is more negative than this share
-of the largest."""
+"""The dissipation matrix counts as semidefinite if its least eigenvalue is above minus this share
+of the largest.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DisturbanceBound(Answer):
     """No stabilising K has a norm of F_l(P, K) below ``lower``.
 
-    ``disturbance`` (exogenous, m) has coefficients of the orthonormal signals of `exponentials`;
-    its norm is 1, and whoever knows it in advance still leaves z at least this norm.
+    ``disturbance`` (exogenous, m) holds the coefficients of the orthonormal signals of
+    `exponentials`. Its norm is 1. Even a controller that knows it in advance leaves z with at least
+    the norm ``lower``.
 
     Examples
     --------
@@ -62,7 +64,7 @@ class DisturbanceBound(Answer):
 
     @property
     def value(self) -> float:
-        """As ``lower``."""
+        """The bound ``lower``."""
         return self.lower
 
     def said(self) -> str:
@@ -71,7 +73,7 @@ class DisturbanceBound(Answer):
 
 @dataclass(frozen=True, eq=False)
 class DisturbanceChecker(Checker):
-    """Checks a `DisturbanceBound` by the bound that the plant and the rates give again."""
+    """Checks a `DisturbanceBound`: computes the bound again from the plant and the rates."""
 
     plant: GeneralisedPlant
     rates: RealArray
@@ -81,12 +83,12 @@ class DisturbanceChecker(Checker):
         return "for every stabilising controller"
 
     def checks(self, answer: DisturbanceBound, tolerance: float) -> list[Check]:
-        again = _proven(self.plant, self.rates).lower
+        again = _proven_bound(self.plant, self.rates).lower
         statement = "by which share the claimed bound is larger than the one computed again"
         return [Check("lower", statement, excess(answer.lower, again), REPEATED_ROUNDING)]
 
     def second_opinion(self, answer: DisturbanceBound) -> list[Check]:
-        """The least energy that the disturbance leaves, by dynamic programming over samples."""
+        """Compute the least energy of z for the disturbance by dynamic programming over samples."""
         given, rates = standard_plant(self.plant), np.unique(self.rates)
         start = answer.disturbance
         q, n = len(start), len(given.A)
@@ -107,15 +109,14 @@ class DisturbanceChecker(Checker):
 
 
 def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:
-    """A lower bound of the norm of F_l(P, K) over all stabilising K, and its disturbance.
+    """A lower bound on the norm of F_l(P, K) over all stabilising K, and its disturbance.
 
     Parameters
     ----------
     plant
         Plant in continuous time; its perturbation channels count as exogenous and performance.
     rates
-        Rates [rad/s] (m,) of the exponentials that the disturbance consists of, positive and
-        different.
+        Decay rates [rad/s] (m,) of the exponentials in the disturbance, positive and different.
 
     Returns
     -------
@@ -148,12 +149,12 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> Distur
     >>> bool(0 < found.lower < hinf(plant).norm), found.disturbance.shape
     (True, (2, 3))
     """
-    found = _proven(plant, rates)
+    found = _proven_bound(plant, rates)
     return found.checked_by(DisturbanceChecker(plant, np.array(rates, dtype=float)))
 
 
-def _proven(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:
-    """The bound that the solution of the Riccati equation proves."""
+def _proven_bound(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:
+    """The bound proven by the solution of the Riccati equation."""
     poles = np.unique(np.asarray(rates, dtype=float))
     if not (poles.size == np.size(rates) > 0 and (poles > 0).all() and np.isfinite(poles).all()):
         raise InputError("rates must be positive, finite and different [rad/s]")
@@ -194,7 +195,7 @@ def _proven(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:
 
 
 def exponentials(rates: RealArray) -> tuple[RealArray, RealArray]:
-    """A (m, m) and C (1, m) whose outputs from initial unit vectors are orthonormal signals.
+    """A (m, m) and C (1, m) whose responses to initial unit vectors are orthonormal signals.
 
     Since A + A^T = -C^T C, the energy of C exp(A t) c is |c|^2. Rates [rad/s] (m,), increasing.
     """

@@ -23,22 +23,27 @@ from workbench.systems.standard_plant import StandardPlant
 NEGLIGIBLE_LEVEL = 1e-6
 """Levels below this share of the norm of the H2-optimal controller's loop count as zero."""
 CANCELLED_SHARE, ZERO_LEVEL_SHARE = 1e-13, 1e-7
-"""A norm of the loop below the first share of w -> z without K is a rounding error; the second
-share is the level used then."""
+"""A norm of the loop below the first share of w -> z without K is a rounding error. The level is
+then the second share.
+"""
 MIDDLE_POINT = np.exp(0.5j)
-"""A point of middle frequency in the scaled s plane, away from the axis, where poles may lie."""
+"""A point of middle frequency in the scaled s plane, away from the axis, since poles may lie
+there.
+"""
 LARGEST_LEVEL = 1e100
-"""Largest level that differs from infinity numerically."""
+"""Largest level that numerically differs from infinity."""
 MOST_LEVELS, INTERPOLATED_LEVELS = 80, 8
-"""Most levels tried, and the number of levels after which every other one halves the interval."""
+"""Largest number of levels tried, and the number of levels after which every second one halves the
+interval.
+"""
 PROBED_SHARES = (0.65, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 0.998)
-"""Shares of the least level found that are tried again, since rounding may hide feasible levels."""
+"""Shares of the least level found, tried in addition, since rounding may hide feasible levels."""
 MOST_SECANT_STEPS, SECANT_REACH = 25, 1.1
-"""Most steps of the secant method, and the largest factor of one step."""
+"""Largest number of steps of the secant method, and the largest factor on the level in one step."""
 EVEN_STEEPNESS = 2.0
-"""Derivative of the inverse coupling by log gamma where X and Y do not depend on gamma."""
+"""Derivative of the inverse coupling by log gamma if X and Y do not depend on gamma."""
 NEAR_SHARES = (0.04, 0.08, 0.12)
-"""Shares of the tolerance above an infeasible level at which it is tried again."""
+"""Shares of the tolerance above an infeasible level at which feasibility is tried again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +58,8 @@ class Level:
 
     @cached_property
     def coupling(self) -> float:
-        """rho(X Y) / gamma^2, below 1 where the level is feasible."""
-        return _radius(self.X, self.Y) / self.gamma**2
+        """rho(X Y) / gamma^2, which is below 1 for a feasible level."""
+        return _spectral_radius(self.X, self.Y) / self.gamma**2
 
     @property
     def feasible(self) -> bool:
@@ -64,8 +69,8 @@ class Level:
 def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
     """A level that no controller reaches, and a feasible level close above it.
 
-    `tolerance` is the relative width of the interval between. Raises SolverError where no feasible
-    level is found.
+    `tolerance` is the relative width of the interval between both. Raises SolverError if no
+    feasible level is found.
     """
     floor, ceiling = level_ends(plant)
     low, high = floor, ceiling
@@ -77,16 +82,16 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
         best = level_at(plant, high)
     else:
         raise SolverError(f"no level up to gamma = {high:.3g} is feasible, numerically")
-    low, below, best = _bisected(plant, low, best, tolerance)
-    if below is not None:  # X and Y exist, and their coupling rules out every lower level
+    low, below, best = _bisect_level(plant, low, best, tolerance)
+    if below is not None:  # X and Y exist, and their coupling shows that no lower level is feasible
         return low, best
-    # Rounding errors may hide slow modes, and thereby make a feasible level look infeasible.
+    # Rounding errors may hide slow modes, and then a feasible level seems infeasible.
     for share in PROBED_SHARES:
         if time_is_up("search for hidden levels"):
             break
         level = level_at(plant, share * best.gamma) if share * best.gamma > floor else None
         if level is not None and level.feasible:
-            low, _, best = _bisected(plant, floor, level, tolerance)
+            low, _, best = _bisect_level(plant, floor, level, tolerance)
     return low, best
 
 
@@ -99,11 +104,11 @@ def level_from(
 ) -> tuple[Level, float] | None:
     """The level with a coupling of 1, found from a guess by the secant method.
 
-    None where it is not found, or is at least ``most``.
+    None if it is not found or is at least ``most``.
 
-    Levels without X and Y, or with a coupling above 1, bound it from below, others from above. The
-    ``steepness`` is the derivative of the inverse coupling by log gamma, as guessed for the first
-    step; the one last seen is returned too.
+    Levels without X and Y, or with a coupling above 1, are lower bounds; others are upper bounds.
+    The ``steepness`` is the guess for the first step of the derivative of the inverse coupling by
+    log gamma. Its last estimate is returned too.
     """
     gamma, low, high = guess, 0.0, math.inf
     last: Level | None = None
@@ -133,25 +138,25 @@ def level_from(
     return None
 
 
-def _root(one: Level, other: Level) -> float:
-    """The level at which the inverse of the coupling is 1; it is nearly linear in gamma."""
+def _interpolated_level(one: Level, other: Level) -> float:
+    """The level at which the inverse coupling is 1, by linear interpolation in gamma."""
     a, b = 1.0 / one.coupling - 1.0, 1.0 / other.coupling - 1.0
     return one.gamma - (other.gamma - one.gamma) * a / (b - a)
 
 
-def _bisected(
+def _bisect_level(
     plant: StandardPlant, low: float, best: Level, tolerance: float
 ) -> tuple[float, Level | None, Level]:
     """A level at which no controller was found, and a feasible level close above it.
 
-    Between them stands the lower level with its X and Y, None where there are none.
+    The second result is the lower level with its X and Y; None if it has none.
     """
     below: Level | None = None
     step = 0
     while best.gamma > (1.0 + tolerance) * low and step < MOST_LEVELS:
         if time_is_up("bisection of the level"):
             break
-        trial = _between(low, below, best, tolerance, step)
+        trial = _next_level(low, below, best, tolerance, step)
         level = _level_near(plant, trial, tolerance)
         if level is not None and level.feasible:
             best = level
@@ -162,9 +167,9 @@ def _bisected(
 
 
 def _level_near(plant: StandardPlant, gamma: float, tolerance: float) -> Level | None:
-    """A feasible level just above `gamma`, else that of `gamma` itself.
+    """A feasible level just above `gamma`, or else the result for `gamma` itself.
 
-    Near the least level rounding hides single levels between feasible ones.
+    Near the least level, rounding makes single levels between feasible ones seem infeasible.
     """
     first = level_at(plant, gamma)
     if first is not None and first.feasible:
@@ -176,21 +181,23 @@ def _level_near(plant: StandardPlant, gamma: float, tolerance: float) -> Level |
     return first
 
 
-def _between(low: float, below: Level | None, best: Level, tolerance: float, step: int) -> float:
-    """The next level to try: where interpolation gives a coupling of 1, or the middle."""
+def _next_level(low: float, below: Level | None, best: Level, tolerance: float, step: int) -> float:
+    """The next level to try: the one with a coupling of 1 by interpolation, or the middle."""
     high = best.gamma
     middle = math.sqrt(low * high)
     if below is None or best.coupling <= 0.0 or (step > INTERPOLATED_LEVELS and step % 2):
         return middle
     inside = 1.0 + tolerance / 4
-    return min(max(_root(below, best), low * inside), high / inside)
+    return min(max(_interpolated_level(below, best), low * inside), high / inside)
 
 
 def level_ends(plant: StandardPlant) -> tuple[float, float]:
-    """A lower bound of the least level, and the norm of the loop for gamma = infinity as a start.
+    """A lower bound on the least level, and a level to start from: the loop's norm for gamma =
+    infinity.
 
-    The least level is at least the norm of those parts of D11 that K cannot change (Parrott). It is
-    also at least the coupling of X and Y at gamma = infinity, because X and Y grow as gamma falls.
+    The least level is at least the norm of the parts of D11 that K cannot change (Parrott). It is
+    also at least the square root of rho(X Y) at gamma = infinity, because X and Y grow as gamma
+    decreases.
     """
     m, p = plant.controls, plant.measurements
     state, estimate = state_feedback(plant, math.inf), state_feedback(plant.dual, math.inf)
@@ -214,13 +221,13 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
     least = max(
         np.linalg.norm(D11[: len(D11) - m], 2) if len(D11) > m else 0.0,
         np.linalg.norm(D11[:, : D11.shape[1] - p], 2) if D11.shape[1] > p else 0.0,
-        math.sqrt(_radius(X, Y)),
+        math.sqrt(_spectral_radius(X, Y)),
     )
     try:
         ceiling = 1.01 * norm(plant.close(K), 1e-3)
     except ArithmeticError:  # SLICOT did not converge
         ceiling = math.inf
-    if not 0.0 < ceiling < math.inf:  # any first level to try will do
+    if not 0.0 < ceiling < math.inf:  # any level can be the first one to try
         ceiling = 2.0 * float(least) or 1.0
     size = without_control(plant)
     if ceiling < CANCELLED_SHARE * size:  # K cancels w -> z: use a level that counts as zero
@@ -236,7 +243,7 @@ def without_control(plant: StandardPlant) -> float:
 
 
 def level_at(plant: StandardPlant, gamma: float) -> Level | None:
-    """X, Y and gains of a level; None where a Riccati equation has no stabilising X, Y >= 0."""
+    """X, Y and gains of a level; None if a Riccati equation has no stabilising X or Y >= 0."""
     state = state_feedback(plant, gamma)
     if state is None:
         return None
@@ -250,8 +257,8 @@ def state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, RealA
     """X and F = -R^-1 (D1^T C1 + B^T X), R = D1^T D1 - diag(gamma^2 I, 0) (ZDG eq. 17.1 to 17.4).
 
     The control u is chosen to cancel the last performance outputs and to add v, so that these
-    outputs equal v; the equations for v then have no cancellation. None where X >= 0 does not
-    exist, or gamma is at most the norm of D11 without its last rows.
+    outputs equal v; the equations for v then have no cancellation. None if there is no X >= 0, or
+    if gamma is at most the norm of D11 without its last rows.
     """
     split = len(plant.D11) - plant.controls
     C, D = plant.C1[:split], plant.D11[:split]
@@ -261,7 +268,7 @@ def state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, RealA
     left = np.eye(D.shape[1]) - shrink * D.T @ D
     if not np.linalg.eigvalsh(left)[0] > 0.0:
         return None
-    # The worst w is across x + back X x, the best v is -B2^T X x.
+    # The worst w is (across + back X) x, and the best v is -B2^T X x.
     across, back = shrink * np.linalg.solve(left, D.T @ C), shrink * np.linalg.solve(left, B.T)
     corner = A + B @ across
     Q = C.T @ (C + D @ across)
@@ -274,6 +281,6 @@ def state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, RealA
     return X, np.vstack([F1, -plant.B2.T @ X - C_u - D_u @ F1])
 
 
-def _radius(X: RealArray, Y: RealArray) -> float:
+def _spectral_radius(X: RealArray, Y: RealArray) -> float:
     """Spectral radius of X Y."""
     return float(np.abs(np.linalg.eigvals(X @ Y)).max()) if len(X) else 0.0

@@ -1,4 +1,5 @@
-"""Loop shaping: the most robust controller against uncertainty of normalised coprime factors.
+"""Loop shaping: the controller with the largest margin against normalised coprime factor
+uncertainty.
 
 D. McFarlane, K. Glover, A loop shaping design procedure using H-infinity synthesis, IEEE Trans.
 Automatic Control 37 (1992) 759-769; K. Zhou, J. Doyle, K. Glover, Robust and Optimal Control
@@ -40,17 +41,17 @@ from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import standard_plant
 
 HANKEL_ROUNDING = 1e6
-"""Error of the square of the Hankel norm, in units of the machine epsilon."""
+"""Rounding error of the squared Hankel norm, in units of the machine epsilon."""
 
 
 @dataclass(frozen=True, eq=False, init=False, kw_only=True)
 class LoopShaping(HinfSynthesis):
     """The K with the largest stability margin of the shaped plant G_s = W2 G W1.
 
-    The answer is K_inf of G_s, which minimises the norm of [K; 1] (1 + G_s K)^-1 [1 G_s] with
-    negative feedback u = -K y. epsilon = 1 / norm is the size of perturbations of the normalised
-    coprime factors of G_s that the loop tolerates. `controller` gives K = W1 K_inf W2 for G (E.
-    Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), eq. 5.7).
+    The answer is K_inf for G_s: it minimises the norm of [K; 1] (1 + G_s K)^-1 [1 G_s] with
+    negative feedback u = -K y. The loop tolerates perturbations of the normalised coprime factors
+    of G_s up to the size epsilon = 1 / norm. `controller` gives K = W1 K_inf W2 for G (E. Vidal
+    Sanchez, Robust and Fault Tolerant Control of CD-players (2003), eq. 5.7).
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ class LoopShaping(HinfSynthesis):
     Raises
     ------
     InputError
-        As `HinfSynthesis`; or a weight does not fit.
+        As in `HinfSynthesis`; or a weight does not fit.
 
     Examples
     --------
@@ -96,7 +97,9 @@ class LoopShaping(HinfSynthesis):
             raise InputError(f"W1 has {W1.noutputs} outputs; G has {G.ninputs} inputs")
         dt = common_dt([named_realisation(one) for one in (W2, G, W1)])
         if dt is True:
-            raise InputError("G is sampled at a time not given (dt True); give it in seconds")
+            raise InputError(
+                "G is sampled, but its sampling time is unknown (dt True); give it in s"
+            )
         shaped = W2 * G * W1
         parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
         A, B, C = visible_matrices(*balanced(*parts[:3]), dt or 0.0)
@@ -120,7 +123,8 @@ class LoopShaping(HinfSynthesis):
 
     @cached_property
     def epsilon_max(self) -> float:
-        """The largest margin sqrt(1 - |N M|_H^2), |.|_H the Hankel norm of normalised left factors.
+        """The largest margin sqrt(1 - |[N M]|_H^2), where |.|_H is the Hankel norm and N, M are
+        normalised left coprime factors.
 
         It is computed from Lyapunov equations of the factors, which no method uses.
         """
@@ -137,7 +141,7 @@ class LoopShaping(HinfSynthesis):
         root = np.linalg.cholesky(R)
         stable, entering = A + H @ C, np.hstack([B + H @ D, H])
         leaving = np.linalg.solve(root, C)
-        with warnings.catch_warnings():  # a margin lost in rounding; the check then shows it
+        with warnings.catch_warnings():  # the margin is lost in rounding; a check then shows this
             warnings.simplefilter("ignore", RuntimeWarning)
             P = solve_continuous_lyapunov(stable, -entering @ entering.T)
             Q = solve_continuous_lyapunov(stable.T, -leaving.T @ leaving)
@@ -145,7 +149,7 @@ class LoopShaping(HinfSynthesis):
         return math.sqrt(max(1.0 - hankel, 0.0))
 
     def objective_scale(self, answer: HinfController) -> float:
-        """The least norm, 1 / epsilon_max; infinite where the margin is lost in rounding."""
+        """The least norm, 1 / epsilon_max; infinite if the margin is lost in rounding."""
         return 1.0 / self.epsilon_max if self.epsilon_max > 0.0 else math.inf
 
     def checks(self, answer: HinfController, tolerance: float) -> list[Check]:
@@ -156,7 +160,7 @@ class LoopShaping(HinfSynthesis):
             lost = Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")
             return [*found, replace(lost, over=EVERY_FREQUENCY)]
         excess = 1.0 / (answer.norm * largest) - 1.0
-        # A small margin is a difference of numbers near 1.
+        # A small margin is the difference of two numbers near 1.
         rounding = HANKEL_ROUNDING * np.finfo(float).eps / largest**2
         limit = 2.0 * NORM_TOLERANCE + rounding
         return [*found, Check("epsilon", statement, excess, limit, over=EVERY_FREQUENCY)]
@@ -185,7 +189,7 @@ def _four_blocks(G: StateSpace) -> GeneralisedPlant:
 
 
 @method(LoopShaping, "coprime", optimal=False, accuracy=LEVEL_ACCURACY)
-def _coprime(program: LoopShaping, context: Context) -> Claim:
+def _coprime_riccati(program: LoopShaping, context: Context) -> Claim:
     """Two Riccati equations of G_s give the least level in closed form; K is made 1e-3 above it."""
     system = program.shaped
     A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
@@ -194,7 +198,7 @@ def _coprime(program: LoopShaping, context: Context) -> Claim:
     rate = speed(A, B, C)
     root = math.sqrt(rate)
     A, B, C = balanced(A / rate, B / root, C / root)
-    found = _solutions((A, B, C, D))
+    found = _coprime_solutions((A, B, C, D))
     if found is None:
         return None, Outcome.FAILED, "a Riccati equation has no stabilising solution, numerically"
     X, Z = found
@@ -212,8 +216,8 @@ def _coprime(program: LoopShaping, context: Context) -> Claim:
     return claimed(program, Made(K, size, gamma, said=said))
 
 
-def _solutions(G: Matrices) -> tuple[np.ndarray, np.ndarray] | None:
-    """X and Z of the normalised right and left coprime factors; None where they do not exist."""
+def _coprime_solutions(G: Matrices) -> tuple[np.ndarray, np.ndarray] | None:
+    """X and Z of the normalised right and left coprime factors; None if they do not exist."""
     A, B, C, D = G
     S, R = np.eye(D.shape[1]) + D.T @ D, np.eye(len(D)) + D @ D.T
     corner = A - B @ np.linalg.solve(S, D.T @ C)
@@ -224,7 +228,7 @@ def _solutions(G: Matrices) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _central(G: Matrices, X: np.ndarray, Z: np.ndarray, gamma: float) -> Matrices:
-    """The central controller of the level, u = K y with positive feedback."""
+    """The central controller for a level, u = K y with positive feedback."""
     A, B, C, D = G
     F = -np.linalg.solve(np.eye(D.shape[1]) + D.T @ D, D.T @ C + B.T @ X)
     L = (1.0 - gamma**2) * np.eye(len(A)) + X @ Z

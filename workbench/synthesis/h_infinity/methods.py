@@ -1,4 +1,4 @@
-"""H-infinity synthesis by Riccati equations: the bench's own method and SLICOT's."""
+"""H-infinity synthesis by Riccati equations: the workbench's own method and SLICOT's."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from workbench.synthesis.h_infinity.settling import Made, answered, settled
 from workbench.systems.norms import norm
 
 LEAST_DISTANCE = 1e-3
-"""Least relative distance kept above the least level; closer to it, the poles of K become very fast
-without any gain."""
+"""Smallest relative distance kept above the least level. Closer to it, the poles of K become very
+fast, without any benefit.
+"""
 LEVEL_ACCURACY = AccuracyRange(finest=LEAST_DISTANCE)
-"""The tolerances that make a difference to a level that is kept at this distance."""
+"""The range of tolerances that affect a level kept at this distance."""
 
 
 def distance(context: Context) -> float:
@@ -37,7 +38,8 @@ def _riccati(program: HinfSynthesis, context: Context) -> Claim:
 
     def step(normal: Scaled) -> Made:
         try:
-            # Half of the distance is for the interval of the least level, half for the step above.
+            # One half of the distance is the interval of the least level, the other half the step
+            # above it.
             found = central_of(normal, near, program.gamma, MANY_RISES)
         except InfeasibleError as error:
             return Made(None, outcome=Outcome.INFEASIBLE, said=str(error))
@@ -54,7 +56,7 @@ def _riccati(program: HinfSynthesis, context: Context) -> Claim:
 
 
 def _static(program: HinfSynthesis) -> str | None:
-    """Why SB10AD cannot take the program; None where it can."""
+    """Why SB10AD cannot solve the program; None where it can."""
     if not program.plant.system.nstates:
         return "SB10AD needs a plant with states"
     return slycot_missing()

@@ -35,17 +35,18 @@ class MixedSensitivity(HinfSynthesis):
     G
         StateSpace or TransferFunction from u to x.
     W_S, W_KS, W_T
-        Weights of the error, the control and the output: StateSpace, TransferFunction or number.
-        A weight with a single channel acts on every channel. None leaves the row out. Weights are
-        stable, but W_S may have poles on the stability boundary, as an integrator or a resonator:
-        the controller then has them too (``answer.lti``), and the loop is stable without weights.
+        Weights of the error, the control and the output: StateSpace, TransferFunction or number. A
+        weight with a single channel acts on every channel. None leaves the row out. Weights must be
+        stable, except that W_S may have poles on the stability boundary, such as an integrator or a
+        resonator. The controller then has these poles too (``answer.lti``), and stability is that
+        of the loop without weights.
     gamma, order, family, stable, fastest_pole, start, random, largest_gain, further_plants
         As in `HinfSynthesis`.
 
     Raises
     ------
     InputError
-        As `HinfSynthesis`; there is no weight; or a weight has another size.
+        As in `HinfSynthesis`; there is no weight; or a weight has the wrong size.
 
     Examples
     --------

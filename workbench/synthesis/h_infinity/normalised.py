@@ -1,4 +1,4 @@
-"""Scaling of a plant to entries near 1, and the controller in the original coordinates."""
+"""Scaling of a plant to entries near 1, and the way back for its controller."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 RANK_TOLERANCE = 1e-10
-"""Singular values of D12 and D21 with unit columns below this count as zero."""
+"""Singular values below this count as zero, for D12 and D21 with columns of norm 1."""
 
 SINGULAR_CONDITION = 1e12
 """Condition number above which the loop through D22 and the controller counts as singular."""
 
 
 class SingularPlantError(InputError):
-    """The plant misses an assumption that a small perturbation makes it meet."""
+    """The plant does not meet an assumption, but a small perturbation of it does."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
     """A continuous plant with D12 = [0; I], D21 = [0 I], D22 = 0, and with scaled states and time.
 
-    u = control u_s, y_s = measurement (y - D22 u) and t_s = rate t. z = turn_z z_s and w = turn_w
-    w_s are rotations, so that the norm is the same. ``given`` is the original plant.
+    Scaled quantities have the index s: u = control u_s, y_s = measurement (y - D22 u) and t_s =
+    rate t. z = turn_z z_s and w = turn_w w_s are rotations, which do not change the norm. ``given``
+    is the original plant.
     """
 
     given: StandardPlant
@@ -42,12 +43,12 @@ class Scaled:
     turn_w: RealArray
 
     def controller(self, K: Matrices) -> Matrices:
-        """A controller of the scaled plant as one of the original plant.
+        """The controller of the original plant from that of the scaled plant.
 
         Raises LinAlgError where the loop through its direct term and D22 is singular.
         """
         A, B, C, D = K
-        # K_s (1 + D22 K_s)^-1, in scaled signals, in which the condition number is meaningful.
+        # K_s (1 + D22 K_s)^-1 in scaled signals, for which the condition number is meaningful.
         D22 = self.measurement @ self.given.D22 @ self.control
         loop = np.eye(len(D22)) + D22 @ D
         if np.linalg.cond(loop) > SINGULAR_CONDITION:
@@ -98,7 +99,7 @@ def _normalising(D12: RealArray, name: str) -> tuple[RealArray, RealArray]:
     """An orthogonal Q and an S with Q^T D12 S = [0; I]; `name` is for messages."""
     if not has_rank(D12):
         raise SingularPlantError(rank_advice(name, D12))
-    # Scale first: very different units of signals would lose small singular values in rounding.
+    # Scale first: with very different units of signals, rounding would hide small singular values.
     sizes = np.linalg.norm(D12, axis=0)
     U, values, Vh = np.linalg.svd(D12 / sizes)
     rank = len(values)

@@ -35,7 +35,7 @@ from workbench.systems.realisation import in_words, pole_sizes
 from workbench.systems.storage import restored, stored
 
 LEAST_GAMMA = 1e-100
-"""Least level that can be asked for: squares of lower ones are 0 in floating point."""
+"""Least level that may be given. The squares of lower levels underflow to 0."""
 CLAIM_TOLERANCE = 2.0 * NORM_TOLERANCE
 """Share by which the norm of a loop may exceed the claimed one."""
 
@@ -44,10 +44,10 @@ CLAIM_TOLERANCE = 2.0 * NORM_TOLERANCE
 class HinfController(drawn.DrawnController):
     """A controller u = K y with positive feedback, and the norm of its loop.
 
-    ``gamma`` is the level for which K was made; ``norm`` is at most gamma. ``least`` is a level
-    below which the method found no controller (NaN: the method was asked for a given level, or none
-    is known since the plant had to be perturbed). Where the controller shares poles with weights,
-    K is the part without them, and ``whole`` or ``lti`` the controller of the given plant.
+    ``gamma`` is the level for which K was designed; ``norm`` is at most gamma. ``least`` is a level
+    below which the method found no controller. It is NaN if a level was given, or if no such level
+    is known because the plant had to be perturbed. If the controller shares poles with weights, K
+    is the part without these poles, and ``whole`` or ``lti`` is the controller of the given plant.
 
     Examples
     --------
@@ -66,12 +66,16 @@ class HinfController(drawn.DrawnController):
     gamma: float
     least: float = math.nan
     whole: StateSpace | None = None
-    """The controller of the user's plant, where K is only a part of it."""
+    """The controller of the user's plant if K is only a part of it; otherwise None."""
     reached: tuple[float, ...] = field(default=(), kw_only=True)
-    """Norms where the descents of a local search ended, one for each start, least first."""
+    """Norms at which the descents of a local search ended, one for each start, in increasing
+    order.
+    """
     slope: float = field(default=math.nan, kw_only=True)
-    """Relative change of the norm per unit of the parameters that remains: length of the least
-    element in the hull of gradients nearby. Small at a stationary point, which is a local one."""
+    """Remaining relative slope of the norm by the parameters: length of the shortest vector in the
+    convex hull of gradients nearby. It is small at a stationary point, which is in general a local
+    minimum.
+    """
 
     @property
     def lti(self) -> StateSpace:
@@ -85,50 +89,51 @@ class HinfController(drawn.DrawnController):
 
 @dataclass(frozen=True, eq=False)
 class HinfSynthesis(ControllerSynthesis):
-    """The stabilising K with the least norm of F_l(P, K), or with one below a level.
+    """The stabilising K with the least norm of F_l(P, K), or with a norm below a level.
 
     Parameters
     ----------
     plant
-        Perturbation channels, where the plant has any, count as exogenous and performance. Hidden
-        unstable states are removed where they are copies of other states, as when a system occurs
-        twice in a connection. Where D12 or D21 lacks rank, or there are zeros on the stability
-        boundary, methods perturb the plant a little; the certificate is about the plant given.
-        Modes on the boundary that no measurement shows, as of a weight that integrates, are
-        cancelled by poles of the controller (`HinfController.whole`) where a measurement drives
-        them; the certificate is then about the loop without them.
+        Generalised plant. Perturbation channels, if there are any, count as exogenous inputs and
+        performance outputs. Hidden unstable states are removed if they are copies of other states,
+        which happens when a system occurs twice in a connection. If D12 or D21 lacks rank, or there
+        are zeros on the stability boundary, methods perturb the plant a little; the certificate
+        holds for the given plant. Modes on the boundary that no measurement shows, such as those of
+        an integrating weight, are cancelled by poles of the controller (`HinfController.whole`) if
+        a measurement drives them; the certificate then holds for the loop without them.
     gamma
-        The level asked for; None: the least level. Methods keep a distance of 1e-3 above it, since
-        controllers at the least level have poles at infinity.
+        The level; None for the least level. Methods keep a relative distance of 1e-3 above the
+        least level, since controllers at the least level have poles at infinity.
     order
         Largest number of states of the controller.
     family
-        Controllers among which is searched, such as ``PID()`` or ``Decentralised(PI(), PI())``.
+        Family of controllers to search, such as ``PID()`` or ``Decentralised(PI(), PI())``.
     stable, fastest_pole
         Whether the controller itself must be stable, and the largest size of its poles [rad/s].
     start
-        A stabilising controller to start from, a member of the family where there is one; or its
-        parameters in the family. None: the method finds its own.
+        A stabilising controller to start from: a member of the family, if a family is given, or its
+        parameters in the family. With None the method finds its own start.
     random
-        Number of stabilising members, drawn around the start, from which is searched besides.
+        Number of further starts: stabilising members drawn at random around the start.
     largest_gain
-        Limit of the controller's own gain: its largest singular value at any frequency. The
-        controller is then stable too.
+        Limit on the controller's own gain, which is its largest singular value at any frequency.
+        The controller is then stable too.
     further_plants
-        Plants with the same controls and measurements that the controller stabilises besides; the
-        norm is the largest of all their loops. An order, a family or a start is needed with them.
+        Further plants with the same controls and measurements, which the same controller must
+        stabilise. The norm is the largest over all loops. An order, a family or a start must then
+        be given.
 
-    A controller of an order or a family is found by method "fixed", a local search from several
-    starts; ``least`` of the answer is the least level of all controllers, so that norm over least
-    is the most that any other could be better. A method whose controller is not what is asked
-    hands over to "fixed".
+    Method "fixed" finds a controller of an order or a family by a local search from several starts.
+    ``least`` of the answer is the least level over all controllers, so no other controller can be
+    better by more than the factor norm / least. If another method's controller does not meet the
+    demands, method "fixed" is run instead.
 
     Raises
     ------
     InputError
         The plant is not stabilisable or not detectable by a mode that the controller cannot share
-        with a weight, is not finite or lacks signals; gamma is not positive and finite; or what is
-        asked of the controller is none, does not fit, or leaves no room for poles of weights.
+        with a weight, is not finite or lacks signals; gamma is not positive and finite; or a demand
+        on the controller is not valid, does not fit, or leaves no room for poles of weights.
 
     References
     ----------
@@ -180,19 +185,21 @@ class HinfSynthesis(ControllerSynthesis):
                 f"gamma is {self.gamma!r}; levels below {LEAST_GAMMA} cannot be told from 0"
             )
         object.__setattr__(self, "plant", visible(self.plant))
-        _ = self._tested  # raises for hidden modes
+        _ = self._regular_and_scaled  # raises HiddenModeError for hidden modes
         self._set_form()
         need_all_stabilisable(self.further_plants)
 
     @cached_property
-    def _tested(self) -> tuple[Absorbed, Scaled | None]:
-        """The plant without modes that the controller shares, and scaled where it is regular."""
+    def _regular_and_scaled(self) -> tuple[Absorbed, Scaled | None]:
+        """The plant without modes that the controller shares, and this plant scaled, if it is
+        regular.
+        """
         return tested(self.plant, asked_of(self))
 
     @property
     def absorbed(self) -> Absorbed:
-        """The plant that K closes: the given one, without modes that the controller shares."""
-        return self._tested[0]
+        """The plant that is closed by K: the given one without modes that the controller shares."""
+        return self._regular_and_scaled[0]
 
     @property
     def closed_plant(self) -> GeneralisedPlant:
@@ -200,13 +207,17 @@ class HinfSynthesis(ControllerSynthesis):
 
     @property
     def scaled(self) -> Scaled | None:
-        """The scaled continuous-time plant that methods use; None where it must be perturbed."""
-        return self._tested[1]
+        """The scaled continuous-time plant that methods use; None if the plant must be
+        perturbed.
+        """
+        return self._regular_and_scaled[1]
 
     # --- objective ----------------------------------------------------------------------------
 
     def objective(self, answer: HinfController) -> float | None:
-        """The norm of the closed loop; None where a level is asked for, which any norm may meet."""
+        """The norm of the closed loop; None if a level is given, since any norm below it is as
+        good.
+        """
         return answer.norm if self.gamma is None else None
 
     # --- checks -------------------------------------------------------------------------------
@@ -267,11 +278,13 @@ class HinfSynthesis(ControllerSynthesis):
             sampled,
             replace(sampled, name="sampled plants under the certified norm", value=over_proven),
             *loops.in_time(loop, None, claimed),
-            *([self._shared(answer)] if self.absorbed.copies else []),
+            *([self._shared_poles_check(answer)] if self.absorbed.copies else []),
         ]
 
-    def _shared(self, answer: HinfController) -> Check:
-        """The loop of the given plant and the whole controller, neither of which is certified."""
+    def _shared_poles_check(self, answer: HinfController) -> Check:
+        """Check the loop of the given plant and the whole controller; the certificate is about
+        their parts.
+        """
         omega = drawn.grid(self.absorbed.plant.close(answer.K))
         omega = between_poles(omega, self.plant, answer.lti)
         size = loop_gains(self.plant, answer.lti, omega)
@@ -282,7 +295,9 @@ class HinfSynthesis(ControllerSynthesis):
 
     def facts(self, answer: HinfController) -> Sequence[str]:
         crossover = highest_crossover(self.absorbed.plant.controlled(), answer.K)
-        said = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
+        said = [
+            f"controller: {in_words(self._whole_controller(answer))}, crossover {crossover:.4g} Hz"
+        ]
         if self.absorbed.copies:
             said.append(self.absorbed.words)
         if asked_of(self) and answer.least > 0:
@@ -303,7 +318,7 @@ class HinfSynthesis(ControllerSynthesis):
         return [*said, *self.plant.tested]
 
     def metrics(self, answer: HinfController) -> dict[str, float]:
-        whole = self._whole(answer)
+        whole = self._whole_controller(answer)
         return {
             "norm": answer.norm,
             "gamma": answer.gamma,
@@ -313,15 +328,15 @@ class HinfSynthesis(ControllerSynthesis):
             "stable_controller": float(stability_of(whole).holds),
         }
 
-    def _whole(self, answer: HinfController) -> StateSpace:
-        """The controller with the poles that it shares with weights."""
+    def _whole_controller(self, answer: HinfController) -> StateSpace:
+        """The controller including the poles that it shares with weights."""
         return self.absorbed.whole(answer.K)
 
     def witnessed(self, answer: HinfController) -> HinfController:
-        """The answer with the controller of the given plant, where K leaves shared poles out."""
+        """The answer with the controller of the given plant, if K lacks shared poles."""
         if not self.absorbed.copies:
             return answer
-        return replace(answer, whole=self.plant.named(self._whole(answer)))
+        return replace(answer, whole=self.plant.named(self._whole_controller(answer)))
 
     # --- datasets and figures -----------------------------------------------------------------
 
@@ -329,7 +344,7 @@ class HinfSynthesis(ControllerSynthesis):
         closed = self.absorbed.plant.close(answer.K)
         return {
             "loop": drawn.loop(closed, answer.gamma),
-            "controller": drawn.controller(self._whole(answer), closed),
+            "controller": drawn.controller(self._whole_controller(answer), closed),
         }
 
     def to_dataset(self, answer: HinfController) -> Dataset:
@@ -349,7 +364,7 @@ class HinfSynthesis(ControllerSynthesis):
 
     @staticmethod
     def _stored_search(answer: HinfController) -> dict[str, Any]:
-        """What is stored of a local search; nothing of other answers."""
+        """Data of a local search to be stored; empty for other answers."""
         if not answer.reached:
             return {}
         units = {"units": "1"}

@@ -22,10 +22,11 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 LEVEL_RISE_MULTIPLES = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
-"""Multiples of the tolerance by which the level is raised until the loop holds it."""
+"""Multiples of the tolerance by which the level is raised until the loop's norm is below it."""
 MANY_RISES = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 30.0, 100.0, 1000.0)
-"""The same where the least level counts more than time: rounding decides which of near levels are
-held."""
+"""The same for cases in which a low level matters more than time. Rounding decides which of several
+close levels the loop holds.
+"""
 LEVEL_ROUNDING = 1e-6
 """Share by which rounding errors may lift the norm of a loop above its level."""
 
@@ -33,8 +34,8 @@ LEVEL_ROUNDING = 1e-6
 class Central(NamedTuple):
     """A controller K = (A, B, C, D) whose loop has ``norm``, at most its level ``gamma``.
 
-    By the Riccati equations no level below ``lower`` has a controller. Where rounding lets the norm
-    fall below this value, ``lower`` is the norm.
+    By the Riccati equations no level below ``lower`` has a controller. If rounding lets the norm be
+    below this value, ``lower`` is the norm.
     """
 
     K: Matrices
@@ -44,7 +45,7 @@ class Central(NamedTuple):
 
 
 class InfeasibleError(SolverError):
-    """No controller has the level asked for, nor one below ``lower``."""
+    """No controller reaches the given level; the least level lies above ``lower``."""
 
     def __init__(self, gamma: float, lower: float) -> None:
         super().__init__(
@@ -71,19 +72,20 @@ def central(
     A, B, C, D
         Matrices of the plant; its last inputs are the controls, its last outputs the measurements.
     tolerance
-        Relative width of the interval in which the least level is found. The controller is made
-        for a level above it by the same share, since one at the least level has poles at infinity.
+        Relative width of the interval that contains the least level. The controller is designed for
+        a level higher by the same share, since a controller at the least level has poles at
+        infinity.
     gamma
-        The level asked for; None: the least.
+        The level; None for the least level.
 
     Raises
     ------
     InputError
         D12 or D21 does not have full rank; an unstable mode is hidden.
     InfeasibleError
-        No controller has the level asked for.
+        No controller reaches the given level.
     SolverError
-        No level is feasible, or no controller found holds its level.
+        No level is feasible, or no controller found keeps its loop below its level.
     """
     plant = StandardPlant(A, B, C, D, controls, measurements)
     return central_of(normalised_plant(plant), tolerance, gamma)
@@ -95,31 +97,33 @@ def central_of(
     gamma: float | None = None,
     rises: tuple[float, ...] = LEVEL_RISE_MULTIPLES,
 ) -> Central:
-    """The central controller, as by `central`, of a plant that is scaled already.
+    """The central controller, as from `central`, for a plant that is already scaled.
 
     ``rises`` are the multiples of the tolerance by which the least level is raised.
     """
     plant = normal.plant
     if gamma is None:
         low, best = least_level(plant, tolerance)
-        return _made(normal, [best.gamma * (1.0 + tolerance * k) for k in rises], low)
+        return _first_that_holds(normal, [best.gamma * (1.0 + tolerance * k) for k in rises], low)
     gamma = min(gamma, LARGEST_LEVEL)
     level = level_at(plant, gamma)
     if level is None or not level.feasible:
         raise InfeasibleError(gamma, least_level(plant, tolerance)[0])
-    return _made(normal, [gamma], 0.0)
+    return _first_that_holds(normal, [gamma], 0.0)
 
 
 def central_above(normal: Scaled, least: float, tolerance: float) -> Central:
-    """As `central_of` where the least level is known already."""
-    return _made(normal, [least * (1.0 + tolerance * k) for k in LEVEL_RISE_MULTIPLES], 0.0)
+    """As `central_of`, if the least level is already known."""
+    return _first_that_holds(
+        normal, [least * (1.0 + tolerance * k) for k in LEVEL_RISE_MULTIPLES], 0.0
+    )
 
 
-def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
-    """The controller of the first of the levels that its loop holds.
+def _first_that_holds(normal: Scaled, gammas: list[float], low: float) -> Central:
+    """The controller of the first level whose loop has a norm below the level.
 
-    Where rounding keeps all loops above their levels, the controller with the least norm is
-    returned if this norm is at most a later level; the norm is then its level.
+    If rounding keeps the norms of all loops above their levels, the controller with the least norm
+    is returned, provided that this norm is at most one of the levels. The norm is then its level.
     """
     best, reached = None, "no controller could be made"
     for gamma in gammas:

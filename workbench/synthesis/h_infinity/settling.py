@@ -1,8 +1,8 @@
-"""A method's controller for the plant itself, which may be perturbed until the norm settles.
+"""A method's controller for a given plant, which is perturbed, if needed, until the norm settles.
 
-A method answers a scaled plant that meets the assumptions. Where the given plant does not, the
-method answers perturbed ones. Each controller is judged by its loop with the given plant alone, so
-nothing of a perturbation enters the answer.
+A method needs a scaled plant that meets the assumptions. If the given plant does not meet them, the
+method gets perturbed plants. Each controller is judged only by its loop with the given plant, so no
+perturbation enters the answer.
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 NEGLIGIBLE_NORM = 1e-3
-"""A norm of the loop below this share of the least level consists of rounding errors."""
+"""A norm of the loop below this share of its level is a rounding error."""
 CANCELLED_CLAIM = 1e-8
-"""Share of w -> z without K that is claimed as norm where K cancels it up to rounding."""
+"""Norm that is claimed if K cancels w -> z up to rounding, relative to w -> z without K."""
 SIZES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 """Sizes of perturbations, tried one after another."""
 SETTLED_CHANGE = 1e-3
-"""The norm is settled where the next smaller perturbation changes it by at most this share ..."""
+"""The norm is settled if the next smaller perturbation changes it by at most this share ..."""
 SETTLED_DISTANCE = 1e-2
 """... and the perturbed loop's level is at most this share above it."""
 
 
 class Made(NamedTuple):
-    """What a method makes of a scaled plant: a controller of the plant in its own units, or none.
+    """Result of a method for a scaled plant: a controller of the plant in its own units, or None.
 
-    ``size`` is the norm of its loop, ``gamma`` its level, ``least`` a level that no controller
-    reaches. ``said`` is the message so far.
+    ``size`` is the norm of the loop, ``gamma`` the level, ``least`` a level that no controller
+    reaches, and ``said`` the message so far.
     """
 
     K: Matrices | None
@@ -69,34 +69,37 @@ class Made(NamedTuple):
 
 
 Step = Callable[[Scaled], Made]
-"""A method as a function of a scaled plant."""
+"""Function: scaled plant -> result of the method."""
 
 
 def answered(program: HinfSynthesis, context: Context, step: Step) -> Claim:
-    """The claim of a method for the plant, or for perturbed ones where it must be perturbed."""
+    """The claim of a method for the plant, or for perturbed plants if it must be perturbed."""
     normal = program.scaled
     return settled(program, context, step) if normal is None else claimed(program, step(normal))
 
 
 def claimed(program: HinfSynthesis, made: Made) -> Claim:
-    """The claim for a controller of the plant as it is; no answer unless it stabilises."""
+    """The claim for a controller of the unperturbed plant; no answer unless it stabilises the
+    plant.
+    """
     K, size, gamma, least, outcome, said = made
     if K is None:
         return None, outcome, said
     if not np.isfinite(size):
         return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
-    # Where signals cancel, the remaining norm is a rounding error that cannot be claimed.
+    # If signals cancel, the remaining norm is a rounding error, which cannot be claimed.
     open_loop = without_control(program.scaled.plant) if program.scaled else 0.0
     if program.gamma is None and size < NEGLIGIBLE_NORM * gamma:
         size = gamma
     elif size < CANCELLED_SHARE * open_loop:
         size = min(gamma, CANCELLED_CLAIM * open_loop)
     try:
-        K_found = _realised(program, K)
+        K_found = _in_plant_time(program, K)
     except np.linalg.LinAlgError:
         return None, Outcome.FAILED, f"{said}; the sampled controller found is not causal"
-    # The realised loop may differ from the scaled one that gave the size: the kernel has its norm.
-    proven = _proven(program, K_found)
+    # The loop of the realised controller may differ from the scaled loop that gave `size`. The
+    # kernel computes its norm.
+    proven = _certified_norm_of(program, K_found)
     if np.isfinite(proven) and proven > (1 + CLAIM_TOLERANCE) * size:
         size, gamma = proven, max(gamma, proven)
     if least > (1 + CLAIM_TOLERANCE) * size:
@@ -110,7 +113,7 @@ def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
     said = "no perturbation was tried"
     for number in context.rounds(len(SIZES), "sizes of the perturbation"):
         size = SIZES[number]
-        found, said = _found(program, step, size)
+        found, said = _best_for_size(program, step, size)
         if found is None:
             if tried:
                 break
@@ -122,13 +125,13 @@ def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
     best = _best_proven(program, tried)
     if best is None:
         return None, Outcome.FAILED, f"the perturbed plant has no controller: {said}"
-    return _bounded(program, best), Outcome.SOLVED, "the plant was perturbed"
+    return _with_least_level(program, best), Outcome.SOLVED, "the plant was perturbed"
 
 
-def _bounded(program: HinfSynthesis, found: HinfController) -> HinfController:
-    """The controller with a level that none reaches, where the plant itself gives one.
+def _with_least_level(program: HinfSynthesis, found: HinfController) -> HinfController:
+    """The controller with a level that no controller reaches, if the plant itself gives one.
 
-    The perturbed plants give none: their least levels are larger.
+    The perturbed plants do not give such a level, since their least levels are larger.
     """
     if program.gamma is not None:
         return found
@@ -136,20 +139,21 @@ def _bounded(program: HinfSynthesis, found: HinfController) -> HinfController:
 
 
 def level_of_more_known(program: HinfSynthesis, reached: float) -> float:
-    """The level below which no controller knows enough, or moves enough; NaN where none is known.
+    """A level that no controller reaches, not even one that measures or moves all states; NaN if
+    none is known.
 
-    ``reached`` is the norm of a loop.
+    ``reached`` is the norm of a loop, an upper bound on the least level.
     """
-    given = _given(program)
+    given = _given_plant(program)
     levels = [informed_level(side, reached, SETTLED_CHANGE / 2) for side in (given, given.dual)]
     known = [level for level in levels if not math.isnan(level)]
     return max(known, default=math.nan)
 
 
 def _is_settled(program: HinfSynthesis, tried: list[Made]) -> bool:
-    """Whether the last perturbation changed little, or the norm is negligible."""
+    """Whether the last perturbation changed the norm little, or the norm is negligible."""
     *others, last = tried
-    whole = normalised_plant(wholly_perturbed(_given(program), SIZES[0])).plant
+    whole = normalised_plant(wholly_perturbed(_given_plant(program), SIZES[0])).plant
     if last.size <= NEGLIGIBLE_LEVEL * without_control(whole):
         return True
     near = last.gamma <= (1.0 + SETTLED_DISTANCE) * last.size
@@ -159,33 +163,34 @@ def _is_settled(program: HinfSynthesis, tried: list[Made]) -> bool:
     return abs(last.size - before) <= SETTLED_CHANGE * before
 
 
-def _given(program: HinfSynthesis) -> StandardPlant:
+def _given_plant(program: HinfSynthesis) -> StandardPlant:
     """The plant itself, in continuous time."""
     return continuous(standard_plant(program.absorbed.plant))
 
 
-def _perturbed(program: HinfSynthesis, size: float) -> Iterator[StandardPlant]:
-    """The plant with perturbations of a size, in continuous time, those of least order first.
+def _perturbed_plants(program: HinfSynthesis, size: float) -> Iterator[StandardPlant]:
+    """The plant with perturbations of a size, in continuous time; perturbations of low order come
+    first.
 
-    Which is best depends on the plant: weights that integrate suffer from noise at low frequencies,
-    and rounding spoils the Riccati equations of a plant perturbed only where it must be.
+    Which one is best depends on the plant. Noise at low frequencies is bad for integrating weights.
+    A plant perturbed only where needed may have Riccati equations that rounding spoils.
     """
-    given = _given(program)
+    given = _given_plant(program)
     yield made_regular(given, size)
     singular = program.scaled is None
     yield continuous(standard_plant(narrowly_regularised(program.absorbed.plant, size, singular)))
     yield wholly_perturbed(given, size)
 
 
-def _found(program: HinfSynthesis, step: Step, size: float) -> tuple[Made | None, str]:
+def _best_for_size(program: HinfSynthesis, step: Step, size: float) -> tuple[Made | None, str]:
     """The best controller of the plant with perturbations of a size, and a message.
 
-    Its norm is that of its loop with the plant itself.
+    The norm is that of the controller's loop with the plant itself.
     """
     best: Made | None = None
-    said, given = "", _given(program)
-    for plant in _perturbed(program, size):
-        if plant.D.shape == given.D.shape:  # it is regular as it is, and was tried so
+    said, given = "", _given_plant(program)
+    for plant in _perturbed_plants(program, size):
+        if plant.D.shape == given.D.shape:  # regular, so it is not perturbed and was tried
             continue
         try:
             made = step(normalised_plant(plant))
@@ -204,19 +209,20 @@ def _found(program: HinfSynthesis, step: Step, size: float) -> tuple[Made | None
 
 
 def _best_proven(program: HinfSynthesis, tried: list[Made]) -> HinfController | None:
-    """The controller of least norm, as the kernel proves it for the plant itself.
+    """The controller with the least norm that the kernel proves for the plant itself.
 
-    Its fast poles are left out where this costs no more than what counts as settled.
+    Its fast poles are left out if this raises the norm by no more than the share that counts as
+    settled.
     """
-    given, best = _given(program), None
+    given, best = _given_plant(program), None
     for made in sorted(tried, key=lambda each: each.size):
         allowed = program.gamma or (1.0 + SETTLED_CHANGE) * made.size
         for K in _fewer_poles(made, given, allowed):
             try:
-                found = _realised(program, K)
+                found = _in_plant_time(program, K)
             except np.linalg.LinAlgError:  # not causal
                 continue
-            proven = _proven(program, found)
+            proven = _certified_norm_of(program, found)
             if np.isfinite(proven) and (best is None or proven < best.norm):
                 best = HinfController(found, proven, program.gamma or max(proven, made.gamma))
             if proven <= (1.0 + CLAIM_TOLERANCE) * allowed:
@@ -225,7 +231,9 @@ def _best_proven(program: HinfSynthesis, tried: list[Made]) -> HinfController | 
 
 
 def _fewer_poles(made: Made, given: StandardPlant, allowed: float) -> Iterator[Matrices]:
-    """A static controller or one without fast poles, if as good as allowed, and as it was made."""
+    """A static controller or one without fast poles, if its norm is as allowed, and then the
+    controller itself.
+    """
 
     def good(K: Matrices) -> bool:
         try:
@@ -244,14 +252,14 @@ def _fewer_poles(made: Made, given: StandardPlant, allowed: float) -> Iterator[M
         yield made.K
 
 
-def _realised(program: HinfSynthesis, K: Matrices) -> StateSpace:
-    """A controller found in continuous time, in the time of the plant and with its names."""
+def _in_plant_time(program: HinfSynthesis, K: Matrices) -> StateSpace:
+    """A controller found in continuous time, transformed to the plant's time and with its names."""
     plant = program.absorbed.plant
     dt = float(plant.system.dt or 0.0)
     return plant.named(realisation(to_sampled(K) if dt else K, dt))
 
 
-def _proven(program: HinfSynthesis, K: StateSpace) -> float:
-    """The certified norm of the loop, infinite where it is not stable."""
+def _certified_norm_of(program: HinfSynthesis, K: StateSpace) -> float:
+    """The certified norm of the loop; infinite if the loop is not stable."""
     loop = program.absorbed.plant.close(K)
     return certified_norm(loop) if stability_of(loop).holds else math.inf

@@ -1,1 +1,3 @@
-"""From a controller to a computer: reduced, sampled, in sections, in integers, exported."""
+"""From a controller to a computer: order reduction, sampling, second-order sections, integers,
+export.
+"""

@@ -1,20 +1,20 @@
 """Robust stability of a sampled controller around a continuous plant with continuous uncertainty.
 
-Seen at its samples the loop repeats: what happens at omega happens at every alias
-omega_k = omega + 2 pi k / T too, and dynamics Delta have independent values delta_k at these. With
+The samples of the loop do not distinguish omega from its aliases omega_k = omega + 2 pi k / T, and
+dynamics Delta have independent values delta_k at the aliases. With
 
     z = P_11 w + P_12 u,    y = P_21 w + P_22 u,    w = Delta z
 
-(the plant), a hold H(s) = (1 - exp(-s T)) / s behind K, and Q = K / (1 - K G), G the exactly
-sampled P_22, the loop is singular where
+(the plant), a hold H(s) = (1 - exp(-s T)) / s behind K, and Q = K / (1 - K G), where G is the
+exactly sampled P_22, the loop is singular where
 
     1 = sum_k b_k delta_k a_k / (1 - d_k delta_k),
     a_k = P_12(j omega_k) H(j omega_k) Q / T,   b_k = P_21(j omega_k),   d_k = P_11(j omega_k).
 
-For |delta_k| <= r each term fills a disc, so that their sum fills one too: the least r at which it
-reaches 1 is exact, up to the aliases that are left out, whose sum is bounded. (G. E. Dullerud,
+For |delta_k| <= r each term fills a disc, so their sum also fills a disc. The least r at which this
+disc reaches 1 is exact, up to the aliases that are left out; their sum is bounded. (G. E. Dullerud,
 "Control of uncertain sampled-data systems", 1996, has the lifted operator.) The margin of the
-discretised plant alone is another number: it takes Delta for a sampled system too.
+discretised plant is a different number: there Delta would also be a sampled system.
 """
 
 from __future__ import annotations
@@ -46,33 +46,35 @@ from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import uncertain
 
 FEWEST_ALIASES, MOST_ALIASES = 20, 20_000
-"""Fewest and most aliases on either side of a frequency."""
+"""Smallest and largest number of aliases on each side of a frequency."""
 MORE = 8
-"""Factor of their number where the bounds are too far apart."""
+"""Factor on their number if the bounds are too far apart."""
 TOLERANCE = 1e-3
-"""Relative distance of the bounds that is wanted."""
+"""Wanted relative distance of the bounds."""
 REACH = 4.0
-"""Frequency of the last alias, over the size of the plant's matrix A: beyond it responses fall."""
+"""Frequency of the last alias relative to the norm of the plant's matrix A. Responses decrease
+beyond it.
+"""
 HALVINGS = 60
-"""Halvings of the interval that holds the margin at a frequency."""
+"""Number of halvings of the interval that contains the margin at a frequency."""
 LARGEST = 1e9
-"""A margin beyond this counts as infinite."""
+"""A margin above this counts as infinite."""
 REFINEMENTS = 4
-"""Times that frequencies are added around the smallest margin."""
+"""Number of times that frequencies are added around the smallest margin."""
 ROUNDING = 1e-9
-"""Relative amount by which the lower bound is lowered for the rounding of responses."""
+"""Relative reduction of the lower bound for rounding errors of responses."""
 CHUNK = 2_000_000
-"""Most responses that are held at once."""
+"""Largest number of responses in memory at once."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledRobustness(Answer):
-    """Bounds of the factor by which a continuous perturbation may grow before the loop is unstable.
+    """Bounds on the size that a continuous perturbation may reach before the loop becomes unstable.
 
-    The loop, with its response between the samples too, is stable at ``frequencies`` for every
-    linear time-invariant Delta of a gain up to ``lower``; at ``omega`` [rad/s] values of gain
-    ``upper`` at its aliases make it singular. At most ``aliases`` on either side were counted, the
-    sum of the others is bounded.
+    At the frequencies tried, no linear time-invariant Delta with a gain up to ``lower`` makes the
+    loop singular, also between the samples; ``frequencies`` is their number. At ``omega`` [rad/s],
+    values of gain ``upper`` at its aliases make the loop singular. At most ``aliases`` aliases on
+    each side were computed; the sum of the others is bounded.
 
     Examples
     --------
@@ -102,26 +104,28 @@ class SampledRobustness(Answer):
 def sampled_robustness(
     plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int = -1
 ) -> SampledRobustness:
-    """How much continuous uncertainty a sampled controller around a continuous plant bears.
+    """Bounds on the continuous uncertainty that the loop of a sampled controller and a continuous
+    plant tolerates.
 
     Parameters
     ----------
     plant
-        A continuous uncertain system, or a model, of one input and one output with one uncertain
-        element, which is complex and of one channel (`dynamics(name, 1, 1)`, or circles of an
-        `UncertaintyModel`). What filters the output before it is sampled belongs to it.
+        A continuous uncertain system, or a model, with one input, one output and one uncertain
+        element, which is complex and has one channel (`dynamics(name, 1, 1)`, or circles of an
+        `UncertaintyModel`). It includes the filter of the output before the sampler.
     K
-        StateSpace or TransferFunction of one channel, sampled every ``sample_time`` [s].
+        Controller, StateSpace or TransferFunction with one channel, sampled every ``sample_time``
+        [s].
     delay
-        Delay of the computer [samples], also a fraction.
+        Computation delay [samples]; it may be fractional.
     sign
-        u = sign K y.
+        Sign in u = sign K y.
 
     Raises
     ------
     InputError
-        The plant has other elements or channels; the perturbation reaches the samples without any
-        roll-off, so that there is no response to all of its aliases; the nominal loop is unstable.
+        The plant has other elements or channels; the perturbation reaches the samples without
+        roll-off, so that the sum over all aliases is not finite; or the nominal loop is unstable.
 
     Examples
     --------
@@ -182,9 +186,10 @@ def sampled_robustness(
 
 @dataclass(frozen=True, eq=False)
 class AliasChecker(RepeatedChecker):
-    """Computes a `SampledRobustness` again, and closes loops by dynamics in time.
+    """Computes a `SampledRobustness` again, and simulates loops closed with dynamics in time
+    domain.
 
-    ``parts`` are the plant from (w, u) to (z, y), ``K`` is sampled, u = ``sign`` K y.
+    ``parts`` is the plant from (w, u) to (z, y). ``K`` is sampled, and u = ``sign`` K y.
     """
 
     parts: StateSpace
@@ -197,7 +202,7 @@ class AliasChecker(RepeatedChecker):
 
 
 def _parts(plant: Any) -> StateSpace:
-    """The plant from (w, u) to (z, y), where Delta is one complex channel; or InputError."""
+    """The plant from (w, u) to (z, y); raises InputError unless Delta is one complex channel."""
     system = uncertain(plant, "plant")
     blocks = list(system.structure) if system.elements else []
     single = len(blocks) == 1 and blocks[0].rows == blocks[0].columns == 1
@@ -222,7 +227,7 @@ def _parts(plant: Any) -> StateSpace:
 
 
 class _AliasedLoop:
-    """Margins of the loop at frequencies, from its responses at their aliases."""
+    """Margins of the loop at frequencies, computed from its responses at their aliases."""
 
     def __init__(self, parts: StateSpace, held: HeldPlantLoop) -> None:
         self.parts, self.held, self.period = parts, held, held.period
@@ -238,7 +243,9 @@ class _AliasedLoop:
         self.fewest = max(FEWEST_ALIASES, wanted)
 
     def margins(self, angles: RealArray, aliases: int) -> tuple[RealArray, RealArray]:
-        """Lower and upper bounds (F,) at frequencies [rad/sample], from so many aliases a side."""
+        """Lower and upper bounds (F,) at frequencies [rad/sample], from `aliases` aliases on each
+        side.
+        """
         count = max(1, CHUNK // (2 * aliases + 1))
         parts = [
             self._margins(angles[k : k + count], aliases) for k in range(0, angles.size, count)
@@ -253,15 +260,15 @@ class _AliasedLoop:
         P = response(self.parts, all_.ravel()).reshape(*all_.shape, 2, 2)
         s = 1j * all_
         hold = -np.expm1(-s * self.period) / s * np.exp(-s * self.period * self.held.delay)
-        Q = self._controller(omega)
+        Q = self._closed_controller(omega)
         g = P[..., 1, 0] * P[..., 0, 1] * hold * Q[:, None] / self.period
-        others, most_d = self._others(aliases)
+        others, most_d = self._bounds_of_others(aliases)
         rest = others * np.abs(Q) / self.period
         d = P[..., 0, 0]
-        return _least(g, d, rest, most_d), _least(g, d, 0.0 * rest, 0.0)
+        return _least_radius(g, d, rest, most_d), _least_radius(g, d, 0.0 * rest, 0.0)
 
-    def _others(self, aliases: int) -> tuple[float, float]:
-        """Bounds of the sum of |P_12 H P_21| over further aliases, and of their |P_11|."""
+    def _bounds_of_others(self, aliases: int) -> tuple[float, float]:
+        """Bounds on the sum of |P_12 H P_21| over the further aliases, and on their |P_11|."""
         parts, rate = self.parts, 2 * math.pi / self.period
         last = (aliases + 0.5) * rate
         # |C (j w - A)^-1 B| <= |C| |B| / (w - |A|)
@@ -273,19 +280,19 @@ class _AliasedLoop:
         squares = 2 / (rate**2 * (aliases - 0.5))
         return float(2 * most_a * fall * sizes[3] * sizes[0] * squares), float(most_d)
 
-    def _controller(self, omega: RealArray) -> Array:
-        """sign K / (1 - sign K G) at frequencies [rad/s]."""
+    def _closed_controller(self, omega: RealArray) -> Array:
+        """Response sign K / (1 - sign K G) at frequencies [rad/s]."""
         K = self.held.sign * response(self.held.K, omega)[:, 0, 0]
         G = response(self.held.held(), omega)[:, 0, 0]
         found: Array = K / (1 - K * G)
         return found
 
 
-def _least(g: Array, d: Array, rest: RealArray, most_d: float) -> RealArray:
-    """The least r (F,) at which the sum of what all aliases (F, K) can give reaches 1.
+def _least_radius(g: Array, d: Array, rest: RealArray, most_d: float) -> RealArray:
+    """The least r (F,) at which the sum of the terms of all aliases (F, K) can reach 1.
 
-    g delta / (1 - d delta) fills a disc, or where r |d| > 1 what lies outside one; two such sets
-    fill the plane. ``rest`` (F,) and ``most_d`` bound the g and d of the aliases left out.
+    g delta / (1 - d delta) fills a disc or, if r |d| > 1, the outside of a disc. The sum of two
+    outsides is the whole plane. ``rest`` (F,) and ``most_d`` bound g and d of the aliases left out.
     """
     size = np.abs(d) ** 2
     high = np.full(len(g), min(LARGEST, 1 / max(most_d, 1 / LARGEST)))
@@ -296,7 +303,7 @@ def _least(g: Array, d: Array, rest: RealArray, most_d: float) -> RealArray:
         outside = (room < 0).sum(axis=1)
         with np.errstate(all="ignore"):
             centre = (g * d.conj() / room).sum(axis=1) * r**2
-            radius = (np.abs(g) / room).sum(axis=1) * r  # of an outside negative
+            radius = (np.abs(g) / room).sum(axis=1) * r  # negative for the outside of a disc
             others = 2 * r * rest / (1 - r * most_d)
             away = np.abs(1 - centre)
             missed = np.where(outside, away < -radius - others, away > radius + others)

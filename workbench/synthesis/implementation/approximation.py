@@ -1,4 +1,4 @@
-"""Approximation of plants and controllers by systems of fewer states, with a proven error."""
+"""Approximation of plants and controllers by systems with fewer states, with a proven error."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import Matrices, matrices_of, pole_sizes, realisation
 
 Reducer = tuple[int, Callable[[int], StateSpace]]
-"""The least order that a method reaches, and a function from an order to the system."""
+"""The least order that a method reaches, and a function: order -> system."""
 DETOUR = 8
-"""States above the wanted order from which `approximations` starts again at most."""
+"""Largest number of states above the wanted order from which `approximations` starts again."""
 ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
 """Methods of order reduction; see `approximated`."""
 SCREENED = 60
-"""Frequencies at which a difference is looked at before its bound is proven."""
+"""Number of frequencies at which a difference is evaluated before its bound is proven."""
 
 
 def approximated(
@@ -47,30 +47,31 @@ def approximated(
 ) -> ApproximatedSystem:
     """Approximate a plant or a controller by a system with at most `order` states.
 
-    The result has fewer states where the minimal part of K has fewer, or where Hankel singular
-    values coincide. Poles on the boundary of stability and beyond it are kept. Integrators
-    (sampled: poles at z = 1, and at z = -1) are exact in the result, also those that rounding has
-    moved in K, as ``control.ss`` of a transfer function does.
+    The result has fewer states if the minimal part of K has fewer, or if Hankel singular values
+    coincide. Poles on the boundary of stability and unstable poles are kept. Integrators (in
+    sampled systems poles at z = 1 and z = -1) are exact in the result, even if rounding has moved
+    them in K, for example when ``control.ss`` converted a transfer function.
 
     Parameters
     ----------
     K
         StateSpace or TransferFunction, stable or not, continuous or sampled.
     order
-        Largest number of states; None where an error is wanted instead.
+        Largest number of states; None if an error is given instead.
     method
         ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"``,
-        ``"matchdc"`` and ``"hankel"``: balanced truncation, the same with the response at zero
-        frequency kept, and optimal Hankel-norm approximation of the stable part of K alone; the
-        other poles are kept (see `workbench.synthesis.reduction.truncation`).
+        ``"matchdc"`` and ``"hankel"``: balanced truncation, balanced singular perturbation, which
+        keeps the response at zero frequency, and optimal Hankel-norm approximation. These three
+        reduce the stable part of K only and keep the other poles (see
+        `workbench.synthesis.reduction.truncation`).
     plant
-        Plant of the loop u = K y; for ``"weighted"`` only.
+        Plant of the loop u = K y; only for ``"weighted"``.
     error
-        Largest gain of the difference, times the weights, that is allowed. The least order that is
-        proven to reach it is taken.
+        Largest allowed gain of the weighted difference. The result has the least order for which
+        this is proven.
     output_weight, input_weight
-        Stable W_o and W_i of the difference W_o (K - K_r) W_i that is to be small, for "balanced"
-        and "matchdc"; a weight of one signal counts for each.
+        Stable weights W_o and W_i of the difference W_o (K - K_r) W_i, for "balanced" and
+        "matchdc". A weight with one signal is used for each signal.
 
     Raises
     ------
@@ -78,8 +79,8 @@ def approximated(
         Neither an order nor an error is given, or both; the order is below 0, above that of K, or
         below the number of poles that the method keeps; a weight is not stable, has another
         sampling time or belongs to another method; the method is "weighted" and there is no plant,
-        or it or K is sampled, or K does not stabilise it; or poles of K are 0 up to rounding, and
-        its matrices do not say whether they are integrators.
+        or plant or K is sampled, or K does not stabilise the plant; or poles of K are 0 up to
+        rounding, and it cannot be decided from its matrices whether they are integrators.
 
     Examples
     --------
@@ -109,13 +110,15 @@ def approximated(
     need_positive(error, "error")
     for k in range(least, K.nstates):
         small = ApproximatedSystem.of(of(k), checker)
-        if _seen_apart(checker, small) <= error and small.error <= error:
+        if _largest_sampled_difference(checker, small) <= error and small.error <= error:
             return small
     return ApproximatedSystem.of(K, checker)
 
 
-def _seen_apart(checker: DifferenceChecker, small: StateSpace) -> float:
-    """The largest weighted gain of the difference at some frequencies: none is proven below it."""
+def _largest_sampled_difference(checker: DifferenceChecker, small: StateSpace) -> float:
+    """The largest weighted gain of the difference at some frequencies, a lower bound on every
+    proven error.
+    """
     sizes = pole_sizes(checker.references[0].system)
     sizes = sizes[sizes > 0.0]
     if not sizes.size:
@@ -134,7 +137,7 @@ def _seen_apart(checker: DifferenceChecker, small: StateSpace) -> float:
 def _weights(
     K: StateSpace, method: str, leaving: Any, entering: Any
 ) -> tuple[StateSpace | None, StateSpace | None]:
-    """Both weights as systems, checked; None where there is none."""
+    """Both weights as systems, checked; None for a weight that is not given."""
     found: list[StateSpace | None] = []
     for name, weight, size in (
         ("output_weight", leaving, K.noutputs),
@@ -200,7 +203,7 @@ def reducer(
     found: Conditions | None,
     weights: tuple[StateSpace | None, StateSpace | None] = (None, None),
 ) -> Reducer:
-    """The least order that a method reaches, and a function from an order to the system."""
+    """The least order that a method reaches, and a function: order -> system."""
     if method == "weighted":
         of_states = weighted_by_loop(K, plant, found)
         least = 0

@@ -1,4 +1,4 @@
-"""The loop of a sampled controller around a held plant, and what a set of plants adds to it."""
+"""The loop of a sampled controller around a plant with hold, also for a set of plants."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from workbench.uncertainty import UncertaintyModel
 
 @dataclass(frozen=True, eq=False)
 class BoardLoop:
-    """A plant, the hold and the delay of the computer, and an anti-aliasing filter.
+    """A plant with the hold and the delay of the computer, and with an anti-aliasing filter.
 
     The parameters are those of `Implementation`.
     """
@@ -36,7 +36,7 @@ class BoardLoop:
 
     @cached_property
     def model(self) -> UncertaintyModel | None:
-        """The set of plants, if the plant is one of a single channel."""
+        """The set of plants, if the plant is such a set with a single channel; otherwise None."""
         if isinstance(self.plant, GeneralisedPlant):
             return None
         part = part_of(self.plant, "plant")
@@ -44,7 +44,7 @@ class BoardLoop:
 
     @cached_property
     def nominal(self) -> tuple[StateSpace, int]:
-        """The continuous nominal from u to y with its filter, and the sign of the loop."""
+        """The continuous nominal from u to y including the filter, and the sign of the loop."""
         plant, sign = plant_and_sign(self.plant, self.sign)
         if plant.dt:
             raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
@@ -53,7 +53,7 @@ class BoardLoop:
         import control
 
         if self.model is not None and self.model.form == "additive":
-            raise InputError("an additive model with a filter: put the filter into the responses")
+            raise InputError("the model is additive: put the filter into the responses instead")
         part = as_system(self.anti_aliasing, "anti_aliasing")
         if (part.ninputs, part.noutputs) == (1, 1) and plant.noutputs > 1:
             part = control.append(*[part] * plant.noutputs)
@@ -82,18 +82,21 @@ class BoardLoop:
         links = np.zeros((m + p, p + m))
         links[:m, p:], links[m:, :p] = loop.sign * np.eye(m), np.eye(p)
         enters = np.vstack([np.zeros((m, p)), np.eye(p)])
-        # The measurement is the output with the disturbance: S = 1 + (from disturbance to output).
+        # The measurement is output plus disturbance, so S = 1 + (transfer from disturbance to
+        # output).
         M, n = connected((named_realisation(G), named_realisation(K)), links, enters, np.eye(p + m))
         M[n : n + p, n:] += np.eye(p)
         return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
 
     def sensitivity(self, K: StateSpace) -> StateSpace:
-        """S of the loop, from a disturbance of the measurements to them."""
+        """Sensitivity S of the loop, from a disturbance of the measurements to the measurements."""
         closed, p = self.closed(K), self.nominal[0].noutputs
         return realisation((closed.A, closed.B, closed.C[:p], closed.D[:p]), self.period)
 
     def around(self, K: StateSpace) -> StateSpace:
-        """What the set's deviations see: T = 1 - S for relative ones, K S for additive ones."""
+        """The transfer function around the set's deviations: T = 1 - S for relative ones, K S for
+        additive ones.
+        """
         closed, p = self.closed(K), self.nominal[0].noutputs
         assert self.model is not None
         if self.model.form == "multiplicative":
@@ -104,6 +107,6 @@ class BoardLoop:
         )
 
     def peak(self, K: StateSpace) -> SetPeak | None:
-        """Bounds of mu of a stable loop for the set of plants; None without a set."""
+        """Bounds on mu of a stable loop for the set of plants; None without a set."""
         model = self.model
         return None if model is None else sampled_set_peak(self.around(K), model.W_c, model.W_r)

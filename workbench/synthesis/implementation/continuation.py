@@ -1,4 +1,6 @@
-"""Matched poles and zeros from continuous to sampled time and back; sampled systems continued."""
+"""Matched poles and zeros from continuous to sampled time and back; continuous systems from sampled
+ones.
+"""
 
 from __future__ import annotations
 
@@ -21,33 +23,38 @@ from workbench.systems.realisation import Matrices, in_series, realisation
 ContinuationMethod = Literal["zoh", "tustin", "matched"]
 """Ways back to continuous time: from a hold, a bilinear transform, or matched poles and zeros."""
 AT_ZERO = 1e-13
-"""Size of a zero that counts as one at 0, up to rounding."""
+"""A zero of at most this size counts as 0, up to rounding."""
 AT_MINUS_ONE = 1e-4
-"""Distance from z = -1 up to which a zero is one at infinity; rounding moves repeated ones far."""
+"""Zeros within this distance from z = -1 count as zeros at infinity; rounding moves repeated zeros
+far.
+"""
 REAL_ANGLE = 1e-6
-"""Angle [rad] from the negative axis up to which a pair of poles is a repeated real one."""
+"""A pair of poles within this angle [rad] from the negative axis counts as a repeated real pole."""
 AWAY = 1.7 + 0.9j
-"""Point of the plane, in the size of poles and zeros, at which a leading coefficient is read."""
+"""Point of the plane, in units of the size of poles and zeros, at which a leading coefficient is
+computed.
+"""
 
 
 def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> StateSpace:
-    """The continuous system that a sampled one was made from, by a method of `discretised`.
+    """The continuous system from which a method of `discretised` makes the given sampled system.
 
     Parameters
     ----------
     controller
-        StateSpace or TransferFunction, sampled, its dt known; a plant as well.
+        Sampled StateSpace or TransferFunction with known dt; it may also be a plant.
     method
-        ``"zoh"``: whose response to held inputs it is at the samples; ``"tustin"``, the inverse of
-        the bilinear transform; ``"matched"``, with the logarithms of poles and zeros, zeros at
-        z = -1 going to infinity, and the same gain at zero frequency.
+        ``"zoh"``: with held inputs, the continuous system has the given response at the samples.
+        ``"tustin"``: inverse of the bilinear transform. ``"matched"``: poles and zeros become their
+        logarithms, zeros at z = -1 go to infinity, and the gain at zero frequency stays the same.
 
     Raises
     ------
     InputError
-        It is continuous, or its sampling time is open; it has a pole at or left of z = 0 on the
-        real axis, which no real system gives under a hold or by matching; of "tustin" a pole at
-        z = -1; of "matched" such a zero other than -1, or several inputs or outputs.
+        The system is continuous, or its sampling time is unknown. For "zoh" and "matched": it has a
+        pole on the real axis at or left of z = 0, which no real continuous system gives. For
+        "tustin": it has a pole at z = -1. For "matched": it has such a zero other than -1, or
+        several inputs or outputs.
 
     Examples
     --------
@@ -74,7 +81,7 @@ def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> S
         parts: Matrices = found.A, found.B, found.C, found.D
     else:
         _need_logarithms(K)
-        parts = _unheld(K) if method == "zoh" else _matched_back(K)
+        parts = _without_hold(K) if method == "zoh" else _inverse_matched(K)
     labels = {"inputs": K.input_labels, "outputs": K.output_labels}
     return realisation(parts, 0.0, **labels)
 
@@ -95,8 +102,8 @@ def _need_logarithms(K: StateSpace) -> None:
             )
 
 
-def _unheld(K: StateSpace) -> Matrices:
-    """The system whose exact discretisation under a hold is K."""
+def _without_hold(K: StateSpace) -> Matrices:
+    """The system whose exact discretisation with a hold is K."""
     n, m = K.B.shape
     if not n:
         return K.A, K.B, K.C, K.D
@@ -110,18 +117,18 @@ def _unheld(K: StateSpace) -> Matrices:
 def matched(K: StateSpace, sample_time: float) -> Matrices:
     """Sampled K with poles and zeros exp(s T), and the same gain at zero frequency.
 
-    Zeros at infinity go to z = -1, all but one. Where K has poles or zeros at 0, what counts is the
-    factor of their power of s, which is (z - 1) / T.
+    All zeros at infinity but one go to z = -1. If K has poles or zeros at 0, s becomes (z - 1) / T
+    there, and the factor of this power stays the same.
     """
     poles, zeros = _poles_and_zeros(K)
     at_minus_one = max(len(poles) - len(zeros) - 1, 0)
-    gain = _leading(K, poles, zeros) * np.prod(_growth(poles, sample_time))
-    gain = gain / np.prod(_growth(zeros, sample_time)) / 2.0**at_minus_one
+    gain = _leading_ratio(K, poles, zeros) * np.prod(_difference_ratio(poles, sample_time))
+    gain = gain / np.prod(_difference_ratio(zeros, sample_time)) / 2.0**at_minus_one
     ends = np.append(np.exp(zeros * sample_time), -np.ones(at_minus_one))
     return _cascade(np.exp(poles * sample_time), ends, float(gain.real))
 
 
-def _matched_back(K: StateSpace) -> Matrices:
+def _inverse_matched(K: StateSpace) -> Matrices:
     """The continuous system with the logarithms of the poles and zeros of K."""
     T = float(K.dt)
     poles, every = _poles_and_zeros(K)
@@ -134,21 +141,21 @@ def _matched_back(K: StateSpace) -> Matrices:
                 f"K has the zero z = {zero.real:.6g}, at or left of 0 on the real axis; no real "
                 'continuous system gives it by matching: ask "zoh" or "tustin"'
             )
-    gain = _leading(K, poles, every) * np.prod(1.0 - every[infinite])
+    gain = _leading_ratio(K, poles, every) * np.prod(1.0 - every[infinite])
     starts: ComplexArray = np.asarray(np.log(poles) / T, dtype=complex)
     ends: ComplexArray = np.asarray(np.log(zeros) / T, dtype=complex)
-    gain = gain * np.prod(_growth(ends, T)) / np.prod(_growth(starts, T))
+    gain = gain * np.prod(_difference_ratio(ends, T)) / np.prod(_difference_ratio(starts, T))
     return _cascade(starts, ends, float(gain.real))
 
 
-def _growth(roots: ComplexArray, T: float) -> ComplexArray:
-    """(exp(s T) - 1) / s, the ratio of 1 - z to -s."""
+def _difference_ratio(roots: ComplexArray, T: float) -> ComplexArray:
+    """The ratio (exp(s T) - 1) / s of z - 1 to s, for roots s."""
     regular = np.where(roots == 0.0, 1.0, roots)
     found: ComplexArray = np.where(roots == 0.0, T, np.expm1(regular * T) / regular)
     return found
 
 
-def _leading(K: StateSpace, poles: ComplexArray, zeros: ComplexArray) -> complex:
+def _leading_ratio(K: StateSpace, poles: ComplexArray, zeros: ComplexArray) -> complex:
     """The ratio of the leading coefficients of numerator and denominator."""
     size = float(np.abs(np.concatenate([poles, zeros])).max(initial=0.0)) or 1.0
     point = size * AWAY
@@ -157,7 +164,7 @@ def _leading(K: StateSpace, poles: ComplexArray, zeros: ComplexArray) -> complex
 
 
 def _poles_and_zeros(K: StateSpace) -> tuple[ComplexArray, ComplexArray]:
-    """Poles and finite zeros of a system of one input and one output."""
+    """Poles and finite zeros of a system with one input and one output."""
     if (K.ninputs, K.noutputs) != (1, 1):
         raise InputError(
             f'K has {K.ninputs} inputs and {K.noutputs} outputs; "matched" belongs to one of each, '
@@ -167,19 +174,21 @@ def _poles_and_zeros(K: StateSpace) -> tuple[ComplexArray, ComplexArray]:
 
 
 def _cascade(poles: ComplexArray, zeros: ComplexArray, gain: float) -> Matrices:
-    """A realisation of gain prod(x - zeros) / prod(x - poles), a section for each pair of poles."""
-    left = _paired(zeros)
+    """A realisation of gain prod(x - zeros) / prod(x - poles), with a section for each pair of
+    poles.
+    """
+    left = _pairs(zeros)
     if len(zeros) > len(poles):
         raise InputError(f"K has {len(zeros)} zeros and {len(poles)} poles; it is improper")
     found: Matrices = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * gain
-    for pair in _paired(poles):
+    for pair in _pairs(poles):
         over = left.pop(0) if left else np.zeros(0, dtype=complex)
         found = in_series(found, _section(pair, over))
     return found
 
 
-def _paired(roots: ComplexArray) -> list[ComplexArray]:
-    """Complex pairs, then real roots by twos, a last one alone."""
+def _pairs(roots: ComplexArray) -> list[ComplexArray]:
+    """Groups of roots: complex pairs, then real roots in pairs; the last one may be single."""
     up = roots[roots.imag > 0.0]
     pairs = [np.array([root, root.conjugate()]) for root in up]
     real = np.sort(roots[roots.imag == 0.0].real)[::-1].astype(complex)
@@ -200,7 +209,7 @@ def _section(poles: ComplexArray, zeros: ComplexArray) -> Matrices:
         A = np.array([[p.real, p.imag], [-p.imag, p.real]])
     else:
         A = np.array([[p.real, 1.0], [0.0, q.real]])
-    # Of A, B = [0, 1]': C (x - A)^-1 B = (c1 A12 + c2 (x - A11)) / det.
+    # For this A and B = [0, 1]': C (x - A)^-1 B = (c1 A12 + c2 (x - A11)) / det.
     c2 = rest[0]
     c1 = (rest[1] + c2 * A[0, 0]) / A[0, 1]
     return A, np.array([[0.0], [1.0]]), np.array([[c1, c2]]), np.array([[direct]])

@@ -28,12 +28,15 @@ from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
 
 ImplementationMethod = Literal["tustin", "zoh", "foh"]
-"""Discretisation methods of any number of inputs: bilinear transform, and holds of order zero and
-one."""
+"""Discretisation methods for any number of inputs: bilinear transform, and holds of order zero and
+one.
+"""
 DiscretisationMethod = Literal["tustin", "zoh", "foh", "matched"]
-"""The same, and matched poles and zeros."""
+"""The same methods, and matched poles and zeros."""
 SEPARATION_NORM = 1e3
-"""Largest norm of a transformation that separates blocks; poles that need more stay together."""
+"""Largest norm of a transformation that separates blocks. Poles that need a larger one stay
+together.
+"""
 CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
 """Frequencies at which the gain of the loop is checked, as multiples of half the sampling rate."""
 
@@ -48,7 +51,7 @@ def discretised(
     sign: int | None = None,
     delay: float = 0.0,
 ) -> StateSpace:
-    """Discretise a controller at a sampling time [s]; its A becomes block diagonal.
+    """Discretise a controller with a sampling time [s]; its A becomes block diagonal.
 
     Each block has a complex pair of poles or a real pole. A block is larger only where poles are so
     close that separate parts would nearly cancel. The blocks are separated in continuous time,
@@ -59,10 +62,10 @@ def discretised(
     K
         StateSpace or TransferFunction, continuous time.
     method
-        ``"tustin"``, the bilinear transform; ``"zoh"``, exact for held inputs; or ``"foh"``, exact
-        for inputs that go straight from sample to sample; or ``"matched"``, of one input and
-        output: poles and zeros exp(s T), all but one of the zeros at infinity at z = -1, and the
-        same gain at zero frequency; its A is a chain of blocks.
+        ``"tustin"`` is the bilinear transform. ``"zoh"`` is exact for held inputs, and ``"foh"``
+        for inputs that are linear between samples. ``"matched"``, for one input and output, has
+        poles and zeros exp(s T), all zeros at infinity but one at z = -1, and the same gain at zero
+        frequency; its A is a chain of blocks.
     prewarp
         Frequency [rad/s] at which the bilinear transform keeps the response of K.
     plant, sign, delay
@@ -80,8 +83,8 @@ def discretised(
     Warns
     -----
     RangeWarning
-        The sampling time is above 100 times the longest time constant of K, or with a plant as
-        `sampled_conditions` warns.
+        The sampling time is above 100 times the longest time constant of K; with a plant, also as
+        in `sampled_conditions`.
 
     Examples
     --------
@@ -109,7 +112,7 @@ def discretised(
     if method == "zoh":
         A, B = hold(A, B, sample_time)
     elif method == "foh":
-        A, B, D = _straight(A, B, C, D, sample_time)
+        A, B, D = _linear_between_samples(A, B, C, D, sample_time)
     elif method == "matched":
         A, B, C, D = matched(K, sample_time)
     else:
@@ -117,7 +120,7 @@ def discretised(
         shifted = np.eye(len(A)) - half * A
         if len(A) and np.linalg.cond(shifted) > 1e12:
             raise InputError(
-                f"K has a pole at 1 / ({half:.6g} s), which the bilinear transform takes to "
+                f"K has a pole at 1 / ({half:.6g} s), which the bilinear transform moves to "
                 "infinity; take another sample_time"
             )
         back = np.linalg.inv(shifted)
@@ -137,13 +140,14 @@ def discretised(
     return sampled
 
 
-def _straight(
+def _linear_between_samples(
     A: RealArray, B: RealArray, C: RealArray, D: RealArray, period: float
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """A, B and D for inputs that go straight between samples (G. F. Franklin, J. D. Powell, M. L.
+    """A, B and D for inputs that are linear between samples (G. F. Franklin, J. D. Powell, M. L.
     Workman, Digital Control of Dynamic Systems, 3rd ed., 1997, section 6.3.2: triangle hold).
 
-    With x+ = F x + G1 u + G2 (u+ - u) the state x - G2 u needs no input of the next sample.
+    With x+ = F x + G1 u + G2 (u+ - u), the state x - G2 u does not need the input of the next
+    sample.
     """
     n, m = B.shape
     block = np.zeros((n + 2 * m, n + 2 * m))
@@ -157,7 +161,9 @@ def _straight(
 def block_diagonal(
     A: RealArray, B: RealArray, C: RealArray
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """The realisation with separate blocks of real poles and complex pairs (SLICOT MB03RD)."""
+    """The block diagonal realisation, with blocks of real poles and complex pairs (SLICOT
+    MB03RD).
+    """
     mb03rd = slicot_routine("mb03rd")
 
     n = len(A)
@@ -179,7 +185,7 @@ def block_diagonal(
 
 
 def _half_step(sample_time: float, prewarp: float | None) -> float:
-    """The h [s] of the bilinear transform s = (z - 1) / (h (z + 1))."""
+    """The step h [s] of the bilinear transform s = (z - 1) / (h (z + 1))."""
     if prewarp is None:
         return sample_time / 2
     nyquist = math.pi / sample_time
@@ -192,7 +198,7 @@ def _half_step(sample_time: float, prewarp: float | None) -> float:
 
 
 def _check_bandwidth(K: StateSpace, plant: StateSpace, sample_time: float) -> None:
-    """Raise InputError where the continuous loop's gain exceeds 1 beyond half the sampling rate."""
+    """Raise InputError if the continuous loop's gain exceeds 1 above half the sampling rate."""
     nyquist = math.pi / sample_time
     omega = nyquist * CHECKED_NYQUIST_RATIOS
     gain = np.linalg.norm(response(K, omega) @ response(plant, omega), 2, axis=(-2, -1))

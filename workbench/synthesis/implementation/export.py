@@ -24,9 +24,9 @@ from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
 
 Format = Literal["json", "mat", "c"]
-"""Formats of files."""
+"""File formats."""
 FILE_KIND = "workbench controller"
-"""Mark in a file that shows that `export` wrote it."""
+"""Text in a file that shows that `export` wrote it."""
 
 
 def export(
@@ -97,7 +97,7 @@ def load_controller(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
     Raises
     ------
     ResultError
-        The file cannot be read, or is not one of these.
+        The file cannot be read, or was not written by `export` as "json" or "mat".
 
     Examples
     --------
@@ -173,7 +173,9 @@ def _from_json(content: bytes) -> dict[str, Any]:
 
 
 def _to_mat(fields: dict[str, Any]) -> bytes:
-    """MATLAB file, version 5; as in MATLAB, dt is -1 for a sampling time not given; NaN for any."""
+    """MATLAB file, version 5. As in MATLAB, dt is -1 for an unknown sampling time; it is NaN for
+    any time.
+    """
     from scipy.io import savemat
 
     dt = fields["dt"]
@@ -191,8 +193,8 @@ def _from_mat(content: bytes) -> dict[str, Any]:
 
     try:
         found = loadmat(BytesIO(content))
-    except Exception as error:  # loadmat raises many classes for bytes of other kinds
-        raise ValueError(f"no JSON, and as a MATLAB file: {error}") from None
+    except Exception as error:  # loadmat raises many kinds of errors for other content
+        raise ValueError(f"it is not JSON, and not a MATLAB file: {error}") from None
     dt = float(found["dt"].item())
     texts = {
         key: [str(text.item()) for text in found[key].ravel()]

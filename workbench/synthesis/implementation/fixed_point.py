@@ -3,11 +3,10 @@
 Sections are in direct form I. The memory of a section holds its past inputs and outputs only. The
 accumulator is wide enough for the exact sum; only its result is rounded and may overflow.
 
-A last section saturates. Where an output has one channel only, full scale of this section is full
-scale of the control, beyond which the control does not go: an integrator there neither overflows
-nor winds up. Saturated sections of second order do not go on to oscillate (P. Ebert, J. Mazo, M.
-Taylor, Overflow oscillations in digital filters, Bell System Technical Journal 48 (1969)
-2999-3020).
+A last section saturates. If an output has only one channel, full scale of this section is full
+scale of the control, so an integrator there neither overflows nor winds up. Saturated second-order
+sections do not keep up an oscillation (P. Ebert, J. Mazo, M. Taylor, Overflow oscillations in
+digital filters, Bell System Technical Journal 48 (1969) 2999-3020).
 """
 
 from __future__ import annotations
@@ -30,12 +29,13 @@ from workbench.synthesis.implementation.second_order import Sections
 Integers = NDArray[np.int64]
 """Array of integers."""
 ACCUMULATOR_BITS, SPARE_BITS = 63, 4
-"""Bits of the widest sum that a computer has, its sign aside, and those that sums need for their
-terms."""
+"""Bits of the widest sum of a computer without its sign, and additional bits for the terms of a
+sum.
+"""
 MOST_ROUNDINGS = 4
-"""Most roundings of numerators until their sums fit."""
+"""Largest number of roundings of numerators until their sums fit."""
 FEWEST_BITS, MOST_BITS = 4, 62
-"""Least and most bits of an integer; int64 must hold it."""
+"""Smallest and largest number of bits of an integer; int64 must hold it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +74,13 @@ class FixedCascade:
 
     @property
     def overflow_free(self) -> bool:
-        """Whether no input within full scale makes a section overflow."""
+        """True if no input within full scale makes a section overflow."""
         return bool((self.largest < 1.0).all())
 
 
 @dataclass(frozen=True, eq=False)
 class FixedPoint:
-    """A controller in integers.
+    """A controller as cascades in integer arithmetic.
 
     ``cascades[i][j]`` leads from input j to output i; ``quantised`` are the sections with rounded
     coefficients, without shifts.
@@ -99,7 +99,7 @@ class FixedPoint:
 
     @property
     def overflow_free(self) -> bool:
-        """Whether no input within full scale makes a section of any channel overflow."""
+        """True if no input within full scale makes a section of any channel overflow."""
         return all(cascade.overflow_free for line in self.cascades for cascade in line)
 
     @property
@@ -110,7 +110,7 @@ class FixedPoint:
     def conditions(
         self, plant: Any, delay: float = 0.0, *, sign: int | None = None
     ) -> SampledConditions:
-        """Stability and margins, as `sampled_conditions`, with the rounded coefficients."""
+        """Stability and margins with the rounded coefficients, as from `sampled_conditions`."""
         system, dt = self.quantised.system, self.quantised.dt
         return sampled_conditions(plant, system, dt, delay, sign=sign)
 
@@ -121,15 +121,15 @@ def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
     The output of each section is shifted by the least power of two that its worst case needs: the
     sum of the absolute impulse responses from the input, and from all roundings, to this output (L.
     Jackson, On the interaction of roundoff noise and dynamic range in digital filters, Bell System
-    Technical Journal 49 (1970) 159-184). The last section of an output with one channel is not
-    shifted beyond full scale of the control. For other sections no shift suffices for a pole on the
-    unit circle, or where roundings add up to more than full scale; ``largest`` is then infinite and
-    ``overflow_free`` false.
+    Technical Journal 49 (1970) 159-184). The last section of an output with one channel is shifted
+    at most to full scale of the control. For other sections no shift suffices if a pole is on the
+    unit circle, or if rounding errors add up to more than full scale; ``largest`` is then infinite
+    and ``overflow_free`` is False.
 
     Raises
     ------
     InputError
-        Numbers of bits that are not between 4 and 62.
+        A number of bits is not between 4 and 62.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
 
 
 def need_bits(value: Any, name: str) -> None:
-    """Raise InputError for what is no number of bits that the arithmetic takes."""
+    """Raise InputError unless a number of bits is possible in this arithmetic."""
     need_whole(value, name)
     if not FEWEST_BITS <= value <= MOST_BITS:
         raise InputError(f"{name} is {value}; it must lie between {FEWEST_BITS} and {MOST_BITS}")
@@ -162,16 +162,16 @@ def _cascade(
 ) -> tuple[FixedCascade, RealArray]:
     """The cascade in integers, and the sections (L, 6) with the rounded coefficients.
 
-    ``alone`` says that no other channel leads to its output.
+    ``alone`` is True if no other channel leads to the output.
     """
-    # Poles near zero need no finer steps than the others.
-    a, a_exponents = _rounded(rows[:, 4:], bits, np.full(len(rows), bits))
+    # Poles near zero need no finer steps than other poles.
+    a, a_exponents = _rounded_integers(rows[:, 4:], bits, np.full(len(rows), bits))
     rounded = rows.copy()
     rounded[:, 4:] = a * np.exp2(-a_exponents)[:, None]
-    # A sum is as long as its finest term asks for: numerators are no finer than fits.
+    # The finest term determines the length of a sum, so numerators are made only as fine as fits.
     finest = np.full(len(rows), np.iinfo(np.int64).max)
     for _ in range(MOST_ROUNDINGS):
-        b, b_exponents = _rounded(rows[:, :3], bits, finest)
+        b, b_exponents = _rounded_integers(rows[:, :3], bits, finest)
         rounded[:, :3] = b * np.exp2(-b_exponents)[:, None]
         shifts, largest = _shifts(rounded, signal_bits, alone)
         moved_by = np.diff(shifts, prepend=0)
@@ -182,14 +182,14 @@ def _cascade(
     # The exponent of a numerator includes the shift, so that no coefficient changes.
     b_exponents = b_exponents + moved_by
     noise = _noise(rounded, shifts, signal_bits)
-    moved = _moved(rows, rounded)
+    moved = _largest_pole_shift(rows, rounded)
     return FixedCascade(b, b_exponents, a, a_exponents, shifts, largest, noise, moved), rounded
 
 
-def _rounded(
+def _rounded_integers(
     values: RealArray, bits: int, finest: Integers | None = None
 ) -> tuple[Integers, Integers]:
-    """Integers of size below 2**(bits - 1), and the exponent of each row: as large as can be.
+    """Integers of magnitude below 2**(bits - 1), and the largest possible exponent of each row.
 
     No exponent is above `finest`.
     """
@@ -205,14 +205,17 @@ def _rounded(
 def _shifts(rows: RealArray, signal_bits: int, alone: bool) -> tuple[Integers, RealArray]:
     """The least shifts with which outputs and their rounding errors stay below full scale.
 
-    Without a shift the last section of a channel ``alone`` stays within full scale of the control.
+    The last section of a channel that is ``alone`` stays within full scale of the control without a
+    shift.
     """
     step = 2.0 ** (1 - signal_bits)
     shifts, largest = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows))
     for k in range(len(rows)):
         signal = absolute_sum(rows[: k + 1])
-        errors = step / 2 * np.array([absolute_sum(_after(rows, j, k)) for j in range(k + 1)])
-        room = 1.0 - step - errors[k]  # no shift makes a section's own errors smaller
+        errors = (
+            step / 2 * np.array([absolute_sum(_sections_between(rows, j, k)) for j in range(k + 1)])
+        )
+        room = 1.0 - step - errors[k]  # no shift reduces a section's own errors
         before = signal + float((errors[:k] * np.exp2(shifts[:k])).sum())
         if not (math.isfinite(before) and room > 0.0):
             shifts[k], largest[k] = shifts[k - 1] if k else 0, math.inf
@@ -225,23 +228,25 @@ def _shifts(rows: RealArray, signal_bits: int, alone: bool) -> tuple[Integers, R
 
 
 def _noise(rows: RealArray, shifts: Integers, signal_bits: int) -> float:
-    """Standard deviation of the rounding noise at the output, in full scales, shift undone."""
+    """Standard deviation of the rounding noise at the output in full scales, with the shift
+    undone.
+    """
     step, last = 2.0 ** (1 - signal_bits), len(rows) - 1
-    gains = np.array([squared_sum(_after(rows, j, last)) for j in range(len(rows))])
+    gains = np.array([squared_sum(_sections_between(rows, j, last)) for j in range(len(rows))])
     return float(np.sqrt((step**2 / 12.0 * gains * 4.0**shifts).sum()))
 
 
-def _after(rows: RealArray, first: int, last: int) -> RealArray:
-    """The sections that a rounding error in section `first` passes to the output of `last`."""
+def _sections_between(rows: RealArray, first: int, last: int) -> RealArray:
+    """The sections between a rounding error in section `first` and the output of `last`."""
     through = rows[first : last + 1].copy()
     through[0, :3] = 1.0, 0.0, 0.0
     return through
 
 
-def _moved(rows: RealArray, rounded: RealArray) -> float:
-    """Largest distance by which rounding moves a pole.
+def _largest_pole_shift(rows: RealArray, rounded: RealArray) -> float:
+    """Largest distance by which rounding of coefficients moves a pole.
 
-    The poles of a section are matched in the way that moves them least.
+    Poles before and after rounding are paired so that the distances are smallest.
     """
     largest = 0.0
     for one, other in zip(rows, rounded, strict=True):

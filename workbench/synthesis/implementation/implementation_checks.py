@@ -1,4 +1,4 @@
-"""Checks that an implemented controller is the one that was asked for, in its numbers and code."""
+"""Checks that numbers and code of an implemented controller agree with the given controller."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from workbench.synthesis.implementation.sampled_loop import SampledMargins
 from workbench.systems.generalised_plant import response
 
 FOLLOWED = {"double": 1e-6, "float": 1e-2, "fixed": 1e-2}
-"""Largest change of a response by another rounding of its coefficients, relative to its gain; the
-formats round by 1e-16, 1e-7 and whatever bits there are, and light poles enlarge that."""
+"""Largest change of a response by rounding of coefficients, relative to its gain. The formats round
+by 1e-16, 1e-7 and by the given bits, and lightly damped poles amplify this.
+"""
 FREQUENCIES = 200
-"""Frequencies at which responses are compared."""
+"""Number of frequencies at which responses are compared."""
 SMALL_SHARE = 1e-3
-"""Gains count as no smaller than this share of the largest one."""
+"""Least gain used in relative differences, as a share of the largest gain."""
 MARGIN_ROUNDING = 1e-6
-"""Largest difference of a margin from the one found again, relative."""
+"""Largest relative difference of a margin from the recomputed one."""
 
 
 def follows(K: StateSpace, wanted: StateSpace, precision: str) -> Check:
-    """Check that the response of a sampled controller is that of the one it stands for."""
+    """Check that a sampled controller has the response of the controller that it implements."""
     nyquist = math.pi / float(wanted.dt)
     omega = nyquist * np.append(np.geomspace(1e-5, 1.0, FREQUENCIES, endpoint=False), 0.999)
     found, asked = response(K, omega), response(wanted, omega)
@@ -44,7 +45,7 @@ def follows(K: StateSpace, wanted: StateSpace, precision: str) -> Check:
 
 
 def margins_agree(claimed: Sequence[SampledMargins], again: Sequence[SampledMargins]) -> Check:
-    """Check that margins are those found again."""
+    """Check that margins agree with recomputed ones."""
     apart = 0.0 if len(claimed) == len(again) else math.inf
     for one, other in zip(claimed, again, strict=False):
         for a, b in zip(one.numbers, other.numbers, strict=True):
@@ -66,7 +67,7 @@ def integers_agree(fixed: FixedPoint) -> Check:
 
 
 def _coefficients(cascade: FixedCascade) -> np.ndarray:
-    """b0 b1 b2 a1 a2 of each section (L, 5), the shifts undone."""
+    """Coefficients b0 b1 b2 a1 a2 of each section (L, 5), with the shifts undone."""
     shifted = np.diff(cascade.shifts, prepend=0)
     b = cascade.numerators * np.exp2(shifted - cascade.numerator_exponents)[:, None]
     a = cascade.denominators * np.exp2(-cascade.denominator_exponents.astype(float))[:, None]
@@ -74,5 +75,5 @@ def _coefficients(cascade: FixedCascade) -> np.ndarray:
 
 
 def _gain(M: ComplexArray) -> np.ndarray:
-    """Largest singular values (F,)."""
+    """Largest singular values (F,) of M."""
     return np.asarray(np.linalg.norm(M, 2, axis=(-2, -1)))

@@ -17,7 +17,7 @@ from workbench.systems.generalised_plant import response
 from workbench.tables import markdown
 
 MARGINS = ("gain_low", "gain_high", "phase", "phase_at", "delay")
-"""Numbers of the margins of a control signal."""
+"""Names of the stored margins of a control signal."""
 
 
 def figures_of(
@@ -28,7 +28,7 @@ def figures_of(
 ) -> dict[str, Figure]:
     """Sensitivity S of the sampled loop, mu over frequency for a set, and the controllers.
 
-    ``around`` is what the deviations of a set see, with their weights.
+    ``around`` holds the weighted transfer functions around the deviations of a set.
     """
     omega = grid(S)
     values = np.linalg.norm(response(S, omega), 2, axis=(-2, -1))
@@ -90,7 +90,7 @@ def read_margins(data: Dataset) -> tuple[SampledMargins, ...]:
 
 
 def padded_sections(sections: Sections) -> Any:
-    """Sections as a variable of a dataset; rows that a channel does not have are NaN."""
+    """Sections as a variable of a dataset; missing rows of a channel are NaN."""
     most = max(len(rows) for line in sections.channels for rows in line)
     found = np.full((sections.noutputs, sections.ninputs, most, 6), np.nan)
     for i, line in enumerate(sections.channels):

@@ -13,31 +13,31 @@ from workbench.synthesis.implementation.discretise import ImplementationMethod
 from workbench.synthesis.implementation.program import Implementation
 
 
-def _of(program: Implementation, way: ImplementationMethod) -> Claim:
+def _claim(program: Implementation, way: ImplementationMethod) -> Claim:
     return program.implemented(way), Outcome.SOLVED, f"discretised by {way}"
 
 
 @method(Implementation, "tustin", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _tustin(program: Implementation, context: Context) -> Claim:
     """The bilinear transform."""
-    return _of(program, "tustin")
+    return _claim(program, "tustin")
 
 
 @method(Implementation, "zoh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _zoh(program: Implementation, context: Context) -> Claim:
-    """The controller's exact answer to a held measurement."""
-    return _of(program, "zoh")
+    """Zero-order hold: exact for a held measurement."""
+    return _claim(program, "zoh")
 
 
 @method(Implementation, "foh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _foh(program: Implementation, context: Context) -> Claim:
-    """The controller's exact answer to a measurement that goes straight between samples."""
-    return _of(program, "foh")
+    """First-order hold: exact for a measurement that is linear between samples."""
+    return _claim(program, "foh")
 
 
 @method(Implementation, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _best(program: Implementation, context: Context) -> Claim:
-    """The best of all ways of discretisation, by the certified peak."""
+    """The method of discretisation with the least certified peak."""
     found, said = [], []
     for way in get_args(ImplementationMethod):
         try:

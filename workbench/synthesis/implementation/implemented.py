@@ -1,4 +1,4 @@
-"""A controller as a computer runs it: its coefficients, its bounds, its C code."""
+"""A controller as a computer runs it: its coefficients, the bounds of its loop, its C code."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WORD = 8
 
 @dataclass(frozen=True, eq=False)
 class FixedFormat:
-    """Bits of coefficients and of signals, signs included, and full scales of y and of u."""
+    """Bits of coefficients and of signals, including signs, and full scales of y and of u."""
 
     bits: int
     signal_bits: int
@@ -41,12 +41,14 @@ class FixedFormat:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImplementedController(DrawnController):
-    """A sampled controller with the coefficients that a computer has, and what its loop holds.
+    """A sampled controller with the coefficients of a number format, and certified bounds of its
+    loop.
 
-    ``K`` acts as the given controller does, u = sign K y; ``found`` says how it was discretised.
-    ``peak`` bounds mu of the sampled loop for a set of plants, ``sensitivity`` is a certified bound
-    of the peak of its sensitivity. ``margins`` has an entry for each control signal. ``actuator``
-    holds the limits that the code keeps, and the working point.
+    ``K`` is used like the given controller, u = sign K y; ``found`` is the method of
+    discretisation. ``peak`` holds bounds on mu of the sampled loop for a set of plants.
+    ``sensitivity`` is a certified bound on the peak of the loop's sensitivity. ``margins`` has an
+    entry for each control signal. ``actuator`` holds the limits that the code enforces, and the
+    working point.
 
     Examples
     --------
@@ -91,7 +93,7 @@ class ImplementedController(DrawnController):
 
     @property
     def operations(self) -> int:
-        """Multiplications of a sample."""
+        """Number of multiplications in each sample."""
         if self.fixed is not None:
             return sum(5 * len(one.shifts) for line in self.fixed.cascades for one in line)
         parts = (self.K.A, self.K.B, self.K.C, self.K.D)
@@ -99,13 +101,13 @@ class ImplementedController(DrawnController):
 
     @property
     def memory(self) -> int:
-        """Bytes of the state."""
+        """Number of bytes of the state."""
         if self.fixed is not None:
             return sum(4 * WORD * len(one.shifts) for line in self.fixed.cascades for one in line)
         return BYTES[self.precision] * max(int(self.K.nstates), 1)
 
     def code(self, name: str = "controller") -> str:
-        """Text of the C99 header; names in it begin with `name`."""
+        """Text of the C99 header; all its names begin with `name`."""
         if self.precision == "fixed":
             assert self.fixed is not None and self.format is not None
             f = self.format
@@ -117,7 +119,7 @@ class ImplementedController(DrawnController):
     def export(self, path: str | Path, name: str = "controller") -> Path:
         """Write the C99 header to a file, which is replaced as a whole or not at all.
 
-        Raises InputError for a name that is no C identifier, or a folder that cannot be written.
+        Raises InputError for a name that is no C identifier, or if the folder is not writable.
         """
         path = Path(path)
         if path.suffix not in (".h", ".c"):

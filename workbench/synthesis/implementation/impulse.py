@@ -12,7 +12,7 @@ from workbench.arrays import RealArray
 from workbench.synthesis.implementation.second_order import Sections
 
 SUMMED_SAMPLES = 20_000
-"""Number of samples that are summed one by one; the sum of the later ones is bounded."""
+"""Number of samples that are added one by one; the sum of later ones is bounded."""
 
 
 def stable_sections(rows: RealArray) -> bool:
@@ -30,7 +30,7 @@ def absolute_sum(rows: RealArray) -> float:
         return math.inf
     impulse = np.zeros(SUMMED_SAMPLES)
     impulse[0] = 1.0
-    return float(np.abs(sosfilt(rows, impulse)).sum()) + _rest(rows)
+    return float(np.abs(sosfilt(rows, impulse)).sum()) + _bound_on_rest(rows)
 
 
 def squared_sum(rows: RealArray) -> float:
@@ -42,8 +42,8 @@ def squared_sum(rows: RealArray) -> float:
     return float((system.C @ P @ system.C.T + system.D @ system.D.T)[0, 0])
 
 
-def _rest(rows: RealArray) -> float:
-    """Bound of the absolute sum of the samples after the first `SUMMED_SAMPLES`.
+def _bound_on_rest(rows: RealArray) -> float:
+    """Bound on the absolute sum of the samples after the first `SUMMED_SAMPLES`.
 
     By Cauchy and Schwarz, sum |h_k| <= sqrt(sum h_k^2 r^(-2k)) sqrt(sum r^(2k)). With r^2 the
     modulus of the largest pole, the bound is exact for a single mode.

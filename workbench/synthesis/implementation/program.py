@@ -1,7 +1,7 @@
-"""From a controller to what a processor runs, as a Program.
+"""Implementation of a controller on a processor, as a Program.
 
-Reduced, discretised, with the coefficients that the number format has; then the sampled loop is
-certified with the hold, the delay of the computer and the anti-aliasing filter in it.
+The controller is reduced, discretised and rounded to a number format. Then the sampled loop is
+certified, including the hold, the computation delay and the anti-aliasing filter.
 """
 
 from __future__ import annotations
@@ -73,40 +73,41 @@ SAMPLED_SET = "for every plant of the set, sampled, up to half the sampling rate
 
 @dataclass(frozen=True, eq=False)
 class Implementation(Program):
-    """The sampled controller of a number format with the least peak in the sampled loop.
+    """The sampled controller, in a number format, with the least peak of the sampled loop.
 
-    The peak is mu of robust stability for the set of plants of an `UncertaintyModel`, else the peak
-    of the sensitivity.
+    The peak is that of mu of robust stability for the set of plants of an `UncertaintyModel`, and
+    otherwise that of the sensitivity.
 
     Parameters
     ----------
     K
-        The controller, continuous; or sampled at `period`, and then taken as it is.
+        The controller: continuous, or sampled with `period`, which is then used as it is.
     plant
         A plant from u to y, an `UncertaintyModel`, or a `GeneralisedPlant`; see
-        `sampled_conditions` for the sign of the loop. Of a model the deviations W delta count as
-        those of its sampled nominal: what they add by aliasing is left out.
+        `sampled_conditions` for the sign of the loop. For a model, the deviations W delta are taken
+        as deviations of the sampled nominal, so their aliasing is neglected.
     period
         Sampling time [s].
     delay
-        Delay of the computer [samples], also a fraction.
+        Computation delay [samples]; it may be fractional.
     precision
         ``"double"``, ``"float"`` or ``"fixed"``.
     order
-        Number of states that K is reduced to before; None: it stays as it is.
+        Number of states to which K is reduced first; None for no reduction.
     anti_aliasing
-        Continuous filter of the measurements, of one channel or of all.
+        Continuous filter of the measurements, with one channel or with a channel for each
+        measurement.
     limits
-        Lowest and highest values of the controls, absolute, which the code keeps to, with
-        anti-windup. In fixed point controls end at their full scales in the same way.
+        Lowest and highest values of the controls, absolute. The code enforces them, with
+        anti-windup. In fixed point the full scales of the controls act in the same way.
     rate_limit
-        Largest change of the controls in a second, which the code keeps to in the same way.
+        Largest change of the controls in a second, which the code enforces in the same way.
     working_point
-        The constant signals about which the plant is linear. The code then takes set-points and
-        measurements and gives controls in the user's units, absolute. Not for a `GeneralisedPlant`,
-        whose measurements may be anything.
+        The constant signals around which the plant is linear. The code then has absolute
+        set-points, measurements and controls in the user's units. Not for a `GeneralisedPlant`,
+        whose measurements may have any meaning.
     bits, signal_bits
-        Of coefficients and signals in fixed point, signs included.
+        Bits of coefficients and of signals in fixed point, including signs.
     full_scale
         Full scales of the measurements and of the controls; for "fixed" only.
     sign
@@ -128,7 +129,7 @@ class Implementation(Program):
     (True, 0.1)
     """
 
-    K: Any  # a StateSpace after construction
+    K: Any  # it is a StateSpace after construction
     plant: Any
     period: float
     delay: float = 0.0
@@ -155,7 +156,9 @@ class Implementation(Program):
         need_choice(self.precision, Precision, "precision")
         fixed = self.precision == "fixed"
         if fixed and self.full_scale is None:
-            raise InputError("fixed point needs full_scale=(of the measurements, of the controls)")
+            raise InputError(
+                "fixed point needs full_scale=(scales of measurements, scales of controls)"
+            )
         if not fixed and self.full_scale is not None:
             raise InputError(f"full_scale belongs to fixed point, not to {self.precision!r}")
         if self.full_scale is not None:
@@ -184,14 +187,14 @@ class Implementation(Program):
                 "plant measures may be anything"
             )
         object.__setattr__(self, "K", K)
-        _ = self.actuator  # raises for wrong limits
+        _ = self.actuator  # raises InputError for wrong limits
         _ = self.loop.loop_of(
             realisation((K.A, K.B, K.C, K.D), self.period)
-        )  # raises for what misfits
+        )  # raises InputError for parts that do not fit together
 
     @cached_property
     def loop(self) -> BoardLoop:
-        """What the controller is closed with."""
+        """The loop around the controller."""
         return BoardLoop(self.plant, self.period, self.delay, self.anti_aliasing, self.sign)
 
     @cached_property
@@ -212,14 +215,14 @@ class Implementation(Program):
         return approximated(self.K, self.order, "balanced")
 
     def implemented(self, way: ImplementationMethod) -> ImplementedController:
-        """The controller of `coefficients` with the bounds of its loop.
+        """The controller from `coefficients` with the bounds of its loop.
 
-        Raises InputError where that is unstable.
+        Raises InputError if the loop is unstable.
         """
-        return self._judged(self.coefficients(way))
+        return self._with_bounds(self.coefficients(way))
 
     def coefficients(self, way: ImplementationMethod) -> ImplementedController:
-        """The controller discretised in one way, with the coefficients of the number format."""
+        """The controller, discretised by one method, with the coefficients of the number format."""
         K = self.reduced
         prewarp = None
         if K.dt:
@@ -229,7 +232,9 @@ class Implementation(Program):
             way_said = way
         sampled = _named_as(sampled, self.K, self.period)
         if self.precision == "fixed":
-            return self._fixed(second_order_sections(self._scaled(sampled)), way_said)
+            return self._fixed_point_controller(
+                second_order_sections(self._in_full_scales(sampled)), way_said
+            )
         kind = np.float32 if self.precision == "float" else np.float64
         with np.errstate(over="ignore"):
             A, B, C, D = (
@@ -238,33 +243,33 @@ class Implementation(Program):
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
             raise InputError(f"K has numbers that {self.precision} cannot hold")
         coefficients = _named_as(realisation((A, B, C, D), self.period), self.K, self.period)
-        return self._bare(coefficients, way_said)
+        return self._unjudged(coefficients, way_said)
 
-    def _bare(self, K: StateSpace, found: str) -> ImplementedController:
+    def _unjudged(self, K: StateSpace, found: str) -> ImplementedController:
         none = rounding.Rounding(np.inf, np.inf)
         return ImplementedController(
             K, found, self.precision, np.inf, None, (), none, actuator=self.actuator
         )
 
-    def _scaled(self, K: StateSpace) -> StateSpace:
-        """K from measurements over their full scale to controls over theirs."""
+    def _in_full_scales(self, K: StateSpace) -> StateSpace:
+        """K with measurements and controls relative to their full scales."""
         assert self.full_scale is not None
         y, u = self.full_scale
         return realisation((K.A, K.B * y, K.C / u, K.D * (y / u)), self.period)
 
-    def _fixed(self, sections: Sections, found: str) -> ImplementedController:
-        """The controller of cascades in fixed point."""
+    def _fixed_point_controller(self, sections: Sections, found: str) -> ImplementedController:
+        """The controller as cascades in fixed point."""
         assert self.full_scale is not None
         made = fixed_point(sections, self.bits, self.signal_bits)
         y, u = self.full_scale
         own = made.quantised.system
         K = realisation((own.A, own.B / y, own.C * u, own.D * (u / y)), self.period)
         form = FixedFormat(self.bits, self.signal_bits, y, u)
-        bare = self._bare(_named_as(K, self.K, self.period), found)
+        bare = self._unjudged(_named_as(K, self.K, self.period), found)
         return replace(bare, fixed=made, format=form)
 
-    def _judged(self, made: ImplementedController) -> ImplementedController:
-        """The controller with the bounds of its loop; InputError where that is unstable."""
+    def _with_bounds(self, made: ImplementedController) -> ImplementedController:
+        """The controller with the bounds of its loop. Raises InputError if the loop is unstable."""
         K = made.K
         plant, sign = self.loop.nominal
         found = sampled_conditions(plant, K, self.period, self.delay, sign=sign)
@@ -282,7 +287,7 @@ class Implementation(Program):
         )
 
     def rounding_of(self, made: ImplementedController) -> rounding.Rounding:
-        """Bounds of the rounding errors in the loop."""
+        """Bounds on the rounding errors in the loop."""
         loop = self.loop.loop_of(made.K)
         G = loop.held()
         if made.fixed is None:
@@ -294,11 +299,13 @@ class Implementation(Program):
         return rounding.fixed_rounding(made.fixed, scaled, loop.sign, self.signal_bits)
 
     def objective(self, answer: ImplementedController) -> float:
-        """Mu of the sampled loop for the set of plants, or else the peak of the sensitivity."""
+        """Peak of mu of the sampled loop for the set of plants, or otherwise the peak of the
+        sensitivity.
+        """
         return answer.sensitivity if answer.peak is None else answer.peak.upper
 
     def constant_signals(self, answer: ImplementedController) -> ConstantSignals | None:
-        """What constant signals do about the working point, where every plant is stabilised."""
+        """Effect of constant signals around the working point, if every plant is stabilised."""
         model, act, peak = self.loop.model, self.actuator, answer.peak
         if model is None or act is None or act.point is None or peak is None or peak.upper >= 1.0:
             return None
@@ -309,7 +316,7 @@ class Implementation(Program):
     def checks(self, answer: ImplementedController, tolerance: float) -> Sequence[Check]:
         loop = self.loop.loop_of(answer.K)
         stability = stability_of(loop.closed())
-        found = [self._asked_for(answer), replace(stability, name="sampled loop")]
+        found = [self._given_controller_check(answer), replace(stability, name="sampled loop")]
         if not stability.holds:
             return found
         plant, sign = self.loop.nominal
@@ -370,10 +377,12 @@ class Implementation(Program):
             found.append(Check("coefficients", statement, float(off), 0.0, over=THIS_SYSTEM))
         return found
 
-    def _asked_for(self, answer: ImplementedController) -> Check:
-        """Check that it is the controller that was given, discretised in the way that it says."""
+    def _given_controller_check(self, answer: ImplementedController) -> Check:
+        """Check that the controller is the given one, discretised by the method that it names."""
         for way in get_args(ImplementationMethod):
-            if self.K.dt or answer.found == way:  # of a sampled controller, all ways are one
+            if (
+                self.K.dt or answer.found == way
+            ):  # for a sampled controller all methods are the same
                 return follows(answer.K, self.coefficients(way).K, self.precision)
         statement = "whether nobody knows how it was discretised"
         return Check("controller", statement, 1.0, 0.0, over=THIS_SYSTEM)
@@ -412,21 +421,21 @@ class Implementation(Program):
             if self.actuator is not None:
                 found.append(absolute_signals_agree(answer.code(), self._absolute(), kind))
         else:
-            found += self._integers_tried(answer, answer.fixed, loop.held(), loop.sign)
+            found += self._integer_checks(answer, answer.fixed, loop.held(), loop.sign)
         return found
 
     def _absolute(self) -> dict[str, Any]:
-        """What the code has to know of absolute signals, by the names of its tables."""
+        """Data on absolute signals for the code, by the names of its tables."""
         point, found = self.working_point, dict.fromkeys(("lowest", "highest", "change", "rest"))
         rate = None if self.rate_limit is None else np.atleast_1d(self.rate_limit) * self.period
         limits = (None, None) if self.limits is None else map(np.atleast_1d, self.limits)
         rest = None if point is None else point.u
         return dict(zip(found, (*limits, rate, rest), strict=True))
 
-    def _integers_tried(
+    def _integer_checks(
         self, answer: ImplementedController, fixed: FixedPoint, G: StateSpace, sign: int
     ) -> list[Check]:
-        """Checks of the integers by their code and by what is worst for them."""
+        """Checks of the integers: by running their code, and with their worst-case inputs."""
         assert self.full_scale is not None
         y, u = self.full_scale
         scaled = realisation((G.A, G.B * u, G.C / y, G.D * (u / y)), self.period)
@@ -514,10 +523,12 @@ class Implementation(Program):
     def from_dataset(self, data: Dataset) -> ImplementedController:
         found = str(data["discretisation"].values)
         if self.precision == "fixed":
-            made = self._fixed(drawn.read_sections(data["sections"], self.period), found)
+            made = self._fixed_point_controller(
+                drawn.read_sections(data["sections"], self.period), found
+            )
         else:
             K = _named_as(restored(data, "controller"), self.K, self.period)
-            made = self._bare(K, found)
+            made = self._unjudged(K, found)
         number = {
             name: float(data[name])
             for name in data
@@ -535,7 +546,7 @@ class Implementation(Program):
         )
 
     def _sections(self, answer: ImplementedController) -> Sections:
-        """The sections with the rounded coefficients, which round to themselves."""
+        """The sections with the rounded coefficients; rounding does not change them again."""
         assert answer.fixed is not None
         return answer.fixed.quantised
 

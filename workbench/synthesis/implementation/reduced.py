@@ -1,4 +1,4 @@
-"""Controllers of reduced order with the certified peaks of their loops, and what checks them."""
+"""Controllers of reduced order with the certified peaks of their loops, and their checkers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ReducedController(Answer):
 
     The peak of mu of robust performance lies between ``lower`` and ``upper``. For a plant without
     uncertainty it is the peak of the gain, for a plant without performance the peak of mu of robust
-    stability. Where the loop is not ``stable`` both bounds are infinite.
+    stability. If the loop is not ``stable``, both bounds are infinite.
 
     Examples
     --------
@@ -77,10 +77,11 @@ class ReducedController(Answer):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReducedControllers(Answer):
-    """Reduced controllers of all orders tried, lowest first; the last one is the given controller.
+    """Reduced controllers of all orders tried, by increasing order; the last one is the given
+    controller.
 
-    ``smallest`` is the controller of the least order that has a stable loop with a certified peak
-    of at most the target; None where no order has one.
+    ``smallest`` is the controller of least order with a stable loop and a certified peak of at most
+    the target; None if there is none.
 
     Examples
     --------
@@ -121,12 +122,14 @@ class ReducedControllers(Answer):
 
     @property
     def smallest(self) -> ReducedController | None:
-        """The stable controller of lowest order whose peak is proven within the target."""
+        """The controller of lowest order with a stable loop whose proven peak is at most the
+        target.
+        """
         return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
 
     @property
     def lti(self) -> StateSpace:
-        """The controller of the least order that meets the target; InputError where none does."""
+        """The controller of least order that meets the target. Raises InputError if none does."""
         if self.smallest is None:
             raise InputError(
                 f"no reduced controller has a certified peak of {self.target:.6g} or less; choose "
@@ -136,7 +139,7 @@ class ReducedControllers(Answer):
 
     @property
     def curve(self) -> NDArray[np.float64]:
-        """Order, lower and upper bound of the peak (N, 3); infinite where the loop is unstable."""
+        """Order, lower and upper bound on the peak (N, 3); infinite for an unstable loop."""
         return np.array([[one.order, one.lower, one.upper] for one in self.tried])
 
 
@@ -174,5 +177,5 @@ class ReducedControllersChecker(PartsChecker):
 
 
 def deciding_peak(found: Conditions) -> Peak | None:
-    """The peak of robust performance, or of robust stability where there is no performance."""
+    """The peak of robust performance, or of robust stability if there is no performance."""
     return found.robust_performance or found.robust_stability

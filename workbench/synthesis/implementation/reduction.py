@@ -51,19 +51,19 @@ def reduce_order(
     target
         Largest certified peak that is accepted.
     order
-        The only order to try; None: all.
+        The only order to try; None for all orders.
     refine
-        Whether to improve controllers above the target by method "fixed" of `MuSynthesis`, from the
-        highest order down. The approximation of a refined controller may be a better start for the
-        next order.
+        Whether method "fixed" of `MuSynthesis` improves controllers above the target, from the
+        highest order downward. The approximation of a refined controller may be a better start for
+        the next order.
     context
-        Progress and time limit of the refinement.
+        Context with progress and time limit of the refinement.
 
     Raises
     ------
     InputError
-        As `approximated`; the target is not positive; or refinement is asked for a plant without
-        uncertainty.
+        As in `approximated`; the target is not positive; or refinement is requested for a plant
+        without uncertainty.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def reduce_order(
     need_positive(target, "target")
     K = as_system(K, "K")
     need_continuous(K)
-    found, given = _certified(plant, K)
+    found, given = _certified_controller(plant, K)
     least, of = reducer(K, method, plant, found)
     if order is None:
         orders = list(range(least, K.nstates))
@@ -109,14 +109,14 @@ def reduce_order(
         one = of(k)
         if one.nstates < K.nstates:
             tried.setdefault(one.nstates, one)
-    certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
+    certified = [_certified_controller(plant, tried[k])[1] for k in sorted(tried)]
     if refine:
-        certified = _refined(plant, certified, given, target, context or Context())
+        certified = _refined_controllers(plant, certified, given, target, context or Context())
     reduced = ReducedControllers((*certified, given), target)
     return reduced.checked_by(ReducedControllersChecker())
 
 
-def _refined(
+def _refined_controllers(
     plant: GeneralisedPlant,
     reductions: list[ReducedController],
     given: ReducedController,
@@ -136,21 +136,26 @@ def _refined(
 def _best_refined(
     plant: GeneralisedPlant, one: ReducedController, above: ReducedController
 ) -> ReducedController:
-    """A reduced controller refined by "fixed".
+    """A reduced controller, refined by method "fixed".
 
-    The start is the better of this controller and the approximation of the next higher order's.
+    The start is this controller, or the approximation of the next higher order's controller if that
+    is better.
     """
     again = approximated(above.K, one.order, plant=plant)
-    best = min(one, _certified(plant, again)[1], key=lambda each: each.upper)
+    best = min(one, _certified_controller(plant, again)[1], key=lambda each: each.upper)
     if not best.stable:
         return best
     solution = solve(MuSynthesis(plant, start=best.K), "fixed")
     if solution.answer is None:
         return best
-    return min(best, _certified(plant, solution.answer.K)[1], key=lambda each: each.upper)
+    return min(
+        best, _certified_controller(plant, solution.answer.K)[1], key=lambda each: each.upper
+    )
 
 
-def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, ReducedController]:
+def _certified_controller(
+    plant: GeneralisedPlant, K: StateSpace
+) -> tuple[Conditions, ReducedController]:
     """The conditions of a loop, and the controller with its certified peak."""
     found = conditions(plant, K)
     peak = deciding_peak(found)

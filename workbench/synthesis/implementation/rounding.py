@@ -1,9 +1,9 @@
-"""What rounding in a controller's arithmetic does to its loop, bounded for every signal.
+"""Bounds on the effect of rounding in a controller's arithmetic on its loop, for every signal.
 
 A computed controller is x+ = A x + B y + E e, u = C x + D y + F e, where every component of e is
 the rounding error of one sum. In the loop all signals are bounded by absolute sums of impulse
-responses. Errors in floating point grow with the signals, and those with the errors: where that
-loop of bounds contracts, rounding cannot keep up an oscillation (a limit cycle) of its own.
+responses. Errors in floating point grow with the signals, and signals grow with the errors. If this
+loop of bounds is a contraction, rounding cannot keep up an oscillation (a limit cycle).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from workbench.synthesis.implementation.fixed_point import FixedPoint
 from workbench.systems.interconnection import NamedRealisation, connected, named_realisation
 
 SUMMED_SAMPLES, SAMPLES_AT_ONCE = 65_536, 256
-"""Largest number of samples that are summed one by one, and of those that are held together."""
+"""Largest number of samples that are added one by one, and number of samples in memory together."""
 REST_SHARE = 1e-3
-"""The sum of the later samples is bounded once it is below this share of the earlier ones."""
+"""Summation ends when the bound on the later samples is below this share of the sum so far."""
 FLOAT_UNITS = {"double": 2.0**-53, "float": 2.0**-24}
 """Unit roundoff of the C types."""
 
@@ -32,9 +32,10 @@ FLOAT_UNITS = {"double": 2.0**-53, "float": 2.0**-24}
 class Rounding:
     """Bounds of the rounding errors in the loop.
 
-    ``share`` bounds the error of the control, over the largest control that a measurement error of
-    1 brings about (floating point), or over its full scale (fixed point). ``contraction`` is the
-    gain of the loop of errors: 0 for fixed point, whose errors do not grow with the signals.
+    ``share`` bounds the error of the control, relative to the largest control that a measurement
+    error of 1 causes (floating point), or relative to its full scale (fixed point). ``contraction``
+    is the gain of the loop of errors. It is 0 for fixed point, whose errors do not grow with the
+    signals.
     """
 
     share: float
@@ -43,7 +44,7 @@ class Rounding:
 
 @dataclass(frozen=True, eq=False)
 class ComputedForm:
-    """A controller (A, B, C, D) and the places E and F at which rounding errors enter."""
+    """A controller (A, B, C, D) with the matrices E and F by which rounding errors enter."""
 
     A: RealArray
     B: RealArray
@@ -54,7 +55,7 @@ class ComputedForm:
 
 
 def floating_rounding(K: StateSpace, plant: StateSpace, sign: int, unit: float) -> Rounding:
-    """Bounds for a state space computed in floating point, in the loop y = G u + w, |w| <= 1.
+    """Bounds for a state space in floating point, in the loop y = G u + w with |w| <= 1.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def floating_rounding(K: StateSpace, plant: StateSpace, sign: int, unit: float) 
     rows = np.abs(np.block([[A, B], [C, D]]))
     terms = np.count_nonzero(rows, axis=1) + 1.0
     growth = (terms * unit / (1 - terms * unit))[:, None] * rows
-    # Columns of `gains`: errors of measurement, then of rounding; rows: x, y and then u.
+    # Columns of `gains` are measurement errors, then rounding errors; rows are x, y and then u.
     signals, from_errors = gains[: n + m, :m].sum(axis=1), gains[: n + m, m:]
     loop = growth @ from_errors
     if not np.isfinite(loop).all():
@@ -91,10 +92,10 @@ def floating_rounding(K: StateSpace, plant: StateSpace, sign: int, unit: float) 
 
 
 def fixed_rounding(fixed: FixedPoint, plant: StateSpace, sign: int, signal_bits: int) -> Rounding:
-    """Bounds for cascades in fixed point, over the full scale of the control.
+    """Bounds for cascades in fixed point, relative to the full scale of the control.
 
-    The plant is scaled to full scales. Errors are those of every section, of the measurements'
-    conversion and of the control's.
+    The plant has signals relative to full scale. Errors come from every section, and from the
+    conversion of measurements and controls.
     """
     step = 2.0 ** (1 - signal_bits)
     parts, sizes = [], []
@@ -102,16 +103,18 @@ def fixed_rounding(fixed: FixedPoint, plant: StateSpace, sign: int, signal_bits:
         for rows, cascade in zip(line, cascades, strict=True):
             parts.append(_injected(rows))
             sizes.append(step / 2 * np.exp2(cascade.shifts.astype(float)))
-    form = _joined(parts, fixed.quantised.noutputs, fixed.quantised.ninputs)
+    form = _joined_form(parts, fixed.quantised.noutputs, fixed.quantised.ninputs)
     m, p = form.D.shape[1], len(form.D)
     gains = _loop_gains(form, plant, sign)[-p:]
     errors = np.concatenate([np.full(m, step / 2), *sizes])
-    own = step / 2  # of the conversion of the control, at most a step in the loop
+    own = step / 2  # error of the control's conversion, at most a step in the loop
     return Rounding(float((gains @ errors).max(initial=0.0) + own), 0.0)
 
 
 def _loop_gains(form: ComputedForm, plant: StateSpace, sign: int) -> RealArray:
-    """Bounds of signals (x, y, u) for errors (w, e) of 1: absolute sums of impulse responses."""
+    """Bounds on signals (x, y, u) for errors (w, e) up to 1, by absolute sums of impulse
+    responses.
+    """
     n, m, p, q = len(form.A), form.B.shape[1], len(form.C), form.E.shape[1]
     M = np.block(
         [
@@ -138,11 +141,11 @@ def _loop_gains(form: ComputedForm, plant: StateSpace, sign: int) -> RealArray:
 
 
 def absolute_sums(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> RealArray:
-    """Upper bounds (outputs, inputs) of the absolute sums of a stable system's impulse responses.
+    """Upper bounds (outputs, inputs) on the absolute sums of a stable system's impulse responses.
 
-    The first samples are summed, `SUMMED_SAMPLES` at most. For the later ones, by Cauchy and
-    Schwarz, sum |h_k| <= sqrt(sum h_k^2 r^(-2k)) sqrt(sum r^(2k)), with r^2 the modulus of the
-    largest pole: exact for a single mode. Infinite for a system that is not stable.
+    At most `SUMMED_SAMPLES` samples are added. The later ones are bounded by Cauchy and Schwarz:
+    sum |h_k| <= sqrt(sum h_k^2 r^(-2k)) sqrt(sum r^(2k)), where r^2 is the modulus of the largest
+    pole. This is exact for a single mode. The bounds are infinite for an unstable system.
     """
     total = np.abs(D).astype(float)
     n = len(A)
@@ -151,35 +154,35 @@ def absolute_sums(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> Rea
     largest = float(np.abs(np.linalg.eigvals(A)).max())
     if not largest < 1.0:
         return np.full(total.shape, np.inf)
-    block, power = B[None], A  # A^k B for the first samples, and the power that leads past them
+    block, power = B[None], A  # A^k B for the first samples, and the power of A that follows them
     while len(block) < SAMPLES_AT_ONCE:
         block = np.concatenate([block, power @ block])
         power = power @ power
     for _ in range(SUMMED_SAMPLES // SAMPLES_AT_ONCE):
         total = total + np.abs(C @ block).sum(axis=0)
         block = power @ block
-        left = _rest(A, C, block[0], largest)
+        left = _bound_on_rest(A, C, block[0], largest)
         if (left <= REST_SHARE * total).all():
             break
     bound: RealArray = total + left
     return np.where(np.isfinite(bound), bound, np.inf)
 
 
-def _rest(A: RealArray, C: RealArray, start: RealArray, largest: float) -> RealArray:
-    """Bounds (outputs, inputs) of the absolute sums of C A^k x for states x (n, inputs)."""
+def _bound_on_rest(A: RealArray, C: RealArray, start: RealArray, largest: float) -> RealArray:
+    """Bounds (outputs, inputs) on the absolute sums of C A^k x for states x (n, inputs)."""
     radius = math.sqrt(largest)
     if radius == 0.0 or not np.abs(start).max() > np.finfo(float).tiny:
         return np.zeros((len(C), start.shape[1]))
     found = np.empty((len(C), start.shape[1]))
     for i, row in enumerate(C):
-        Q = _energy(A.tobytes(), len(A), radius, row.tobytes())
+        Q = _gramian(A.tobytes(), len(A), radius, row.tobytes())
         energy = np.einsum("nj,nm,mj->j", start, Q, start)
         found[i] = np.sqrt(np.maximum(energy, 0.0) / (1.0 - radius**2))
     return found
 
 
 @lru_cache(maxsize=256)
-def _energy(A: bytes, n: int, radius: float, row: bytes) -> RealArray:
+def _gramian(A: bytes, n: int, radius: float, row: bytes) -> RealArray:
     """The Gramian of C A^k / radius^k for one output."""
     scaled = np.frombuffer(A).reshape(n, n) / radius
     C = np.frombuffer(row)[None]
@@ -192,7 +195,7 @@ def _injected(rows: RealArray) -> ComputedForm:
     count = len(rows)
     A, B = np.zeros((2 * count, 2 * count)), np.zeros((2 * count, 1))
     E = np.zeros((2 * count, count))
-    # The output of the sections so far, as a row over (states, input, errors).
+    # Output of the sections so far, as a row of coefficients of (states, input, errors).
     state, entry, error = np.zeros(2 * count), 1.0, np.zeros(count)
     for k, (b0, b1, b2, _, a1, a2) in enumerate(rows):
         own = 2 * k
@@ -210,8 +213,8 @@ def _injected(rows: RealArray) -> ComputedForm:
     return ComputedForm(A, B, state[None], np.array([[entry]]), E, error[None])
 
 
-def _joined(parts: list[ComputedForm], outputs: int, inputs: int) -> ComputedForm:
-    """Cascades of all channels as one form; outputs are sums over inputs."""
+def _joined_form(parts: list[ComputedForm], outputs: int, inputs: int) -> ComputedForm:
+    """Cascades of all channels as one form; each output is the sum over inputs."""
     A, E = (block_diag(*(getattr(part, name) for part in parts)) for name in "AE")
     n, q = len(A), E.shape[1]
     B, D = np.zeros((n, inputs)), np.zeros((outputs, inputs))

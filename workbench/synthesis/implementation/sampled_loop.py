@@ -25,20 +25,21 @@ from workbench.systems.range_hints import warn_far_period
 from workbench.systems.realisation import realisation
 
 STATIC_FREQUENCY_SHARE = 1e-8
-"""The static gain is read at this share of the lowest frequency of the grid."""
+"""The static gain is computed at this share of the lowest frequency of the grid."""
 REAL_GAIN_TOLERANCE = 1e-3
-"""A static gain counts as real if its imaginary part is below this share of its real part; an
-integrator makes it larger."""
+"""A static gain counts as real if its imaginary part is below this share of its real part. With an
+integrator the imaginary part is larger.
+"""
 DELAY_TOLERANCE = 1e-10
 """Accuracy of the search for a delay margin [samples]."""
 STARTING_DELAYS = tuple(k / 12 for k in range(12))
-"""Delays [samples] whose crossover frequencies are the starts of the search for a delay margin."""
+"""Delays [samples] at whose crossover frequencies the search for a delay margin starts."""
 SCAN_STEP, LONGEST_SCANNED = 0.05, 10.0
 """Step between the delays [samples] at which the poles are computed, and the longest of them."""
 LAG_REACH = 1.1
 """A critical delay lies within this factor of the lag that it starts from, plus one sample."""
 LONGEST_DELAY = 1000
-"""Longest delay of the computer [samples]; each sample adds a state for every control."""
+"""Longest computation delay [samples]; each sample adds a state for every control."""
 CRITICAL_TOLERANCE = 1e-6
 """Largest distance of log L from log(-1) at which a delay counts as critical."""
 
@@ -72,7 +73,7 @@ class SampledMargins:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """All of them."""
+        """All margins as a tuple of numbers."""
         return *self.gain, self.phase, self.phase_at, self.delay
 
 
@@ -80,7 +81,7 @@ class SampledMargins:
 class SampledConditions(Answer):
     """Stability of a sampled loop, its pole of largest modulus, and its margins.
 
-    ``margins`` has an entry for each control signal; it is empty where the loop is unstable.
+    ``margins`` has an entry for each control signal; it is empty for an unstable loop.
 
     Examples
     --------
@@ -117,15 +118,15 @@ def sampled_conditions(
     Parameters
     ----------
     plant
-        A continuous-time system from u to y, or the nominal of a model; it is discretised exactly.
-        Of a `GeneralisedPlant` it is the part from controls to measurements.
+        A continuous-time system from u to y, or a model, whose nominal is used; it is discretised
+        exactly. For a `GeneralisedPlant` it is the part from controls to measurements.
     K
-        StateSpace or TransferFunction, sampled every `sample_time` [s].
+        Controller, StateSpace or TransferFunction, sampled every `sample_time` [s].
     delay
-        Delay of the computer [samples], also a fraction, 0 or more.
+        Computation delay [samples], 0 or more; it may be fractional.
     sign
-        u = sign K y. None: u = K y for a generalised plant, whose sums have the signs, and
-        u = -K y for a plant, as in `control.feedback`.
+        Sign in u = sign K y. With None it is u = K y for a generalised plant, whose sums contain
+        the signs, and u = -K y for a plant, as in `control.feedback`.
 
     Raises
     ------
@@ -201,17 +202,18 @@ class SampledChecker(Checker):
 def what_stabilises(
     plant: StateSpace, K: StateSpace, sample_time: float, delay: float, sign: int
 ) -> str:
-    """Advice on an unstable loop u = sign K y: the other sign, where that is it."""
+    """Advice on an unstable loop u = sign K y: the other sign, if the loop is stable with it."""
     if sampled_conditions(plant, K, sample_time, delay, sign=-sign).stable:
         turned = "u = -K y" if sign > 0 else "u = K y"
-        return f"with the other sign, {turned}, it is stable: give sign={-sign}, or turn K's sign"
+        return f"with the other sign, {turned}, it is stable: give sign={-sign}, or change K's sign"
     return "sample faster or lower the bandwidth"
 
 
 def plant_and_sign(plant: Any, sign: int | None) -> tuple[StateSpace, int]:
-    """The plant from controls to measurements, and the sign of the loop, as `sampled_conditions`.
+    """The plant from controls to measurements, and the sign of the loop, as in
+    `sampled_conditions`.
 
-    Raises InputError for a sign beside a generalised plant.
+    Raises InputError if a sign is given for a generalised plant.
     """
     if isinstance(plant, GeneralisedPlant):
         if sign is not None:
@@ -225,7 +227,7 @@ def plant_and_sign(plant: Any, sign: int | None) -> tuple[StateSpace, int]:
 
 
 def need_delay(delay: float) -> None:
-    """Raise InputError for what is no delay of the computer [samples]."""
+    """Raise InputError unless a computation delay [samples] is valid."""
     if not (is_real(delay) and 0.0 <= delay <= LONGEST_DELAY):
         raise InputError(
             f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST_DELAY}"
@@ -233,7 +235,7 @@ def need_delay(delay: float) -> None:
 
 
 def need_same_time(K: StateSpace, sample_time: float) -> None:
-    """Raise InputError for a controller that is sampled at another rate, or not at all."""
+    """Raise InputError if the controller has another sampling time or is continuous."""
     if K.dt not in (None, True) and not math.isclose(K.dt, sample_time):
         raise InputError(
             f"K has dt = {K.dt}; it must be sampled every {sample_time} s, as discretised() does"
@@ -241,7 +243,9 @@ def need_same_time(K: StateSpace, sample_time: float) -> None:
 
 
 def need_fitting(K: StateSpace, plant: StateSpace) -> None:
-    """Raise InputError unless the controller has the plant's outputs as inputs, and the reverse."""
+    """Raise InputError unless the controller has as many inputs as the plant has outputs, and vice
+    versa.
+    """
     if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
         raise InputError(
             f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has {plant.noutputs} "
@@ -259,7 +263,7 @@ def _margins(loop: HeldPlantLoop, channel: int) -> SampledMargins:
     L = loop.gain(angle, channel)
     real = [*_crossings(angle, L.imag, lambda x: at(x).imag), math.pi]
     start = at(STATIC_FREQUENCY_SHARE * angle[0])
-    if abs(start.imag) <= REAL_GAIN_TOLERANCE * abs(start.real):  # no integrator
+    if abs(start.imag) <= REAL_GAIN_TOLERANCE * abs(start.real):  # there is no integrator
         real.append(STATIC_FREQUENCY_SHARE * angle[0])
     values = np.array([at(x).real for x in real])
     factors = -1.0 / values[values < 0.0]
@@ -277,7 +281,7 @@ def _margins(loop: HeldPlantLoop, channel: int) -> SampledMargins:
 
 
 def _delay_margin(loop: HeldPlantLoop, channel: int, grid: RealArray) -> float:
-    """The least delay [samples] that makes the loop critical, L(angle, delay) = -1.
+    """The least additional delay [samples] for which the loop is critical, L(angle, delay) = -1.
 
     A fraction of a sample changes the gain of the held plant. The search therefore starts from the
     crossover frequencies for several fractions, and from the lags at which a pure delay would make
@@ -311,7 +315,8 @@ def _delay_margin(loop: HeldPlantLoop, channel: int, grid: RealArray) -> float:
 
 
 def _unstable_from(loop: HeldPlantLoop, channel: int, end: float) -> float | None:
-    """The delay [samples] before `end` at which a pole leaves the unit circle; None if none does.
+    """The first delay [samples] below `end` at which a pole leaves the unit circle; None if none
+    does.
 
     This finds critical delays between the starting fractions: modes near half the sampling rate or
     above become unstable at some delays only.
@@ -328,13 +333,13 @@ def _unstable_from(loop: HeldPlantLoop, channel: int, end: float) -> float | Non
 
 
 def _level(L: ComplexArray) -> RealArray:
-    """log|L|."""
+    """The logarithm of |L|."""
     with np.errstate(divide="ignore"):
         level: RealArray = np.log(np.abs(L))
     return level
 
 
 def _crossings(x: RealArray, values: RealArray, of: Any) -> list[float]:
-    """Zeros of a function `of` between the points x where its `values` change their sign."""
+    """Zeros of the function `of` between points x at which its `values` change sign."""
     places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
     return [float(brentq(of, x[i], x[i + 1], xtol=1e-15)) for i in places]

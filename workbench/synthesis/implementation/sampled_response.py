@@ -28,7 +28,7 @@ SLOWEST_MODE = 1e-9
 class HeldPlantLoop:
     """The loop u = sign K y of a sampled controller around a plant with held inputs.
 
-    The inputs are held for `period` [s] and arrive `delay` samples late.
+    The inputs are held for `period` [s] and are delayed by `delay` samples.
     """
 
     plant: StateSpace
@@ -62,7 +62,7 @@ class HeldPlantLoop:
         return A, B, C, D
 
     def _column(self, j: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-        """A, B, C and D of the plant in continuous time from one of its inputs."""
+        """A, B, C and D of the continuous plant from one of its inputs."""
         G = self.plant
         return G.A, G.B[:, [j]], G.C, G.D[:, [j]]
 
@@ -71,17 +71,17 @@ class HeldPlantLoop:
         m, p = self.plant.ninputs, self.plant.noutputs
         links = np.zeros((m + p, p + m))
         links[:m, p:], links[m:, :p] = self.sign * np.eye(m), np.eye(p)
-        # One input and one output, since python-control systems need them.
+        # python-control systems need at least one input and one output.
         enters, leaves = np.eye(m + p, 1), np.eye(1, m + p)
         parts = named_realisation(self.held(more)), named_realisation(self.K)
         M, n = connected(parts, links, enters, leaves)
         return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
 
     def largest_pole(self, more: RealArray) -> float:
-        """The largest magnitude of a pole of `closed`, for a search that asks for many delays."""
+        """The largest magnitude of a pole of `closed`; fast, for a search over many delays."""
         A, B, C, D = self._held(more)
         K, n = self.K, len(A)
-        # u = sign K y and y = C x + D u are solved for u, from the states of plant and controller.
+        # Solve u = sign K y and y = C x + D u for u, from the states of plant and controller.
         u = np.linalg.solve(np.eye(len(K.D)) - self.sign * K.D @ D, np.hstack([K.D @ C, K.C]))
         u *= self.sign
         y = D @ u
@@ -124,7 +124,9 @@ class HeldPlantLoop:
         return own - (L[:, channel, other] * through).sum(axis=-1)
 
     def _held_response(self, angle: RealArray, j: int, delay: float) -> ComplexArray:
-        """Response (F, outputs) of the held plant from one of its inputs, late by `delay`."""
+        """Response (F, outputs) of the plant with hold from one of its inputs, delayed by
+        `delay`.
+        """
         n, m = self.plant.nstates, self.plant.ninputs
         M = np.delete(self._scaled, [n + k for k in range(m) if k != j], axis=1)
         whole, rest = split_delay(delay)
@@ -133,12 +135,12 @@ class HeldPlantLoop:
         direct[:, [int(rest > 0.0)]] = M[n:, n:]
         pieces = np.block([[through, new, old], [M[n:, :n], direct]])
         found = response_of_scaled(pieces, n, np.exp(1j * angle))
-        # The new input came `whole` samples ago, the old one a sample before that.
+        # The newer input is `whole` samples old, the older one a sample more.
         late = np.exp(-1j * np.outer(angle, [whole, whole + 1]))
         return np.asarray((found * late[:, None, :]).sum(axis=-1))
 
     @cached_property
     def _scaled(self) -> RealArray:
-        """[A B; C D] of the plant in continuous time, its states scaled."""
+        """[A B; C D] of the continuous plant with scaled states."""
         part = named_realisation(self.plant)
         return with_scaled_states(part.M, part.states)

@@ -64,7 +64,7 @@ class Sections:
 
     @property
     def lti(self) -> StateSpace:
-        """As `system`."""
+        """The StateSpace `system`."""
         return self.system
 
     @property
@@ -96,7 +96,7 @@ def second_order_sections(K: Any) -> Sections:
     InputError
         The controller is continuous or has no sampling time.
     SolverError
-        Because of rounding errors, poles and zeros do not reproduce the response of K.
+        The computed poles and zeros do not reproduce the response of K because of rounding errors.
 
     Examples
     --------
@@ -149,12 +149,14 @@ def paired_sections(zeros: ComplexArray, poles: ComplexArray) -> RealArray:
     free = _groups(zeros)
     rows = []
     for left, group in zip(range(len(pairs), 0, -1), pairs, strict=True):
-        rows.append([*_taken(free, group, left), *_monic(group, 0)])
+        rows.append([*_take_numerator(free, group, left), *_monic(group, 0)])
     return np.array(rows[::-1] or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
 
 
 def _groups(roots: ComplexArray) -> list[ComplexArray]:
-    """Groups of two roots: complex pairs, and real roots in order of modulus; one may be left."""
+    """Groups of two roots: complex pairs, and real roots by modulus; one group may be a single
+    root.
+    """
     upper = roots[roots.imag > 0.0]
     real = np.sort(roots[roots.imag == 0.0].real)
     groups = [np.array([root, root.conjugate()]) for root in upper]
@@ -163,16 +165,16 @@ def _groups(roots: ComplexArray) -> list[ComplexArray]:
     return groups + [real[i : i + 2].astype(complex) for i in range(0, len(real), 2)]
 
 
-def _taken(free: list[ComplexArray], poles: ComplexArray, left: int) -> RealArray:
-    """Numerator of a section with `poles`; its zeros are removed from the free groups.
+def _take_numerator(free: list[ComplexArray], poles: ComplexArray, left: int) -> RealArray:
+    """Numerator of a section with `poles`; its zeros are taken from the free groups.
 
-    `left` is the number of sections without zeros so far; every group of two zeros needs a section
-    with two poles.
+    `left` is the number of sections that have no zeros yet. Every group of two zeros needs a
+    section with two poles.
     """
     fitting = [k for k, group in enumerate(free) if len(group) <= len(poles)]
     if not fitting:
         return _monic(np.zeros(0, complex), len(poles))
-    if len(free) >= left:  # a group of two zeros must not be left over
+    if len(free) >= left:  # no group of two zeros may remain
         wide = [k for k in fitting if len(free[k]) == len(poles)]
         fitting = wide or fitting
     nearest = min(fitting, key=lambda k: float(np.abs(free[k] - poles[: len(free[k])]).min()))
@@ -181,7 +183,7 @@ def _taken(free: list[ComplexArray], poles: ComplexArray, left: int) -> RealArra
 
 
 def _monic(roots: ComplexArray, delays: int) -> RealArray:
-    """Coefficients (3,) of z^-delays prod(1 - root / z) in powers of 1/z."""
+    """Coefficients (3,) of z^-delays prod(1 - root / z), in powers of 1/z."""
     row = np.zeros(3)
     row[delays : delays + len(roots) + 1] = np.poly(roots).real
     return row

@@ -1,5 +1,5 @@
 """Bounds on robust performance that hold for every stabilising controller.
 
-The least mu over all complex K at a frequency, and dual integrals over frequency that no analytic
-function can beat.
+One bound is the least mu over all complex K(j omega) at a frequency. Another one is an integral
+over all frequencies that limits every analytic closed loop.
 """

@@ -1,15 +1,15 @@
-"""The T = L / (1 + L) that a loop may have at a frequency where mu is at most a level.
+"""The set of T = L / (1 + L) for which mu is at most a level at a frequency.
 
 With the weights of `LoopWeights`, A = |W_c T| + |(W_p (1 - T), W_u T / G)|, and v = W_r T, mu is at
-most a level l where A is at most the distance of 0 from the segment between l - v and l + v. For
-T = r exp(j psi), beta being the angle of v,
+most a level l where A is at most the distance of 0 from the segment between l - v and l + v. For T
+= r exp(j psi), where beta is the angle of v,
 
     A(r, psi) <= D(r),    D(r)^2 = l^2 sin(beta)^2 + max(0, l |cos(beta)| - r |W_r|)^2.
 
-A falls with cos(psi), D with |cos(beta)| and |W_r|. D is convex in r, below any line that is above
-it at both ends of a range of r; such a line turns the inequality into a quadratic one, whose roots
-narrow the range, again and again. On cones of psi this bounds Re(T h) from above; the cones in
-which it may be largest are halved.
+A decreases with cos(psi), and D decreases with |cos(beta)| and |W_r|. D is convex in r. So over a
+range of r it lies below the line through its values at both ends. With this line the inequality is
+quadratic, and its roots narrow the range; this is repeated. On cones of psi the range of r bounds
+Re(T h) from above. The cones that may contain the largest value are halved.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from workbench.synthesis.limits.intervals import ComplexInterval, Interval, down
 from workbench.synthesis.limits.loop_functions import LeastWeights
 
 CONES = 16
-"""Number of cones of psi that are looked at first; even, so that psi = 0 ends two of them."""
+"""Number of cones of psi at the start; it is even, so that psi = 0 is the end of two cones."""
 HALVINGS = 14
-"""Most halvings of a cone."""
+"""Largest number of halvings of a cone."""
 RAYS = 96
-"""Number of rays on which points of the sets are taken, for a search."""
+"""Number of rays on which the search takes points of the sets."""
 NARROWINGS = 4
-"""How often a range of r is narrowed. Where |W_r| is large, more would be sharper, at a cost."""
+"""Number of times a range of r is narrowed. More would be sharper where |W_r| is large, but dear.
+"""
 WIDENED = 1 + 1e-9
-"""Factor of the angles that may hold T, so that the rounded sine is not below the exact one."""
+"""Factor that enlarges the range of angles of T, so that the rounded sine is not too small."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """Directions of T between ``first`` and ``last`` (N,), less than pi apart, anticlockwise.
+    """Directions of T, anticlockwise from ``first`` to ``last`` (N,), less than pi apart.
 
-    They are complex numbers of any size.
+    Both are complex numbers of any size.
     """
 
     first: ComplexArray
@@ -47,9 +48,10 @@ class Cone:
 
 
 def allowed_radii(weights: LeastWeights, level: float, cone: Cone) -> tuple[RealArray, RealArray]:
-    """Bounds (N,) on |T| in a cone where mu is at most a level; NaN where no T is.
+    """Lower and upper bounds (N,) on |T| in a cone with mu at most a level; NaN where no T is
+    allowed.
 
-    Rounded outward. psi = 0 lies in no cone's interior.
+    Bounds are rounded outward. psi = 0 must not lie in the interior of a cone.
     """
     ends = [_unit(end) for end in (cone.first, cone.last)]
     cosine = np.maximum(ends[0].real.high, ends[1].real.high)
@@ -98,17 +100,18 @@ def allowed_radii(weights: LeastWeights, level: float, cone: Cone) -> tuple[Real
 def largest_projections(
     weights: LeastWeights, level: float, h: ComplexArray, slack: RealArray
 ) -> RealArray:
-    """Upper bounds (F, H) on Re(T h) over all T with mu at most a level; -inf where there is none.
+    """Upper bounds (F, H) on Re(T h) over all T with mu at most a level; -inf where no T is
+    allowed.
 
     Parameters
     ----------
     weights
-        At frequencies or over cells (F,).
+        Weights at frequencies or over cells (F,).
     h
         Complex numbers (F, H).
     slack
-        How much larger than necessary a bound may be (F,), over |h| and the radius of the set that
-        W_p and W_u / G alone leave.
+        Allowed excess of a bound over the exact value (F,), relative to |h| and to the radius of
+        the set for W_p and W_u / G alone.
     """
     center, squared = _nominal_disc(weights, level)
     size = (Interval.of(h.real).squared() + Interval.of(h.imag).squared()).root()
@@ -123,35 +126,35 @@ def largest_projections(
     k, cone = _first_cones(weights, level, some)
     for halving in range(HALVINGS + 1):
         most = _projections(weights.at(k), level, cone, h[k])
-        reached = _reached(weights, level, k, cone, h, most)
+        reached = _values_on_middle_rays(weights, level, k, cone, h, most)
         undecided = (most > np.fmax(reached + room, settled)[k]).any(axis=1)
         if halving == HALVINGS:
             undecided[:] = False
         np.fmax.at(settled, k[~undecided], most[~undecided])
         if not undecided.any():
             break
-        k, cone = np.tile(k[undecided], 2), _halved(cone, undecided)
+        k, cone = np.tile(k[undecided], 2), _halves(cone, undecided)
     return np.fmin(bound, settled)
 
 
 @np.errstate(all="ignore")
 def largest_modulus(weights: LeastWeights, level: float) -> RealArray:
-    """Upper bounds (F,) on |T|."""
+    """Upper bounds (F,) on |T| over all T with mu at most a level."""
     W_p, others = Interval.of(weights.performance), Interval.of(weights.circular) + weights.control
     return np.fmin((1.0 + level / W_p).high, (level / others).high)
 
 
 @np.errstate(all="ignore")
 def allowed_points(weights: LeastWeights, level: float) -> ComplexArray:
-    """The smallest and largest allowed T (F, 2 RAYS) on rays, NaN where there is none."""
-    psi = _span(weights, level)[:, None] * np.linspace(-1.0, 1.0, RAYS)
+    """The smallest and the largest allowed T on each ray (F, 2 RAYS); NaN where no T is allowed."""
+    psi = _largest_angle(weights, level)[:, None] * np.linspace(-1.0, 1.0, RAYS)
     rays, k = np.exp(1j * psi).ravel(), np.repeat(np.arange(len(psi)), RAYS)
     radii = allowed_radii(weights.at(k), level, Cone(rays, rays))
     return np.concatenate([(r * rays).reshape(psi.shape) for r in radii], axis=1)
 
 
 def _nominal_disc(weights: LeastWeights, level: float) -> tuple[Interval, Interval]:
-    """Centre and squared radius of |(W_p (1 - T), W_u T / G)| <= level."""
+    """Centre and squared radius of the disc |(W_p (1 - T), W_u T / G)| <= level."""
     W_p, W_u = (Interval.of(each).squared() for each in (weights.performance, weights.control))
     whole = W_p + W_u
     return W_p / whole, (Interval.of(level).squared() - W_p * W_u / whole) / whole
@@ -160,18 +163,18 @@ def _nominal_disc(weights: LeastWeights, level: float) -> tuple[Interval, Interv
 def _first_cones(
     weights: LeastWeights, level: float, cells: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], Cone]:
-    """CONES cones of each of some cells, which hold its T, and the indices of their cells."""
-    psi = _span(weights, level)[cells, None] * np.linspace(-1.0, 1.0, CONES + 1)
+    """Indices of the cells and, for each of these cells, CONES cones that contain its allowed T."""
+    psi = _largest_angle(weights, level)[cells, None] * np.linspace(-1.0, 1.0, CONES + 1)
     corners = np.where(np.abs(psi) == np.pi, -1.0, np.cos(psi) + 1j * np.sin(psi))
     return np.repeat(cells, CONES), Cone(corners[:, :-1].ravel(), corners[:, 1:].ravel())
 
 
 def _projections(weights: LeastWeights, level: float, cone: Cone, h: ComplexArray) -> RealArray:
-    """Upper bounds (N, H) on Re(T h) in cones (N,), h being (N, H); -inf where no T is."""
+    """Upper bounds (N, H) on Re(T h) in cones (N,), with h (N, H); -inf where no T is allowed."""
     low, high = allowed_radii(weights, level, cone)
     target = ComplexInterval(Interval.of(h.real), Interval.of(h.imag))
     first, last = (_unit(end[:, None]) * target for end in (cone.first, cone.last))
-    # The largest of Re(u h) over the cone is |h| where u h may be a positive number.
+    # For directions u in the cone, the largest Re(u h) is |h| if u h can be real and positive.
     within = (first.imag.low <= 0.0) & (last.imag.high >= 0.0)
     along = np.maximum(first.real.high, last.real.high)
     along = np.where(within, np.maximum(along, target.size().high), along)
@@ -181,7 +184,7 @@ def _projections(weights: LeastWeights, level: float, cone: Cone, h: ComplexArra
     return most
 
 
-def _reached(
+def _values_on_middle_rays(
     weights: LeastWeights,
     level: float,
     k: NDArray[np.intp],
@@ -189,7 +192,7 @@ def _reached(
     h: ComplexArray,
     most: RealArray,
 ) -> RealArray:
-    """Re(T h) (F, H) in the middle of those cones of each cell that have the largest bounds."""
+    """Re(T h) (F, H) on the middle ray of the cone with the largest bound, for each cell."""
     found = np.full(h.shape, -np.inf)
     for each in most.T:
         order = np.lexsort((each, k))
@@ -206,15 +209,15 @@ def _middle(cone: Cone) -> ComplexArray:
     return found
 
 
-def _halved(cone: Cone, chosen: NDArray[np.bool_]) -> Cone:
+def _halves(cone: Cone, chosen: NDArray[np.bool_]) -> Cone:
     """Both halves of the chosen cones, one after the other."""
     first, last = cone.first[chosen], cone.last[chosen]
     middle = _middle(Cone(first, last))
     return Cone(np.append(first, middle), np.append(middle, last))
 
 
-def _span(weights: LeastWeights, level: float) -> RealArray:
-    """Angles (F,): where |1 - T| <= level / W_p, psi lies between plus and minus this."""
+def _largest_angle(weights: LeastWeights, level: float) -> RealArray:
+    """Largest angles |psi| of T (F,) for which |1 - T| <= level / W_p is possible."""
     share = (level / Interval.of(weights.performance)).high
     psi = np.arcsin(np.minimum(share, 1.0)) * WIDENED
     sine = _unit(np.cos(psi) + 1j * np.sin(psi)).imag.low
@@ -228,7 +231,7 @@ def _unit(direction: ComplexArray) -> ComplexInterval:
 
 
 def _least_cosine(weights: LeastWeights, ends: list[ComplexInterval]) -> RealArray:
-    """A lower bound on |cos(beta)| over a cone: 0 where its sign may change."""
+    """A lower bound on |cos(beta)| over a cone; 0 where the cosine may change its sign."""
     cosines = [(end * weights.along).real for end in ends]
     above = np.minimum(cosines[0].low, cosines[1].low)
     below = np.minimum(-cosines[0].high, -cosines[1].high)

@@ -1,7 +1,7 @@
-"""Functions h of proofs that no controller reaches a level, and how they vary over a cell.
+"""Functions h for proofs that no controller reaches a level, and bounds on h over a cell.
 
-h is analytic in the right half-plane, but for simple poles where T = L / (1 + L) is known: the
-plant's zeros there, where T is 0, and the plant's poles there, where T is 1.
+h is analytic in the right half-plane, except for simple poles where T = L / (1 + L) is known: at
+the plant's zeros, where T = 0, and at the plant's poles, where T = 1.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NONE = np.empty(0, complex)
 
 
 class Tangent(NamedTuple):
-    """h over cells: |h(omega) - value - slope (omega - middle)| <= error (F,)."""
+    """Linear bound on h over cells: |h(omega) - value - slope (omega - middle)| <= error (F,)."""
 
     value: ComplexArray
     slope: ComplexArray
@@ -29,26 +29,27 @@ class Tangent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AnalyticBasis:
-    """Functions of which h is a sum with real coefficients.
+    """Basis functions; h is a sum of them with real coefficients.
 
-    They are 2 a / (s + a) times the all-passes of the corners a before; and for each zero or pole
-    p of the plant in the right half-plane 2 |p| / (s - p), or two such functions for a pair.
+    For each corner a there is 2 a / (s + a) times the all-pass functions of the corners before it.
+    For each zero or pole p of the plant in the right half-plane there is 2 |p| / (s - p), or two
+    such functions for a complex pair.
 
     Parameters
     ----------
     corners
-        Magnitudes [rad/s] (N,) of the functions' real poles, positive; they should cover the
-        frequencies where T falls off.
+        Corner frequencies a [rad/s] (N,), positive. They should cover the frequencies where |T|
+        decreases.
     band
-        Frequencies [Hz] between which h is sought. A proof covers all frequencies.
+        Lowest and highest frequency [Hz] of the search for h. A proof covers all frequencies.
     zeros, poles
-        The plant's zeros and poles [rad/s] in the open right half-plane, one of each pair.
+        The plant's zeros and poles [rad/s] in the open right half-plane, one of each complex pair.
 
     Raises
     ------
     InputError
-        Corners that are not positive, a band that is none, a zero or pole that is not in the right
-        half-plane or is given twice.
+        A corner is not positive; the band is not an increasing pair; or a zero or pole is not in
+        the right half-plane or is given twice.
 
     Examples
     --------
@@ -67,7 +68,7 @@ class AnalyticBasis:
     def __post_init__(self) -> None:
         corners = np.atleast_1d(np.asarray(self.corners, dtype=float))
         if not corners.size or not (np.isfinite(corners) & (corners > 0.0)).all():
-            raise InputError("corners must be positive frequencies [rad/s], one at least")
+            raise InputError("corners must be positive frequencies [rad/s], at least one")
         low, high = self.band
         if not 0.0 < low < high < np.inf:
             raise InputError(f"band is {self.band}; it must be two frequencies [Hz], low and high")
@@ -88,10 +89,10 @@ class AnalyticBasis:
 
     @property
     def known(self) -> RealArray:
-        """Integral over omega from 0 to infinity of Re(T h) for each function (N,), divided by pi.
+        """Integral of Re(T h) over omega from 0 to infinity, divided by pi, for each function (N,).
 
-        T is that of any stabilising controller; by Cauchy's theorem it is minus the sum of the
-        residues of T h in the right half-plane.
+        It is the same for all stabilising controllers: by Cauchy's theorem it is minus the sum of
+        the residues of T h in the right half-plane.
         """
         points, weights = self._fractions
         one = np.isin(points, self.poles)
@@ -99,16 +100,16 @@ class AnalyticBasis:
         return np.concatenate([np.zeros(len(self.corners)), -residues])
 
     def midpoints(self, parts: int) -> tuple[RealArray, RealArray]:
-        """Frequencies [rad/s] (F,) in the middle of parts of the band, and the parts' widths.
+        """Middles [rad/s] (F,) and widths of equal parts of the band.
 
-        The parts are of equal length in log omega.
+        The parts have equal length in log omega.
         """
         ends = 2 * np.pi * np.geomspace(*self.band, parts + 1)
         omega = np.sqrt(ends[1:] * ends[:-1])
         return omega, omega * np.log(ends[1:] / ends[:-1])
 
     def response(self, omega: RealArray) -> ComplexArray:
-        """The functions at frequencies [rad/s] (F,): (F, N)."""
+        """Responses (F, N) of the functions at frequencies [rad/s] (F,)."""
         s = 1j * omega[:, None]
         corners = self.corners
         passed = np.cumprod((s - corners[:-1]) / (s + corners[:-1]), axis=1)
@@ -120,14 +121,14 @@ class AnalyticBasis:
 
     @np.errstate(all="ignore")
     def tangent(self, x: RealArray, cells: FrequencyCells) -> Tangent:
-        """H with coefficients x (N,) over cells: Taylor's theorem, with all rounding in its error.
+        """Linear bounds on h with coefficients x (N,) over cells, by Taylor's theorem.
 
-        Value and slope are computed at the middle; the second derivative over a cell is at most
-        what the triangle inequality leaves of its terms.
+        Value and slope are computed at the middle. The triangle inequality bounds the second
+        derivative over the cell. The error includes all rounding.
         """
         s, none = Interval.of(cells.middle), Interval.of(np.zeros(cells.low.shape))
         h = slope = ComplexInterval(none, none)
-        size = steep = bent = none  # |h|, |h'| and |h''| over the cell, at most
+        size = steep = bent = none  # upper bounds on |h|, |h'| and |h''| over the cell
         count = len(self.corners)
         for a, each in zip(self.corners[::-1], x[:count][::-1], strict=True):
             # h becomes (2 a x + (s - a) h) / (s + a) = q h + turn x
@@ -158,7 +159,7 @@ class AnalyticBasis:
         return Tangent(value, 1j * along, (rounded + radius * radius * bent * 0.5).high)
 
     def decay(self, x: RealArray, lowest: float) -> float:
-        """A number c with |h(j omega)| <= c / omega above a frequency [rad/s]."""
+        """A number c with |h(j omega)| <= c / omega above the frequency `lowest` [rad/s]."""
         found = Interval.of(0.0)
         for a, each in zip(self.corners, x, strict=False):
             found = found + Interval.of(2 * a) * abs(each)
@@ -170,10 +171,11 @@ class AnalyticBasis:
 
     @property
     def _fractions(self) -> tuple[ComplexArray, ComplexArray]:
-        """Points p and weights c of the functions c / (s - p), with the conjugate for a pair.
+        """Points p and weights c of the functions c / (s - p), including the conjugate of a complex
+        pair.
 
-        Weights are powers of two, times j for the second function of a pair: products with them
-        are exact.
+        Weights are powers of two, times j for the second function of a pair, so that products with
+        them are exact.
         """
         points = np.concatenate([self.zeros, self.poles])
         pairs = points[points.imag > 0.0]
@@ -182,7 +184,7 @@ class AnalyticBasis:
         return both, 2.0 ** np.ceil(np.log2(2 * np.abs(both))) * turn
 
     def _simple_poles(self, x: RealArray) -> list[tuple[complex, complex]]:
-        """Poles p of h in the right half-plane and their residues, conjugates included."""
+        """Poles p of h in the right half-plane and their residues, including conjugates."""
         points, weights = self._fractions
         found = []
         for point, residue in zip(points, weights * x[len(self.corners) :], strict=True):
@@ -207,6 +209,6 @@ def _middle(box: ComplexInterval) -> ComplexArray:
 
 
 def _radius(box: ComplexInterval) -> Interval:
-    """No number of a box is farther from its `_middle`."""
+    """Largest distance of a number in each box from its `_middle`."""
     middle = _middle(box)
     return ComplexInterval(box.real - middle.real, box.imag - middle.imag).size()

@@ -1,4 +1,4 @@
-"""The highest level of mu for which a dual certificate is found, by bisection and cone programs."""
+"""Search for the highest level of mu with a dual certificate, by bisection and cone programs."""
 
 from __future__ import annotations
 
@@ -20,25 +20,28 @@ PARTS = 300
 BISECTION_LEVELS = 8
 """Number of levels of mu tried by bisection."""
 SOLVER_ACCURACY = 1e-5
-"""Accuracy asked of the solver. Any h that proves the level will do."""
+"""Accuracy asked of the solver. It need not be fine, since any h that proves the level is good."""
 
 
 def highest_proven(
     loop: LoopFunctions, basis: AnalyticBasis, low: float, high: float, context: Context
 ) -> DualCertificate | None:
-    """The highest level between two for which a certificate was found; None without one.
+    """The certificate with the highest level found between `low` and `high`; None if none was
+    found.
 
-    No stabilising linear time-invariant controller, rational or not, has mu at or below its level
-    at every frequency. The conditions on the loop are those of `DualCertificate.excess`.
+    No stabilising linear time-invariant controller, rational or not, has mu at or below the
+    certificate's level at every frequency. The conditions on the loop are those of
+    `DualCertificate.excess`.
 
     Parameters
     ----------
     loop
-        The loop's weights; with `nominal` the bound is that of the nominal plant.
+        The loop's weights. With `LoopFunctions.nominal` the bound is that of the nominal plant.
     basis
-        Functions of h; zeros and poles of the plant in the right half-plane make it sharper.
+        Functions whose sum is h. With the plant's zeros and poles in the right half-plane the bound
+        is sharper.
     low, high
-        Levels, positive, between which it is looked for.
+        Positive levels between which the search takes place.
 
     Raises
     ------
@@ -73,10 +76,10 @@ def highest_proven(
 def dual_candidate(
     loop: LoopFunctions, basis: AnalyticBasis, level: float, context: Context
 ) -> DualCertificate:
-    """H of least integral of Re(c h), that of R |h| being 1, with circles around the sets.
+    """The h with the least integral of Re(c h) while the integral of R |h| is at most 1.
 
-    h = 0 where a set is empty: any h proves the level. Raises SolverError where the solver gives
-    none.
+    c and R are centres and radii of circles around the sets of allowed T. If a set is empty, any h
+    proves the level, and h = 0 is returned. Raises SolverError if the solver finds no h.
     """
     import cvxpy as cp
 
@@ -98,7 +101,7 @@ def dual_candidate(
 
 
 def _circles(points: np.ndarray) -> Circle:
-    """Smallest circles around points (F, N) of which some are NaN."""
+    """Smallest circles around points (F, N); points that are NaN are ignored."""
     missing = np.isnan(points)
     one = np.take_along_axis(points, missing.argmin(axis=1)[:, None], axis=1)
     return smallest_circle(np.where(missing, one, points))

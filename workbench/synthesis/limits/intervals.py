@@ -1,8 +1,8 @@
 """Interval arithmetic on arrays of doubles, rounded outward.
 
-IEEE 754 rounds sums, products, quotients and square roots to a nearest double, so that any double
-beyond the result, away from the interval, bounds the exact number. What is not a number (0 times
-infinity) stays so: no comparison with it holds, and nothing is concluded from it.
+IEEE 754 rounds sums, products, quotients and square roots to the nearest double. So the next double
+below or above the result bounds the exact number. NaN (from 0 times infinity) stays NaN: every
+comparison with it is false, so nothing is concluded from it.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from numpy.typing import ArrayLike
 from workbench.arrays import RealArray
 
 STEP = 2.0**-52
-"""The distance to the next double, over the size of a double, at most; products are exact."""
+"""Largest distance to the next double, relative to the double. Products with it are exact."""
 SMALLEST = 2.0**-1074
-"""The smallest double, the distance to the next where products with STEP vanish."""
+"""The smallest double: the distance to the next double where products with STEP underflow."""
 
 
 def up(value: ArrayLike) -> RealArray:
-    """Doubles above those given, which were rounded to nearest: at least the next ones."""
+    """Round upward: doubles at or above the next double after each value."""
     value = np.asarray(value, dtype=float)
     return value + (np.abs(value) * STEP + SMALLEST)
 
 
 def down(value: ArrayLike) -> RealArray:
-    """Doubles below those given: at least the next ones."""
+    """Round downward: doubles at or below the next double before each value."""
     value = np.asarray(value, dtype=float)
     return value - (np.abs(value) * STEP + SMALLEST)
 
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Real numbers from ``low`` to ``high``, arrays of one shape."""
+    """Intervals of real numbers from ``low`` to ``high``, two arrays of the same shape."""
 
     low: RealArray
     high: RealArray
 
-    __array_ufunc__ = None  # an array leaves its arithmetic with an interval to the interval
+    __array_ufunc__ = None  # makes NumPy arrays use the interval's operators
 
     @classmethod
     def of(cls, value: Interval | ArrayLike) -> Interval:
@@ -51,7 +51,7 @@ class Interval:
 
     @property
     def columns(self) -> Interval:
-        """Each in a row of its own: (F, 1)."""
+        """The intervals (F,) as a column (F, 1)."""
         return Interval(self.low[:, None], self.high[:, None])
 
     def __add__(self, other: Interval | ArrayLike) -> Interval:
@@ -107,7 +107,7 @@ class Interval:
         return Interval(np.where(across, 0.0, np.minimum(*ends)), np.maximum(*ends))
 
     def root(self) -> Interval:
-        """Square roots of the numbers that have one, negative ones being taken as zero."""
+        """Square roots; negative numbers count as zero."""
         low, high = (np.sqrt(np.maximum(end, 0.0)) for end in (self.low, self.high))
         return Interval(np.maximum(down(low), 0.0), up(high))
 
@@ -134,7 +134,7 @@ class ComplexInterval:
         return ComplexInterval(upper.real / square, upper.imag / square)
 
     def scaled(self, factor: Interval | ArrayLike) -> ComplexInterval:
-        """Products with a real factor."""
+        """Products with a real interval."""
         return ComplexInterval(self.real * factor, self.imag * factor)
 
     def size(self) -> Interval:

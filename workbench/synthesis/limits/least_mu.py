@@ -1,19 +1,20 @@
-"""The least mu that any controller leaves at a frequency: a bound that no design can beat.
+"""The least mu over all controllers at a frequency: a lower bound that no design can beat.
 
-All that K(j omega) does to the loop of `LoopWeights` is the complex number T = L / (1 + L), and
-every T has its K. Mu is that of `rank_one_mu`, with c_r = -W_r T and the sum of the others
+K(j omega) acts on the loop of `LoopWeights` only through the complex number T = L / (1 + L), and
+every T belongs to some K. Mu is that of `rank_one_mu`, with c_r = -W_r T and the sum of the others
 |W_c T| + |(W_p (1 - T), W_u T / G)|, convex in T. The distance of a point from a segment is a
 largest projection, so that mu is the least over phi of
 
     (|Re(exp(-j phi) W_r T)| + |W_c T| + |(W_p (1 - T), W_u T / G)|) / cos(phi).
 
-With A = |(W_p, W_u / G)| and T turned by psi its least over |T| is
+With A = |(W_p, W_u / G)| and T turned by psi, the least value over |T| is
 
     W_p sin(min(zeta + kappa, pi / 2)) / cos(phi),  cos(zeta) = W_p cos(psi) / A,
     sin(kappa) = (|W_c| + |W_r| sin(delta - psi - phi)) / A,
 
-delta being the angle of W_r T from the imaginary axis at psi = 0, where the real scalar does least.
-Both turn W_r T towards that axis: phi and psi are not negative, and together delta at most.
+where delta is the angle of W_r T from the imaginary axis at psi = 0. On this axis the real scalar
+has the least effect. Both phi and psi turn W_r T towards the axis: they are not negative, and phi +
+psi is at most delta.
 """
 
 from __future__ import annotations
@@ -42,17 +43,19 @@ from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
 
 QUARTERS = ((0, 0), (0, 1), (1, 0), (1, 1))
-"""Halves (0 or 1) of psi and of phi in each quarter of a box."""
+"""Half (0 or 1) of the range of psi, and of phi, for each quarter of a box."""
 HALVINGS = 40
-"""Most halvings of a box. Without circular part and control weight mu may jump, and no number of
-halvings reaches the tolerance."""
+"""Largest number of halvings of a box. Without a circular part and a control weight mu may jump,
+and then no number of halvings reaches the tolerance.
+"""
 DRAWN = 200
-"""Controllers that are drawn in a check."""
+"""Number of controllers drawn at random by a check."""
 
 
 @dataclass(frozen=True, repr=False)
 class LeastMu(Answer):
-    """No controller has mu below ``lower`` (F,); one with ``T`` (F,) has ``upper`` (F,).
+    """Bounds on the least mu: no controller is below ``lower`` (F,), and ``T`` (F,) has ``upper``
+    (F,).
 
     Examples
     --------
@@ -74,23 +77,24 @@ class LeastMu(Answer):
 def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
     """The least mu over all complex K, frequency by frequency, by branch and bound.
 
-    K at each frequency is any complex number: neither causality nor stability is asked for, see
-    `DualCertificate` for a bound that asks for both.
+    K at each frequency may be any complex number: it need be neither causal nor stabilising.
+    `DualCertificate` is a bound that requires both.
 
-    Zeta rises with psi, kappa falls with psi + phi, and cos(phi) falls: on a box of both angles mu
-    has at least zeta of its least psi, kappa of its largest angles and the cosine of its least phi.
+    Zeta rises with psi, kappa falls with psi + phi, and cos(phi) falls: on a box of both angles a
+    lower bound on mu uses zeta at the least psi, kappa at the largest psi + phi, and the cosine of
+    the least phi.
 
     Parameters
     ----------
     weights
-        Those of the loop, at frequencies (F,).
+        Weights of the loop at frequencies (F,).
     tolerance
-        Relative distance of the two bounds, between 0 and 1.
+        Largest relative distance of the two bounds, between 0 and 1.
 
     Raises
     ------
     InputError
-        A tolerance that is not above 0 and below 1.
+        The tolerance is not between 0 and 1.
 
     Examples
     --------
@@ -105,7 +109,7 @@ def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
     """
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"tolerance is {tolerance}; it must lie between 0 and 1")
-    upper = weights.performance.copy()  # of T = 0
+    upper = weights.performance.copy()  # mu for T = 0
     lower, T = np.full(upper.shape, np.inf), np.zeros(upper.shape, complex)
     k = np.arange(len(upper))
     boxes = np.stack([np.zeros(upper.shape), np.zeros(upper.shape), weights.delta])
@@ -148,7 +152,7 @@ def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
 
 @dataclass(frozen=True, eq=False)
 class LeastMuChecker(RepeatedChecker):
-    """Computes the bounds again, and tries T and controllers that are drawn."""
+    """Computes the bounds again, and tries T and random controllers."""
 
     weights: LoopWeights
 
@@ -177,7 +181,7 @@ class LeastMuChecker(RepeatedChecker):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LargestLeastMu(Answer):
-    """Every controller's peak of mu is at least ``lower``, by its mu at ``omega`` [rad/s].
+    """Lower bound ``lower`` on every controller's peak of mu, reached at ``omega`` [rad/s].
 
     Examples
     --------
@@ -195,7 +199,7 @@ class LargestLeastMu(Answer):
 
     @property
     def value(self) -> float:
-        """As ``lower``."""
+        """The bound ``lower``."""
         return self.lower
 
     def said(self) -> str:
@@ -246,7 +250,7 @@ class LargestLeastMuChecker(Checker):
 def largest_least_mu(
     weights: Callable[[RealArray], LoopWeights], omega: RealArray, rounds: int = 3
 ) -> LargestLeastMu:
-    """A lower bound on every controller's peak of mu, and its frequency.
+    """A lower bound on every controller's peak of mu, and the frequency where it is reached.
 
     Parameters
     ----------
@@ -255,7 +259,7 @@ def largest_least_mu(
     omega
         Frequencies [rad/s] (F,), increasing.
     rounds
-        How often frequencies are added between the neighbours of the largest bound.
+        Number of times that frequencies are added between the neighbours of the largest bound.
 
     Examples
     --------

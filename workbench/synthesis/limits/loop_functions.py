@@ -1,8 +1,8 @@
-"""A single loop's weights as rational functions, which proofs over all frequencies need.
+"""Weights of a single loop as rational functions, needed for proofs over all frequencies.
 
 With e = w - G u, u = K e, L = G K and T = L / (1 + L), where G is the plant with its sensor, the
-outputs are z_p = W_p (1 - T) w and z_u = (W_u / G_0) T w, G_0 being the plant before the sensor,
-with the uncertainty G_0 (1 + W_c delta_c + W_r delta_r).
+outputs are z_p = W_p (1 - T) w and z_u = (W_u / G_0) T w, where G_0 is the plant without its sensor
+and G_0 (1 + W_c delta_c + W_r delta_r) the uncertain plant.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from workbench.synthesis.limits.rational_bounds import (
 
 @dataclass(frozen=True, eq=False)
 class LeastWeights:
-    """What the weights of a loop are at least over cells of frequency (F,).
+    """Lower bounds on the weights of a loop over cells of frequency (F,).
 
-    Mu of a loop with T does not fall when a weight grows. So a T that a level allows at a frequency
-    of a cell is allowed by these.
+    For a given T, mu does not decrease when a weight grows. So every T that a level allows at some
+    frequency of a cell is also allowed with these bounds.
 
     Parameters
     ----------
     performance, control, circular, real
         Lower bounds (F,) on |W_p|, |W_u / G|, |W_c| and |W_r|.
     along, turned
-        W_r / |W_r| in the middle of a cell, and the most [rad] that it turns from there.
+        W_r / |W_r| in the middle of a cell, and its largest change of angle [rad] over the cell.
     """
 
     performance: RealArray
@@ -49,7 +49,7 @@ class LeastWeights:
     turned: RealArray
 
     def at(self, k: NDArray[np.intp]) -> LeastWeights:
-        """Those of some of the cells, by index."""
+        """The bounds of some cells, by index."""
         real, imag = self.along.real, self.along.imag
         return LeastWeights(
             self.performance[k],
@@ -65,10 +65,10 @@ class LeastWeights:
 
 @dataclass(frozen=True, eq=False)
 class LoopFunctions:
-    """W_p, W_u, G, W_c and W_r of a loop; without uncertainty the last two are None.
+    """W_p, W_u, G, W_c and W_r of a loop. The last two are None for a loop without uncertainty.
 
-    Raises InputError where W_u / G does not grow at high frequencies: nothing would force T to fall
-    there, and no integral over all frequencies would be finite.
+    Raises InputError if W_u / G does not grow at high frequencies: T would not have to decrease
+    there, and the integral over all frequencies would not be finite.
 
     Examples
     --------
@@ -90,14 +90,15 @@ class LoopFunctions:
     def __post_init__(self) -> None:
         if self.falls < 1 or self.control.gain == 0.0 or self.plant.gain == 0.0:
             raise InputError(
-                "W_u / G must grow with frequency, so that T must fall; G has "
-                f"{_excess(self.plant)} more poles than zeros, W_u {_excess(self.control)}"
+                "W_u / G must grow with frequency, so that T must decrease; G has "
+                f"{_relative_degree(self.plant)} more poles than zeros, "
+                f"W_u {_relative_degree(self.control)}"
             )
 
     @property
     def falls(self) -> int:
-        """The power of 1 / omega with which a bounded W_u T / G makes T fall at least."""
-        return _excess(self.plant) - _excess(self.control)
+        """The power k with which |T| decreases at least as 1 / omega^k if W_u T / G is bounded."""
+        return _relative_degree(self.plant) - _relative_degree(self.control)
 
     @property
     def nominal(self) -> LoopFunctions:
@@ -117,7 +118,7 @@ class LoopFunctions:
 
     @np.errstate(all="ignore")
     def over(self, cells: FrequencyCells) -> LeastWeights:
-        """What the weights are at least over cells, rounded downward."""
+        """Lower bounds on the weights over cells, rounded downward."""
         zero = np.zeros(cells.low.shape)
         still = ComplexInterval(Interval.of(zero + 1.0), Interval.of(zero))
         along = (still, zero) if self.real is None else direction(self.real, cells)
@@ -132,13 +133,14 @@ class LoopFunctions:
 
     @np.errstate(all="ignore")
     def largest_beyond(self, lowest: float, level: float) -> float:
-        """A number c: where mu is at most a level, |T| <= c / omega^`falls` above `lowest` [rad/s].
+        """A number c with |T| <= c / omega^`falls` above `lowest` [rad/s], if mu is at most a
+        level.
 
-        Infinite where W_u may have a zero there.
+        It is infinite if W_u may have a zero above `lowest`.
         """
         above, below = (asymptote(each, lowest) for each in (self.plant, self.control))
         return float((above * level / below).high)
 
 
-def _excess(function: Rational) -> int:
+def _relative_degree(function: Rational) -> int:
     return len(function.poles) - len(function.zeros)

@@ -1,11 +1,11 @@
-"""Weights of a single loop, and mu of it as a function of its complementary sensitivity T.
+"""Weights of a single loop, and its mu as a function of the complementary sensitivity T.
 
 With one disturbance w, e = w - G u, u = K e, L = G K and T = L / (1 + L), the outputs are
 
     z_p = W_p (1 - T) w      z_u = (W_u / G) T w
 
-and the uncertainty is G (1 + W_c delta_c + W_r delta_r), delta_r real. So mu of the loop depends on
-the controller by the complex number T alone.
+and the uncertain plant is G (1 + W_c delta_c + W_r delta_r), where delta_r is real. So mu of the
+loop depends on the controller only through the complex number T.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from workbench.uncertainty import UncertaintyModel
 
 @dataclass(frozen=True)
 class LoopWeights:
-    """Weights that mu of w -> (z_p, z_u) depends on beside T, at frequencies (F,).
+    """Weights that, together with T, determine mu of w -> (z_p, z_u) at frequencies (F,).
 
-    Numbers are taken for every frequency. Raises InputError for a size that is not finite, a
-    performance that is not positive, and another size that is negative.
+    A single number holds for every frequency. Raises InputError if a weight is not finite, if the
+    performance weight is not positive, or if another weight is negative.
 
     Parameters
     ----------
     performance, control, circular
         |W_p|, |W_u / G| and |W_c| (F,).
     real
-        W_r (F,), complex; 0 for circles.
+        W_r (F,), complex; 0 for a model of circles.
 
     Examples
     --------
@@ -72,9 +72,9 @@ class LoopWeights:
         Parameters
         ----------
         model
-            Circles or stadiums about the nominal, multiplicative.
+            Multiplicative model: circles or stadiums around the nominal.
         performance, control
-            Responses of W_p and W_u / G (F,), of which the magnitudes count.
+            Responses of W_p and W_u / G (F,); only their magnitudes are used.
         """
         omega = np.asarray(omega, dtype=float)
         if model.form != "multiplicative":
@@ -91,12 +91,12 @@ class LoopWeights:
         return LoopWeights(self.performance[k], self.control[k], self.circular[k], self.real[k])
 
     def mu(self, T: ComplexArray) -> RealArray:
-        """Mu of the loops with complementary sensitivity T (F,), or (..., F)."""
+        """Mu of the loops with complementary sensitivity T (F,) or (..., F)."""
         return loop_mu(T, self.performance, self.control, self.circular, self.real)
 
     @property
     def delta(self) -> RealArray:
-        """Angle of W_r from the imaginary axis [rad]; 0 for circles."""
+        """Angle of W_r from the imaginary axis [rad]; 0 for a model of circles."""
         angle = np.arctan2(np.abs(self.real.real), np.abs(self.real.imag))
         return np.where(self.real == 0.0, 0.0, angle)
 
@@ -106,13 +106,13 @@ class LoopWeights:
         return np.arctan2(np.hypot(self.control, across), along)
 
     def kappa(self, turned: RealArray) -> RealArray:
-        """The angle kappa of `least_mu` [rad], phi and psi together being `turned`."""
+        """The angle kappa of `least_mu` [rad], for phi + psi = `turned`."""
         left = np.abs(self.real) * np.sin(np.maximum(self.delta - turned, 0.0))
         whole = np.hypot(self.performance, self.control)
         return np.arcsin(np.minimum((self.circular + left) / whole, 1.0))
 
     def best(self, psi: RealArray, turned: RealArray) -> ComplexArray:
-        """T of least mu for these angles."""
+        """The T with the least mu for these angles."""
         zeta, kappa = self.zeta(psi), self.kappa(turned)
         share = self.performance / np.hypot(self.performance, self.control)
         modulus = share * np.maximum(np.cos(zeta + kappa), 0.0) / np.cos(kappa)
@@ -120,10 +120,11 @@ class LoopWeights:
         return np.asarray(modulus * np.exp(1j * towards * psi), dtype=complex)
 
     def largest_circular(self, T: ComplexArray, level: float) -> RealArray:
-        """|W_c| (F,) with which mu of the loops with T (F,) is a level; negative: none.
+        """|W_c| (F,) for which mu of the loops with T (F,) equals a level; negative if there is
+        none.
 
-        level * min |1 - x W_r T| over |x| <= 1 / level is what circles and performance may have
-        together.
+        The circular part and the performance part of mu together may be at most level * min |1 - x
+        W_r T| over real |x| <= 1 / level.
         """
         c = self.real * T
         square = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)

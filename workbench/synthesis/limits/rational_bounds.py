@@ -4,8 +4,9 @@ From the value at the middle of a cell and the derivative of the logarithm over 
 
     |R(m)| (1 - y) <= |R| <= |R(m)| / (1 - y),    y = r max |d log R / d omega|,
 
-r being the cell's radius; or factor by factor, whichever is narrower. So a narrow cell costs no
-more than the function's own slope, and a wide one, or one with a root on the axis, has a bound.
+where r is the cell's radius. The product of the bounds on each factor is used where it is narrower.
+So the bounds of a narrow cell follow the function's slope, and a wide cell, or one with a root on
+the axis, still has a bound.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ class FrequencyCells:
 
     @property
     def all(self) -> Interval:
-        """The frequencies of each cell."""
+        """Each cell as an interval."""
         return Interval(self.low, self.high)
 
     @property
     def middle(self) -> RealArray:
-        """A frequency within each cell, half way in linear frequency."""
+        """The middle of each cell on a linear scale, up to rounding."""
         return np.clip(self.low + (self.high - self.low) / 2, self.low, self.high)
 
     @property
     def radius(self) -> RealArray:
-        """No frequency of a cell is farther from its middle."""
+        """Largest distance of a frequency in the cell from its middle."""
         middle = self.middle
         farthest = up(np.maximum(self.high - middle, middle - self.low))
         return np.where(self.high == self.low, 0.0, farthest)
@@ -51,7 +52,7 @@ class FrequencyCells:
 
     @property
     def halved(self) -> FrequencyCells:
-        """The lower halves, then the upper ones."""
+        """The lower halves of all cells, followed by the upper halves."""
         middle = self.middle
         return FrequencyCells(np.append(self.low, middle), np.append(middle, self.high))
 
@@ -60,26 +61,29 @@ class FrequencyCells:
         return FrequencyCells(self.low[k], self.high[k])
 
     def joined(self, others: FrequencyCells) -> FrequencyCells:
-        """These cells, then others."""
+        """These cells, followed by others."""
         return FrequencyCells(np.append(self.low, others.low), np.append(self.high, others.high))
 
 
 def least_magnitude(function: Rational, cells: FrequencyCells) -> RealArray:
     """A lower bound (F,) on |R(j omega)| over each cell."""
-    slow = _magnitude(function, Interval.of(cells.middle)).low * _left(function, cells)
+    slow = _magnitude(function, Interval.of(cells.middle)).low * _lower_factor(function, cells)
     return np.fmax(np.fmax(down(slow), _magnitude(function, cells.all).low), 0.0)
 
 
 def largest_magnitude(function: Rational, cells: FrequencyCells) -> RealArray:
     """An upper bound (F,) on |R(j omega)| over each cell."""
-    middle, left = _magnitude(function, Interval.of(cells.middle)).high, _left(function, cells)
+    middle, left = (
+        _magnitude(function, Interval.of(cells.middle)).high,
+        _lower_factor(function, cells),
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         slow = np.where(left > 0.0, up(middle / left), np.inf)
     return np.fmin(slow, _magnitude(function, cells.all).high)
 
 
 def direction(function: Rational, cells: FrequencyCells) -> tuple[ComplexInterval, RealArray]:
-    """R / |R| at the middle of each cell, and the most [rad] that it turns from there."""
+    """R / |R| at the middle of each cell, and its largest change of angle [rad] over the cell."""
     s = Interval.of(cells.middle)
     sign = Interval.of(np.full(s.low.shape, np.sign(function.gain)))
     found = ComplexInterval(sign, Interval.of(np.zeros(s.low.shape)))
@@ -92,9 +96,9 @@ def direction(function: Rational, cells: FrequencyCells) -> tuple[ComplexInterva
 
 
 def asymptote(function: Rational, lowest: float) -> Interval:
-    """Bounds on |R(j omega)| omega^k above a frequency [rad/s].
+    """Bounds on |R(j omega)| omega^k above the frequency `lowest` [rad/s].
 
-    k is by how much the poles outnumber the zeros; `lowest` is positive.
+    k is the number of poles less the number of zeros; `lowest` is positive.
     """
     inverse = Interval(np.zeros(()), up(1.0 / lowest))
     found = Interval.of(abs(function.gain))
@@ -106,7 +110,7 @@ def asymptote(function: Rational, lowest: float) -> Interval:
 
 
 def relative_factor(root: complex, inverse: Interval) -> Interval:
-    """|j omega - root| / omega, by the inverse of omega."""
+    """|j omega - root| / omega as a function of 1 / omega."""
     return ((inverse * root.real).squared() + (1.0 - inverse * root.imag).squared()).root()
 
 
@@ -125,13 +129,13 @@ def _magnitude(function: Rational, omega: Interval) -> Interval:
     for k, pole in enumerate(function.poles):  # interleaved, so that no product overflows
         if k < function.zeros.size:
             found = found * root_factor(function.zeros[k], omega).size()
-        size = root_factor(pole, omega).size()  # may be zero, but the quotient is not negative
+        size = root_factor(pole, omega).size()  # its lower bound may be 0
         found = Interval(np.fmax(down(found.low / size.high), 0.0), up(found.high / size.low))
     return found
 
 
-def _left(function: Rational, cells: FrequencyCells) -> RealArray:
-    """1 - y of the magnitude, not negative; 0 where a root on the axis may be in the cell."""
+def _lower_factor(function: Rational, cells: FrequencyCells) -> RealArray:
+    """The factor 1 - y, not negative; 0 where the cell may contain a root on the axis."""
     slope = _log_slope(function, cells).real.size().high
     return np.fmax(down(1.0 - up(slope * cells.radius)), 0.0)
 

@@ -1,4 +1,4 @@
-"""Mixed H2/H-infinity synthesis by linear matrix inequalities, for every conic solver."""
+"""Mixed H2/H-infinity synthesis by linear matrix inequalities, with any conic solver."""
 
 from __future__ import annotations
 
@@ -22,28 +22,30 @@ from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 MOST_STATES = 20
-"""Most states of a plant; the semidefinite programs of larger plants take too long."""
+"""Largest number of states of a plant. The semidefinite programs of larger plants take too long."""
 RISES = (0.0, 1e-4, 1e-3, 1e-2, 5e-2, 0.2)
 """Relative distances above the least bound, tried until the loop keeps the limit and the bound."""
 SHARES = (0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -4.0, 4.0)
-"""Decimal logarithms of the shares of gamma that are tried first."""
+"""Decimal logarithms of the shares of gamma tried first."""
 FINER_STEPS = (0.5, 0.25, 0.12, 0.06)
-"""Steps on either side of the best share so far."""
+"""Steps of the decimal logarithm, tried on both sides of the best share so far."""
 INSIDE = 1.0 - 1e-3
-"""Share of the limit that the inequalities ask for: solvers keep them up to their accuracy."""
+"""The inequalities ask for this share of the limit, since solvers satisfy them only up to their
+accuracy.
+"""
 FINEST_ACCURACY = 1e-7
 """Finest accuracy asked of solvers."""
 
 
 def _unfit(program: H2HinfSynthesis) -> str | None:
-    """Why the method cannot take the program; None where it can."""
+    """Why the method cannot solve the program; None where it can."""
     states = program.plant.system.nstates
     if program.further_plants:
         return "it has several plants"
     if not states:
         return "it has no states"
     if states > MOST_STATES:
-        return f"it has {states} states; at most {MOST_STATES} make LMIs of a practical size"
+        return f"it has {states} states; LMIs are practical for at most {MOST_STATES}"
     return None
 
 
@@ -51,21 +53,23 @@ def _unfit(program: H2HinfSynthesis) -> str | None:
     H2HinfSynthesis, optimal=False, unfit=_unfit, accuracy=AccuracyRange(finest=FINEST_ACCURACY)
 )
 def _conic(program: H2HinfSynthesis, context: Context, solver: ConicSolver) -> Claim:
-    """One Lyapunov matrix for both norms; the H2 bound is kept up to a fifth above its least."""
+    """One Lyapunov matrix for both norms; the H2 bound may exceed its least value by a fifth."""
     options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
     given = standard_plant(program.plant)
-    plant, rate = _scaled(without_D22(given))
+    plant, rate = _scaled_plant(without_D22(given))
     channels = _channel(program, plant, "nominal"), _channel(program, plant, "perturbation")
     with context.stating():
         stated = MixedInequalities(*channels, INSIDE * program.gamma)
-    energy, said = _least(stated, solver, options, context)
+    energy, said = _least_energy(stated, solver, options, context)
     if not math.isfinite(energy):
         message = "no Lyapunov matrix common to both norms was found; gamma may be too small"
         return None, Outcome.FAILED, f"{said}: {message}"
     least = least_norm(program)
     for rise in context.track(RISES, "distances"):
         if rise:
-            outcome, said = _centred(stated, energy * (1 + rise) ** 2, solver, options, context)
+            outcome, said = _well_conditioned(
+                stated, energy * (1 + rise) ** 2, solver, options, context
+            )
             if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
                 continue
         bound = math.sqrt(rate * energy) * (1 + rise)
@@ -83,7 +87,9 @@ def _conic(program: H2HinfSynthesis, context: Context, solver: ConicSolver) -> C
 
 
 def least_norm(program: H2HinfSynthesis) -> float:
-    """The least H2 norm without the limit, largest of all plants; NaN where it is not known."""
+    """The least H2 norm without the limit, for the plant where it is largest; NaN if it is not
+    known.
+    """
     found = []
     for plant in program.plants:
         try:
@@ -95,10 +101,12 @@ def least_norm(program: H2HinfSynthesis) -> float:
     return max(found, default=math.nan)
 
 
-def _least(
+def _least_energy(
     stated: MixedInequalities, solver: ConicSolver, options: Options, context: Context
 ) -> tuple[float, str]:
-    """The least bound of the energy over shares of gamma, and what the solver says; or infinity."""
+    """The least bound on the energy over shares of gamma, and the solver's message. The bound is
+    infinite where none was found.
+    """
     import cvxpy as cp
 
     problem = cp.Problem(cp.Minimize(stated.energy), stated.constraints)
@@ -125,14 +133,16 @@ def _least(
     return found[best], said
 
 
-def _centred(
+def _well_conditioned(
     stated: MixedInequalities,
     energy: float,
     solver: ConicSolver,
     options: Options,
     context: Context,
 ) -> tuple[Outcome, str]:
-    """Values of that bound with small X and Y: the controller is ill-conditioned at the edge."""
+    """Solve again for small X and Y with this bound on the energy, because the controller of the
+    least bound is ill-conditioned.
+    """
     import cvxpy as cp
 
     size = cp.trace(stated.X) + cp.trace(stated.Y)
@@ -140,8 +150,8 @@ def _centred(
     return solve_conic(cp.Problem(cp.Minimize(size), held), solver, options, context)
 
 
-def _scaled(plant: StandardPlant) -> tuple[StandardPlant, float]:
-    """The plant with balanced states in units of time of its own rate [rad/s], and that rate."""
+def _scaled_plant(plant: StandardPlant) -> tuple[StandardPlant, float]:
+    """The plant with balanced states and time scaled by its own rate [rad/s], and that rate."""
     rate = 1.0 if plant.dt else speed(plant.A, plant.B, plant.C)
     root = math.sqrt(rate)
     A, B, C = balanced(plant.A / rate, plant.B / root, plant.C / root)
@@ -149,7 +159,7 @@ def _scaled(plant: StandardPlant) -> tuple[StandardPlant, float]:
 
 
 def _channel(program: H2HinfSynthesis, plant: StandardPlant, which: str) -> StandardPlant:
-    """Some exogenous inputs and performance outputs of a scaled plant."""
+    """A scaled plant with only some of its exogenous inputs and performance outputs."""
     channel = program.plant.perturbation()
     rows, columns = channel.performance, channel.exogenous
     z, w = plant.D11.shape

@@ -18,16 +18,16 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 LEAST_MOVE = 1e-6
-"""Least change of the state in a sample that is told from none."""
+"""Smallest change of the state in a sample that is distinguished from zero."""
 
 
 class MixedInequalities:
-    """Variables of the controller and of the Lyapunov matrix, and what they must meet.
+    """Variables of the controller and of the Lyapunov matrix, and their inequalities.
 
-    ``energy`` bounds the square of the H2 norm of one plant, gamma the H-infinity norm of another,
-    that differ in their exogenous inputs and performance outputs only. With the ``share`` of gamma
-    on the inputs' side of the second inequality, and its inverse on the outputs', one Lyapunov
-    matrix suits both better than with the same unit of signals.
+    ``energy`` bounds the square of the H2 norm of one plant, and gamma the H-infinity norm of
+    another. The two plants differ only in their exogenous inputs and performance outputs. The
+    second inequality has the factor ``share`` on gamma on the side of the inputs, and its inverse
+    on the side of the outputs. A good share lets one Lyapunov matrix suit both inequalities better.
     """
 
     def __init__(self, performance: StandardPlant, limited: StandardPlant, gamma: float) -> None:
@@ -38,7 +38,7 @@ class MixedInequalities:
         self.plant = plant
         self.X, self.Y = (cp.Variable((n, n), symmetric=True) for _ in range(2))
         self.A, self.B, self.C = cp.Variable((n, n)), cp.Variable((n, p)), cp.Variable((m, n))
-        self.D = _direct(performance)
+        self.D = _direct_term(performance)
         self.share, self.inverse = cp.Parameter(pos=True), cp.Parameter(pos=True)
         z = len(performance.C1)
         W = cp.Variable((z, z), symmetric=True)
@@ -52,11 +52,11 @@ class MixedInequalities:
         self.constraints = [(one + one.T) / 2 >> 0 for one in held]
 
     def set_share(self, share: float) -> None:
-        """Set the share of gamma on the inputs' side."""
+        """Set the factor of gamma on the side of the inputs."""
         self.share.value, self.inverse.value = share, 1.0 / share
 
     def controller(self) -> Matrices:
-        """K of the values found, where I - X Y is not singular."""
+        """The controller K from the values found; I - X Y must not be singular."""
         A, B2, C2 = self.plant.A, self.plant.B2, self.plant.C2
         X, Y = self.X.value, self.Y.value
         Dk = np.asarray(getattr(self.D, "value", self.D), dtype=float)
@@ -68,7 +68,7 @@ class MixedInequalities:
         return np.linalg.solve(N, np.linalg.solve(M, inner.T).T), Bk, Ck, Dk
 
     def _loop(self, plant: StandardPlant) -> tuple[Any, Any, Any, Any]:
-        """P A, P B, C and D of the closed loop, in the variables: linear in all of them."""
+        """P A, P B, C and D of the closed loop; all are linear in the variables."""
         import cvxpy as cp
 
         A, B1, B2, C1, C2 = plant.A, plant.B1, plant.B2, plant.C1, plant.C2
@@ -112,7 +112,9 @@ class MixedInequalities:
         n, w = A.shape[0], D.shape[1]
         none, one = np.zeros((n, w)), np.eye(w)
         return (
-            self._apart(cp.bmat([[self.P, A, B], [A.T, self.P, none], [B.T, none.T, one]])),
+            self._rows_by_difference(
+                cp.bmat([[self.P, A, B], [A.T, self.P, none], [B.T, none.T, one]])
+            ),
             cp.bmat([[W, C, D], [C.T, self.P, none], [D.T, none.T, one]]),
         )
 
@@ -129,12 +131,13 @@ class MixedInequalities:
                 [np.zeros((z, n)), C, D, gamma * self.inverse * np.eye(z)],
             ]
         )
-        return self._apart(stated)
+        return self._rows_by_difference(stated)
 
-    def _apart(self, stated: Any) -> Any:
-        """A sampled inequality with the difference of its first two rows, in units of a sample.
+    def _rows_by_difference(self, stated: Any) -> Any:
+        """A sampled inequality whose first two block rows are replaced by one and by their scaled
+        difference.
 
-        A plant that moves little in a sample makes both nearly the same.
+        If the state changes little in a sample, both rows are nearly the same.
         """
         n = 2 * self.plant.states
         moved = float(np.linalg.norm(self.plant.A - np.eye(len(self.plant.A)), 2))
@@ -144,8 +147,10 @@ class MixedInequalities:
         return T @ stated @ T.T
 
 
-def _direct(plant: StandardPlant) -> Any:
-    """The controller's direct term: free, or in continuous time what leaves none in the loop."""
+def _direct_term(plant: StandardPlant) -> Any:
+    """The controller's direct term: free, but in continuous time it must cancel that of the
+    loop.
+    """
     import cvxpy as cp
 
     m, p = plant.controls, plant.measurements

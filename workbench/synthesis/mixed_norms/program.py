@@ -39,9 +39,10 @@ class H2HinfController(drawn.DrawnController):
     """A controller u = K y with positive feedback, and both norms of its loop.
 
     ``norm`` is the H2 norm of the performance channels and ``hinf_norm`` the H-infinity norm of the
-    perturbation channels, both proven from above. ``bound`` is what a Lyapunov matrix common to
-    both proves of the H2 norm (NaN: there is none): the method made it least, not the norm.
-    ``least`` is the H2 norm of the best controller without the limit (NaN: it is not known).
+    perturbation channels; both are proven upper bounds. ``bound`` is the bound on the H2 norm that
+    one Lyapunov matrix common to both norms proves; NaN if there is none. The conic methods
+    minimise this bound, not the norm. ``least`` is the H2 norm of the best controller without the
+    limit; NaN if it is not known.
 
     Examples
     --------
@@ -72,35 +73,37 @@ class H2HinfController(drawn.DrawnController):
 
 @dataclass(frozen=True, eq=False)
 class H2HinfSynthesis(ControllerSynthesis):
-    """The K with the least H2 norm of the performance, where an H-infinity norm is limited.
+    """The K with the least H2 norm of the performance under a limit on an H-infinity norm.
 
-    The H2 norm is that from the exogenous inputs to the performance outputs, the limited norm that
-    from the perturbation inputs to the perturbation outputs: below 1 / gamma every perturbation
-    leaves the loop stable (small gain theorem).
+    The H2 norm is taken from the exogenous inputs to the performance outputs. The limited
+    H-infinity norm is taken from the perturbation inputs to the perturbation outputs: the loop
+    stays stable for every perturbation smaller than 1 / gamma (small gain theorem).
 
     Parameters
     ----------
     plant
-        With a perturbation, exogenous inputs and performance outputs. In continuous time the H2
-        norm is infinite unless a gain cancels the direct term from exogenous to performance.
+        Generalised plant with a perturbation, exogenous inputs and performance outputs. In
+        continuous time the H2 norm is infinite unless a gain cancels the direct term from exogenous
+        to performance.
     gamma
-        The largest H-infinity norm of the perturbation channels.
+        Limit on the H-infinity norm of the perturbation channels.
     order, family, stable, fastest_pole, largest_gain, start, random
         As in `HinfSynthesis`.
     further_plants
-        As in `HinfSynthesis`, each with a perturbation: both norms are the largest of all loops.
+        As in `HinfSynthesis`, each with a perturbation. Each of both norms is the largest over all
+        loops.
 
-    Conic solvers find a controller with as many states as the plant, by one Lyapunov matrix common
-    to both norms. It makes the problem convex, and gives an upper bound of the H2 norm only: the
-    norm itself is lower, and other controllers may be better. Method "fixed" lowers the norm itself
-    over an order or a family, to a local optimum.
+    Conic solvers find a controller with as many states as the plant, with one Lyapunov matrix
+    common to both norms. This makes the problem convex, but minimises only an upper bound on the H2
+    norm: the norm itself is lower, and other controllers may be better. Method "fixed" minimises
+    the norm itself over controllers of an order or a family, to a local optimum.
 
     Raises
     ------
     InputError
         The plant has no perturbation, no performance, or cannot be stabilised; gamma is not
-        positive and finite; every loop has an infinite H2 norm; or what is asked of the controller
-        is none or does not fit.
+        positive and finite; every loop has an infinite H2 norm; or a requirement on the controller
+        is not valid or does not fit.
 
     References
     ----------
@@ -152,7 +155,7 @@ class H2HinfSynthesis(ControllerSynthesis):
             name = f"further plant {number}" if number else "the plant"
             if plant.structure is None:
                 raise InputError(
-                    f"{name} has no perturbation, whose H-infinity norm is limited: give "
+                    f"{name} has no perturbation, whose channels' H-infinity norm is limited: give "
                     'perturbation=[(Full(1, 1), "z", "w")]; without a limit it is H2Synthesis'
                 )
             if not (plant.exogenous and plant.performance):
@@ -172,11 +175,11 @@ class H2HinfSynthesis(ControllerSynthesis):
         return answer.norm
 
     def h2_norm(self, controller: StateSpace) -> float:
-        """The largest proven H2 norm of the stable loops of a controller."""
+        """The largest proven H2 norm of a controller's loops, which are stable."""
         return max(h2_norm(h2_loop(plant.nominal(), controller)).upper for plant in self.plants)
 
     def limited_loop(self, controller: StateSpace) -> StateSpace:
-        """The loops whose H-infinity norm is limited, side by side."""
+        """The loops whose H-infinity norm is limited, as one block diagonal system."""
         return closed_side_by_side([plant.perturbation() for plant in self.plants], controller)
 
     # --- checks -------------------------------------------------------------------------------
@@ -231,11 +234,11 @@ class H2HinfSynthesis(ControllerSynthesis):
             loops.powers_fall(whole.A, whole.dt),
             Check("summed", statement, excess(size, answer.norm), SUM_ROUNDING, over=THIS_SYSTEM),
             max(sampled, key=lambda check: check.value),
-            *self._enclosed(answer, size),
+            *self._norm_checks(answer, size),
         ]
 
-    def _enclosed(self, answer: H2HinfController, size: float) -> list[Check]:
-        """The H2 norm, as a sum over samples, between what was claimed below and above it."""
+    def _norm_checks(self, answer: H2HinfController, size: float) -> list[Check]:
+        """Checks that the H2 norm, as a sum over samples, lies between the claimed bounds."""
         statement = "H2 norm, as a sum over samples, over the bound by a common Lyapunov matrix"
         claims = {"summed below the bound": (size, answer.bound, statement)}
         statement = "least H2 norm without the limit over the norm as a sum over samples"
@@ -272,13 +275,13 @@ class H2HinfSynthesis(ControllerSynthesis):
     def judged(
         self, controller: StateSpace, *, bound: float = math.nan, least: float = math.nan
     ) -> H2HinfController | None:
-        """The answer for a controller; None where a loop is not stable or beyond the limit."""
+        """The answer for a controller; None if a loop is unstable or exceeds the limit."""
         K = self.plant.named(controller)
         if not stability_of(self.loop(K)).holds:
             return None
         try:
             norm = self.h2_norm(K)
-        except InputError:  # rounding hides a pole
+        except InputError:  # rounding hides whether a pole is stable
             return None
         size = certified_norm(self.limited_loop(K))
         if not (math.isfinite(norm) and size <= self.gamma):

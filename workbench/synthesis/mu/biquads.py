@@ -19,19 +19,21 @@ from workbench.systems.realisation import Matrices, realisation
 FrequencyRange = tuple[float, float]
 """Lowest and highest frequency [rad/s]."""
 DAMPING_RANGE = (0.1, 20.0)
-"""Least and largest damping ratio of zeros and poles; above 1 they are pairs of real ones."""
+"""Least and largest damping ratio of zeros and poles. A damping ratio above 1 is a pair of real
+roots.
+"""
 LARGEST_LOG_GAIN = 50.0
-"""Largest size of log gains; a gain farther from 1 has no effect on the loop."""
+"""Largest magnitude of log gains. A gain farther from 1 has no effect on the loop."""
 CORNER_SPREADS = (0.6, 2.6)
-"""Distances between the corners of first guesses, in natural logarithms of frequency."""
+"""Distances between the corners of initial guesses, in natural logarithms of frequency."""
 
 
 @dataclass(frozen=True)
 class Biquads:
-    """A number of functions, one per row, each with the same number of biquads.
+    """Several functions, one per row, all with the same number of biquads.
 
-    Their parameters x have shape (rows, P). A row is log gain and, for each biquad, log z, log a,
-    log p, log b.
+    Their parameters x have shape (rows, P). A row contains log gain and, for each biquad, log z,
+    log a, log p, log b.
     """
 
     rows: int
@@ -44,7 +46,7 @@ class Biquads:
 
     @property
     def corners(self) -> list[tuple[int, int]]:
-        """Place of each corner in a row of parameters, with 1 for zeros and -1 for poles."""
+        """Index of each corner in a row of parameters, and 1 for a zero or -1 for a pole."""
         return [
             (1 + 4 * k + at, sign) for k in range(self.biquads) for at, sign in ((0, 1), (2, -1))
         ]
@@ -82,7 +84,7 @@ class Biquads:
 
     def realised(self, x: RealArray) -> list[Matrices]:
         """The matrices of the function of each row."""
-        return [_realised(row) for row in x]
+        return [_series_realisation(row) for row in x]
 
     def functions(self, x: RealArray) -> ScalingFunctions:
         """The functions by the coefficients of their quadratic factors."""
@@ -94,7 +96,7 @@ class Biquads:
         return ScalingFunctions(gain, above, below)
 
     def inverse(self, x: RealArray) -> RealArray:
-        """The parameters of 1 / d, whose zeros are the poles of d and the reverse."""
+        """The parameters of 1 / d, which exchanges zeros and poles of d."""
         y = -x
         for zero in range(1, self.size, 4):
             y[:, zero : zero + 2], y[:, zero + 2 : zero + 4] = (
@@ -104,7 +106,7 @@ class Biquads:
         return y
 
     def guess(self, gains: RealArray, middle: float, spread: float) -> RealArray:
-        """Parameters with given log gains (rows,) and corners spread about a log frequency."""
+        """Parameters with given log gains (rows,) and corners spread around a log frequency."""
         x = np.zeros((len(gains), self.size))
         x[:, 0] = gains
         places = spread * (np.arange(self.biquads) - (self.biquads - 1) / 2)
@@ -113,7 +115,7 @@ class Biquads:
         return x
 
     def bounds(self, within: FrequencyRange) -> list[tuple[float, float]]:
-        """Bounds of the parameters of a row, with corners within frequencies [rad/s]."""
+        """Bounds on the parameters of a row, with corners within frequencies [rad/s]."""
         low, high = np.log(within)
         found = [(-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN)] * self.size
         for first, _ in self.corners:
@@ -122,10 +124,10 @@ class Biquads:
         return found
 
 
-def _realised(row: RealArray) -> Matrices:
-    """The function of a row of parameters: its biquads in series.
+def _series_realisation(row: RealArray) -> Matrices:
+    """The matrices of the function of a row of parameters: its biquads in series.
 
-    The output of each biquad enters all those after it.
+    The output of each biquad enters all later biquads.
     """
     z, a, p, b = np.exp(row[1:].reshape(-1, 4).T)
     gain, n = float(np.exp(row[0])), 2 * len(z)

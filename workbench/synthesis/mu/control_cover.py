@@ -1,10 +1,11 @@
-"""Uncertainty covers for a loop: weights that contain the plants where they hurt the loop least.
+"""Uncertainty covers for a loop: weights that contain the plants and give the loop the least mu.
 
-With T = L / (1 + L) of a controller, mu of its loop is that of `LoopWeights`, with the radius that
-the plants need about a real weight. The narrowest stadium is not the one of least mu: here both
-weights are chosen for mu, alone or together with nominal and controller, so that the circular one
-exceeds the radius where mu leaves room for it. Plants that are known at every frequency count
-at every frequency of the grid, which is fine about their resonances.
+For a controller with T = L / (1 + L), mu of its loop is that of `LoopWeights`, where the circular
+weight is the radius that the plants need around the real weight. The narrowest stadium does not
+give the least mu. Here both weights are chosen for mu, alone or together with nominal and
+controller: the circular weight may exceed the radius at frequencies where this does not raise the
+peak of mu. Plants that are known at every frequency are covered at every frequency of the grid,
+which is fine around their resonances.
 """
 
 from __future__ import annotations
@@ -37,15 +38,17 @@ from workbench.uncertainty.covers.weights import (
 )
 
 SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
-"""Step of the differences by which mu's slopes are found, over the size of a part's response there;
-and the least share of its largest size that it is taken to have."""
+"""Step of the differences that give the slopes of mu, relative to the size of a part's response at
+the frequency; and the least size assumed, relative to the largest size.
+"""
 PER_DECADE = 10
 """Frequencies per decade where no response is known."""
 BEYOND_ALL = (1e1, 1e2, 1e3, 1e6, 1e9)
-"""Multiples of the highest of these frequencies at which mu is looked at too."""
+"""Multiples of the highest of these frequencies at which mu is also evaluated."""
 PULL = 3e-6
-"""Share by which mu counts as larger for a parameter that moves by its unit: what has no effect,
-such as a pole and a zero together, would else drift to where realisations lose their digits."""
+"""Relative penalty on mu for a parameter that moves by its unit. Without it, parameters without
+effect, such as a pole and a zero that cancel, would drift to values with bad realisations.
+"""
 LEAST_UNIT = 1e-3
 """Unit of a parameter that starts near zero."""
 
@@ -56,7 +59,7 @@ Name = Literal["nominal", "real", "controller", "circular"]
 
 
 class LoopData(NamedTuple):
-    """Quantities that mu depends on, at the frequencies (F,) of a `ControlCover`."""
+    """Quantities on which mu depends, at the frequencies (F,) of a `ControlCover`."""
 
     T: ComplexArray
     weights: LoopWeights
@@ -64,22 +67,23 @@ class LoopData(NamedTuple):
 
 
 class ControlCover:
-    """Models G (1 + W_c delta_c + W_r delta_r) of measured responses, chosen for a loop.
+    """Models G (1 + W_c delta_c + W_r delta_r) of measured responses, optimised for a loop.
 
     The loop is e = w - G u, u = K sensor e, with the outputs W_p e and W_u u.
 
     Parameters
     ----------
     responses
-        Responses of the plants, from u to the place where w enters.
+        Responses of the plants, from u to the point where w enters.
     complex_order
         Order of W_c.
     performance, control
-        W_p and W_u, of which the magnitudes count.
+        W_p and W_u; only their magnitudes are used.
     sensor
-        Known dynamics between e and the controller.
+        Known dynamics between the error e and the controller.
     lowest
-        Lowest frequency [rad/s] at which mu is looked at, below the slowest pole of W_p.
+        Lowest frequency [rad/s] at which mu is evaluated; it should be below the slowest pole of
+        W_p.
 
     Examples
     --------
@@ -121,26 +125,25 @@ class ControlCover:
     def lowered(
         self, parts: dict[Name, Rational], moving: Sequence[Name], context: Context
     ) -> dict[Name, Rational]:
-        """The parts, those that move and the circular weight chosen for the least largest mu.
+        """The parts, where the moving ones and the circular weight minimise the peak of mu.
 
-        They keep as many poles and zeros as they have, and as many unstable poles; the circular
-        weight keeps its zeros on the left, so does a controller that has all of its own there, and
-        the controller keeps the nominal loop stable. The best end of several local searches; from
-        what they find others may lead on.
+        The parts keep their numbers of poles, zeros and unstable poles. The circular weight keeps
+        its zeros on the left, and so does a controller whose zeros are all there. The controller
+        keeps the nominal loop stable. The result is the best end of several local searches.
 
         Parameters
         ----------
         parts
-            The nominal, the real weight, the controller, and the circular weight; one that is
-            missing is fitted to the radii that it must cover.
+            The nominal, the real weight, the controller, and the circular weight. A missing
+            circular weight is fitted to the radii that it must cover.
         moving
-            Which of the first three move.
+            Names of the parts, among the first three, that may change.
 
         Raises InputError for a controller with which the nominal loop is unstable.
         """
-        parts, moving = self._complete(parts, context), [*moving, "circular"]
+        parts, moving = self._with_circular_weight(parts, context), [*moving, "circular"]
         band = float(self.omega[0]), float(self.omega[-1])
-        sections = {name: _factored(name, parts[name], band) for name in moving}
+        sections = {name: _factored_part(name, parts[name], band) for name in moving}
         starts = [part.start for part in sections.values()]
         ends = np.cumsum([len(start) for start in starts])[:-1]
         x = np.concatenate(starts)
@@ -154,10 +157,10 @@ class ControlCover:
             values, slopes = dict(held), {}
             for name, part, vector in split(y):
                 values[name], slopes[name] = part.values(vector, self._from_zero)
-            if not self._stable(values, unstable):
+            if not self._is_stable(values, unstable):
                 return UNSTABLE_MU, np.zeros_like(y)
             inside = {name: value[1:] for name, value in values.items()}
-            norm, slope = self._smoothed(inside, slopes, power)
+            norm, slope = self._power_mean_of_mu(inside, slopes, power)
             moved = (y * units - x) / sizes
             pull = 1 + PULL * float(moved @ moved)
             return norm * pull, (slope * pull + 2 * norm * PULL * moved / sizes) * units
@@ -173,14 +176,14 @@ class ControlCover:
         ratio = radius / np.abs(found["circular"].response(self.omega))
         return found | {"circular": found["circular"].scaled(float(ratio.max()))}
 
-    def _smoothed(
+    def _power_mean_of_mu(
         self, values: dict[Name, ComplexArray], slopes: dict[Name, ComplexArray], power: int
     ) -> tuple[float, RealArray]:
-        """The power mean of mu over frequency, and its slopes by all parameters.
+        """The power mean of mu over frequency, and its derivatives by all parameters.
 
-        Mu at a frequency depends on the parameters by a few complex numbers, the ``values`` (F,) of
-        the parts, whose ``slopes`` (1 + F, P) by the parameters are known. The circular weight is
-        scaled so that the power mean of radius over weight is 1.
+        Mu at a frequency depends on the parameters only through a few complex numbers, the
+        ``values`` (F,) of the parts. Their ``slopes`` (1 + F, P) are the derivatives by the
+        parameters. The circular weight is scaled so that the power mean of radius over weight is 1.
         """
         plants, nominal, end = self._plants, values["nominal"], values["real"]
         known, given = plants.logs(nominal, end)
@@ -189,7 +192,7 @@ class ControlCover:
         circular = scale * size
 
         def mu(values: dict[Name, ComplexArray], circular: RealArray) -> RealArray:
-            T, control = self._closed(values)
+            T, control = self._closed_loop(values)
             return loop_mu(T, self._performance, control, circular, values["real"])
 
         found = mu(values, circular)
@@ -222,27 +225,27 @@ class ControlCover:
         return norm, np.concatenate([*every, []])
 
     def loop(self, parts: dict[Name, Rational]) -> LoopData | None:
-        """The loop of these parts; None where the nominal one is unstable.
+        """The loop of these parts; None if the nominal loop is unstable.
 
-        Stability is read from the encirclements of -1; the controller may have one integrator.
+        Stability follows from the encirclements of -1; the controller may have one integrator.
         """
         values = self._responses(parts)
-        if not self._stable(values, _unstable_poles(parts.values())):
+        if not self._is_stable(values, _unstable_poles(parts.values())):
             return None
         values = {name: value[1:] for name, value in values.items()}
-        (T, control), real = self._closed(values), values["real"]
+        (T, control), real = self._closed_loop(values), values["real"]
         radius = self._plants.radius(values["nominal"], real)
         return LoopData(T, LoopWeights(self._performance, control, radius, real), radius)
 
     def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
-        """The model about nominal and weights; a circular weight that is missing is fitted.
+        """The uncertainty model of nominal and weights; a missing circular weight is fitted.
 
-        The circular weight is scaled, so that the model contains the known plants of the responses
-        at every frequency, the others at theirs and between.
+        The circular weight is scaled so that the model contains the known plants at every
+        frequency, and the other plants at and between their own frequencies.
 
         Raises InputError for a controller with which the nominal loop is unstable.
         """
-        parts, omega = self._complete(parts, context), self.responses.omega
+        parts, omega = self._with_circular_weight(parts, context), self.responses.omega
         nominal, W_r = parts["nominal"], parts["real"]
         away = self.responses.points / nominal.response(omega)[:, None] - 1
         radius = needed_radius(away, W_r.response(omega))
@@ -255,11 +258,15 @@ class ControlCover:
         W_c = reaching_known(self.responses, nominal, W_c, W_r, "multiplicative")
         return UncertaintyModel(nominal, W_c, W_r, tested=self.responses.tested)
 
-    def _complete(self, parts: dict[Name, Rational], context: Context) -> dict[Name, Rational]:
-        """The parts with a circular weight; one that is missing is fitted to its radii."""
+    def _with_circular_weight(
+        self, parts: dict[Name, Rational], context: Context
+    ) -> dict[Name, Rational]:
+        """The parts including a circular weight; a missing one is fitted to the radii it must
+        cover.
+        """
         loop = self.loop(parts)
         if loop is None:
-            raise InputError("the nominal loop is unstable with this controller: start at another")
+            raise InputError("the nominal loop is unstable with this controller: use another")
         if "circular" in parts:
             return parts
         near = self.omega <= beyond(self.responses.omega)[-1]
@@ -267,28 +274,31 @@ class ControlCover:
         return parts | {"circular": fitted(fit, context)}
 
     def _responses(self, parts: dict[Name, Rational]) -> dict[Name, ComplexArray]:
-        """Responses (1 + F,) of the parts at 0 and at the cover's frequencies."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # an integrator has none at 0
+        """Responses (1 + F,) of the parts at frequency 0 and at the cover's frequencies."""
+        with np.errstate(divide="ignore", invalid="ignore"):  # an integrator has no response at 0
             return {name: part.response(self._from_zero) for name, part in parts.items()}
 
-    def _stable(self, values: dict[Name, ComplexArray], unstable: int) -> bool:
-        """Whether the nominal loop is, from responses (1 + F,) of parts with unstable poles."""
+    def _is_stable(self, values: dict[Name, ComplexArray], unstable: int) -> bool:
+        """Whether the nominal loop is stable, from responses (1 + F,) of parts with `unstable`
+        unstable poles.
+        """
         with np.errstate(invalid="ignore"):
             whole = values["controller"] * values["nominal"] * self._sensor
         L = whole[1:]
         return bool(np.isfinite(L).all()) and _encirclements(whole[0], L) == unstable
 
-    def _closed(self, values: dict[Name, ComplexArray]) -> tuple[ComplexArray, RealArray]:
+    def _closed_loop(self, values: dict[Name, ComplexArray]) -> tuple[ComplexArray, RealArray]:
         """T and |W_u / G| (F,), from responses (F,) of the parts."""
         L = values["controller"] * values["nominal"] * self._sensor[1:]
         return L / (1 + L), self._control / np.abs(values["nominal"])
 
 
 def _frequencies(responses: Responses, lowest: float) -> RealArray:
-    """Where mu is looked at [rad/s] (F,): those of the responses among them.
+    """Frequencies [rad/s] (F,) at which mu is evaluated, including those of the responses.
 
-    They go on between the responses' frequencies, about the resonances of known plants, and beyond:
-    to the slowest pole of W_p, and past the fastest of a controller, wherever its search moves it.
+    More frequencies lie between those of the responses and around the resonances of known plants.
+    Others lie below them, down to the slowest pole of W_p, and above them, beyond any fast pole
+    that the search may give to the controller.
     """
     low, high = lowest, beyond(responses.omega)[-1]
     outside = np.geomspace(low, high, round(PER_DECADE * np.log10(high / low)))
@@ -301,17 +311,18 @@ def _frequencies(responses: Responses, lowest: float) -> RealArray:
     return np.unique(np.concatenate([beyond(responses.omega), inside, outside, endless]))
 
 
-def _factored(name: Name, part: Rational, band: tuple[float, float]) -> FactoredRational:
-    """A part by parameters; a root of the controller on the right is not mirrored, as others are.
+def _factored_part(name: Name, part: Rational, band: tuple[float, float]) -> FactoredRational:
+    """A part as a function of parameters. Unlike other roots, zeros of the controller on the right
+    are not mirrored.
 
-    Mirrored, it would be another controller, with which the loop may be unstable.
+    A mirrored zero would change the controller, and the loop might be unstable.
     """
     left = name == "circular" or (name == "controller" and bool((part.zeros.real <= 0.0).all()))
     return FactoredRational.of(part, len(part.zeros), band, True, left, _unstable_poles([part]))
 
 
 def _power_mean(values: RealArray, power: int) -> tuple[float, RealArray]:
-    """The largest of positive values (F,), smoothed, and the slopes (F,) of its log by theirs."""
+    """The power mean of positive values (F,), and the derivatives (F,) of its log by their logs."""
     top = float(values.max())
     shares = (values / top) ** power
     return top * float(shares.mean()) ** (1 / power), shares / shares.sum()
@@ -322,10 +333,11 @@ def _unstable_poles(parts: Iterable[Rational]) -> int:
 
 
 def _encirclements(L_0: complex, L: ComplexArray) -> int:
-    """Number of times that L encircles -1 over frequencies of either sign; L vanishes at the last.
+    """Number of times that L encircles -1 over positive and negative frequencies; L vanishes at the
+    last one.
 
-    The path starts at L(0); for an integrator, where that is not finite, far out on the positive
-    real axis, so that the integrator counts as a stable pole.
+    The path starts at L(0). If L(0) is not finite because of an integrator, it starts far out on
+    the positive real axis, so that the integrator counts as a stable pole.
     """
     back = 1 + L
     start = np.angle(back[0])

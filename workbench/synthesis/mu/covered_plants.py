@@ -1,4 +1,4 @@
-"""Plants about a nominal and a real weight, and how large a circular weight they need."""
+"""The circular weight that plants need around a nominal and a real weight."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from workbench.uncertainty import Responses
 from workbench.uncertainty.covers.weights import needed_radius, segment_distances
 
 RESPONSE_ROUNDING = 1e-9
-"""Rounding of a response, relative to the plants, that radii are increased by."""
+"""Rounding error of a response, relative to the plants; radii are increased by it."""
 LOG_OF_NOTHING = -700.0
-"""Logarithm of a radius that counts for nothing."""
+"""Logarithm of a radius that is negligible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,13 +21,13 @@ class CoveredPlants:
     """Responses of plants at the frequencies (F,) of a cover.
 
     known
-        Plants (F, N) that are known as systems.
+        Plants (F, N) that are known as systems at every frequency.
     given
-        All plants (n, M) at the n frequencies that they are given for; none if all are known.
+        All plants (n, M) at the n frequencies where they are given; empty if all are known.
     at
-        Places (n,) of these frequencies among those of the cover.
+        Indices (n,) of these frequencies among those of the cover.
     lines
-        Weights (F, n) of straight lines between logarithms at these frequencies.
+        Weights (F, n) of the linear interpolation of logarithms between these frequencies.
     """
 
     known: ComplexArray
@@ -37,7 +37,9 @@ class CoveredPlants:
 
     @classmethod
     def of(cls, responses: Responses, omega: RealArray) -> CoveredPlants:
-        """The plants of responses, at frequencies [rad/s] (F,) that hold those of the responses."""
+        """The plants of responses, at frequencies [rad/s] (F,) that include those of the
+        responses.
+        """
         known = [plant.response(omega) for plant in responses.known_plants.values()]
         given = responses.omega[: 0 if len(known) == len(responses.plants) else None]
         lines = [np.interp(np.log(omega), np.log(given), row) for row in np.eye(given.size)]
@@ -49,49 +51,52 @@ class CoveredPlants:
         )
 
     def radius(self, nominal: ComplexArray, end: ComplexArray) -> RealArray:
-        """|W_c| (F,) that is needed: exact for known plants, else on lines between the responses.
+        """The |W_c| (F,) needed: exact for known plants, interpolated between the frequencies for
+        others.
 
         Parameters
         ----------
         nominal, end
-            Responses (F,) of the nominal, and of the real weight, the end of its segment.
+            Responses (F,) of the nominal, and of the real weight, which is the end of its segment.
         """
         known, given = self.logs(nominal, end)
         return np.exp(np.maximum(known, self.between(given)))
 
     def logs(self, nominal: ComplexArray, end: ComplexArray) -> tuple[RealArray, RealArray]:
-        """Logs of the |W_c| that known plants need (F,), and all plants where they are given (n,).
+        """Logs of the |W_c| that known plants need (F,), and that all plants need where they are
+        given (n,).
 
-        With none known the first count for nothing; with all known there are none of the second.
+        If no plant is known, the first ones are negligible. If all are known, the second array is
+        empty.
         """
         known, given = np.full(nominal.size, LOG_OF_NOTHING), np.zeros(0)
         if self.known.size:
-            known = np.log(_needed(self.known, nominal, end))
+            known = np.log(_needed_radius(self.known, nominal, end))
         if self.given.size:
-            given = np.log(_needed(self.given, nominal[self.at], end[self.at]))
+            given = np.log(_needed_radius(self.given, nominal[self.at], end[self.at]))
         return known, given
 
     def between(self, given: RealArray) -> RealArray:
-        """Logs (F,) on straight lines between those (n,) where plants are given."""
+        """Logs (F,) by linear interpolation between those (n,) where plants are given."""
         return self.lines @ given if given.size else np.full(len(self.lines), LOG_OF_NOTHING)
 
     def farthest(self, nominal: ComplexArray, end: ComplexArray) -> CoveredPlants:
-        """At each frequency the plant alone that is farthest from its segment."""
+        """Only the plant that is farthest from the segment, at each frequency."""
         return replace(
             self,
-            known=_farthest(self.known, nominal, end),
-            given=_farthest(self.given, nominal[self.at], end[self.at]),
+            known=_farthest_plant(self.known, nominal, end),
+            given=_farthest_plant(self.given, nominal[self.at], end[self.at]),
         )
 
 
-def _needed(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> RealArray:
-    """|W_c| (F,) that plants (F, N) need, with the rounding errors of their responses."""
+def _needed_radius(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> RealArray:
+    """The |W_c| (F,) that plants (F, N) need, including the rounding errors of their responses."""
     away = plants / nominal[:, None] - 1
     rounding = RESPONSE_ROUNDING * (1 + np.abs(plants).max(axis=1) / np.abs(nominal))
     return np.asarray(needed_radius(away, end) + rounding)
 
 
-def _farthest(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> ComplexArray:
+def _farthest_plant(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> ComplexArray:
     if not plants.size:
         return plants
     distance = segment_distances(plants / nominal[:, None] - 1, end)

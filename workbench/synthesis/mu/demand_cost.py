@@ -1,4 +1,4 @@
-"""What it costs in mu that a controller is small, stable itself and slow."""
+"""The price in mu of demands on the controller: low order, own stability, slow poles."""
 
 from __future__ import annotations
 
@@ -27,35 +27,36 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 
 PEAK_SLACK = 1e-3
-"""Relative amount by which a peak proven again may exceed the stored one."""
+"""Relative excess allowed of a recomputed peak over the stored one."""
 
 LOOKS = ("o-", "s--", "^:")
-"""Of the curves of the demands, which often lie on each other."""
+"""Line styles for the curves of the demands, which often coincide."""
 
 
 @dataclass(frozen=True, eq=False)
 class DemandCost(Study):
-    """Certified peaks of mu of controllers under demands, and of one without any.
+    """Certified peaks of mu for controllers with demands, and for one without demands.
 
-    Method "fixed" searches for a controller of each order, free otherwise, stable itself and, where
-    a fastest pole is given, stable and no faster than that. It finds local optima, so whatever it
-    finds under one demand counts under every other that it meets.
+    For each order, method "fixed" searches for a controller without further demands, for one that
+    is itself stable and, if a fastest pole is given, for a stable one with no faster pole. It finds
+    local optima, so a controller found for one demand is also used for every other demand that it
+    meets.
 
     Parameters
     ----------
     plant
-        As for `MuSynthesis`.
+        Generalised plant as in `MuSynthesis`.
     orders
-        Numbers of states.
+        Numbers of states of the controllers.
     fastest_pole
-        Largest size of a pole [rad/s]; None: only stability is asked for.
+        Largest size of a pole [rad/s]; None to demand stability only.
     method
-        Of the controller without demands.
+        Method for the controller without demands.
 
     Raises
     ------
     InputError
-        As `MuSynthesis`; no order.
+        As in `MuSynthesis`; or `orders` is empty.
 
     Examples
     --------
@@ -97,9 +98,9 @@ class DemandCost(Study):
         need_positive(self.fastest_pole, "fastest_pole", or_none=True)
         orders = tuple(as_list(self.orders, "orders"))
         if not orders:
-            raise InputError("orders is empty; give one number of states or more")
+            raise InputError("orders is empty; give at least one number of states")
         for order in orders:
-            MuSynthesis(self.plant, order=order)  # raises for what misfits
+            MuSynthesis(self.plant, order=order)  # raises InputError for demands that do not fit
         object.__setattr__(self, "orders", tuple(sorted(set(orders))))
 
     @property
@@ -108,7 +109,7 @@ class DemandCost(Study):
 
     @property
     def demands(self) -> dict[str, dict[str, Any]]:
-        """What is asked, by the words of it."""
+        """The demands, by their words."""
         found: dict[str, dict[str, Any]] = {"order alone": {}, "stable": {"stable": True}}
         if self.fastest_pole is not None:
             words = f"stable, poles up to {self.fastest_pole:g} rad/s"
@@ -123,7 +124,7 @@ class DemandCost(Study):
 
     @part
     def designs(self, context: Context) -> dict[tuple[str, int], MuController | None]:
-        """The controller of every demand and order; None where none was found."""
+        """The controller for every demand and order; None where none was found."""
         cases = [(words, order) for words in self.demands for order in self.orders]
         answers: list[MuController] = []
         for words, order in context.track(cases, "demands"):
@@ -134,13 +135,13 @@ class DemandCost(Study):
         answers.sort(key=lambda one: one.upper)
         return {
             (words, order): next(
-                (one for one in answers if self._asked(words, order).admits(one.K)), None
+                (one for one in answers if self._demands_of(words, order).admits(one.K)), None
             )
             for words, order in cases
         }
 
-    def _asked(self, words: str, order: int) -> Shippable:
-        """What a controller must be."""
+    def _demands_of(self, words: str, order: int) -> Shippable:
+        """The demands on a controller, from words and order."""
         asked = self.demands[words]
         return Shippable(order, asked.get("stable", False), asked.get("fastest_pole"))
 
@@ -178,7 +179,7 @@ class DemandCost(Study):
         upper = peak.sel(bound="upper")
         excess = np.zeros(upper.shape)
         for place in np.argwhere(np.isfinite(upper.values)):
-            again = MuSynthesis(self.plant).certified(self._stored(controllers, *place))
+            again = MuSynthesis(self.plant).certified(self._stored_controller(controllers, *place))
             value = math.inf if again is None else again.upper
             excess[tuple(place)] = value / float(upper.values[tuple(place)]) - 1
         return upper.copy(data=excess)
@@ -193,18 +194,18 @@ class DemandCost(Study):
         upper = peak.sel(bound="upper")
         missed = np.zeros(upper.shape)
         for i, j in np.argwhere(np.isfinite(upper.values)):
-            demands = self._asked(list(self.demands)[i], self.orders[j])
-            K = self._stored(controllers, i, j)
+            demands = self._demands_of(list(self.demands)[i], self.orders[j])
+            K = self._stored_controller(controllers, i, j)
             missed[i, j] = sum(not one.holds for one in demands.checks(K))
         return upper.copy(data=missed)
 
     def deep_opinion(self, answer: Dataset) -> Sequence[Check]:
-        """Each loop by powers of its transition, and by plants of its set."""
+        """Try each loop by powers of its transition matrix, and with plants of its set."""
         upper, found = answer["peak"].sel(bound="upper").values, []
         program = MuSynthesis(self.plant)
         with deeper():
             for i, j in np.argwhere(np.isfinite(upper)).tolist():
-                K, where = self._stored(answer["controllers"], i, j), self._words(i, j)
+                K, where = self._stored_controller(answer["controllers"], i, j), self._words(i, j)
                 loop = self.plant.close(K)
                 claim = program.structure, (1 + PEAK_SLACK) * float(upper[i, j])
                 tried = [
@@ -219,8 +220,8 @@ class DemandCost(Study):
         """A demand and an order in words."""
         return f"{list(self.demands)[i]}, order {self.orders[j]}"
 
-    def _stored(self, controllers: DataArray, i: int, j: int) -> StateSpace:
-        """The controller of a demand and an order, by number."""
+    def _stored_controller(self, controllers: DataArray, i: int, j: int) -> StateSpace:
+        """The stored controller of a demand and an order, by their indices."""
         whole = controllers.values[i, j]
         rows, columns = (int(np.isfinite(part).sum()) for part in (whole[:, 0], whole[0]))
         M, n = whole[:rows, :columns], rows - self.plant.controls
@@ -246,5 +247,5 @@ class DemandCost(Study):
 
 
 def _bounds(answer: MuController | None) -> list[float]:
-    """Lower and upper bound of a peak; infinite without an answer."""
+    """Lower and upper bound on a peak; infinite without an answer."""
     return [math.inf, math.inf] if answer is None else [answer.lower, answer.upper]

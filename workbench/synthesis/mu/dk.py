@@ -1,9 +1,10 @@
-"""D-K and (mu, D)-K iteration: alternately a controller for the scalings and scalings for it.
+"""D-K and (mu, D)-K iteration: compute a controller for scalings and scalings for it, in turn.
 
 An H-infinity controller lowers sigma_max(gamma D N D^-1). In D-K iteration gamma is 1, and D makes
 this the complex upper bound. In the (mu, D)-K iteration of Toffner-Clausen, Andersen, Stoustrup and
-Niemann (1995) gamma is the mixed over the complex bound, so that the controller lowers the mixed
-bound. Since gamma depends on K, it moves only a share of the way in each round.
+Niemann (1995) gamma is the ratio of the mixed bound to the complex bound, so that the controller
+lowers the mixed bound. Since gamma depends on K, it moves only part of the way to this ratio in
+each round.
 """
 
 from __future__ import annotations
@@ -41,26 +42,31 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.standard_plant import standard_plant
 
 MOST_ROUNDS = 30
-"""Most rounds of an iteration."""
+"""Largest number of rounds of an iteration."""
 LEVEL_TOLERANCE = 2e-3
-"""Relative width of the interval in which the least level of a K step is found."""
+"""Relative width of the interval that contains the least level of a K step."""
 SETTLED_FALL = PEAK_TOLERANCE
-"""An iteration is settled if the peak falls by less than this share over `PATIENCE` rounds: less
-than the width of the interval that certifies it."""
+"""An iteration is settled if the peak falls by less than this share over `PATIENCE` rounds, which
+is less than the width of the interval that certifies it.
+"""
 PATIENCE, LONG_PATIENCE = 4, 8
-"""Rounds over which a peak must settle, for D-K and for (mu, D)-K iteration."""
+"""Number of rounds over which a peak must settle, for D-K and for (mu, D)-K iteration."""
 GAMMA_SHARE = 0.4
-"""Share of the way that gamma moves in a round: much less is slow, much more diverges."""
+"""Part of the way that gamma moves in a round. A much smaller part is slow, a much larger one
+diverges.
+"""
 ENOUGH_SHARE = 0.99
-"""Share of the target at which a descent of the level ends: the peak of the loop is near it."""
+"""A descent of the level ends at this share of the target, since the peak of the loop is close to
+the level.
+"""
 SMOOTHING_WIDTH = 0.1
 """Standard deviation, in log frequency, of the weights that smooth the wanted gamma."""
 LEAST_GAMMA, LEAST_WEIGHT = 0.05, 0.05
-"""Least gamma asked for, and least weight of a frequency in the fit of gamma."""
+"""Least wanted gamma, and least weight of a frequency in the fit of gamma."""
 TARGET_REACHED = "reached the target"
 """Message of an iteration that ends at its target."""
 REFERENCE_FLOOR = 0.5
-"""Scalings need not follow the bound where it is below this share of its peak."""
+"""Scalings need not follow the bound at frequencies where it is below this share of its peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +85,10 @@ class LoopResponse:
 
 @dataclass(eq=False)
 class DKState:
-    """State of an iteration after a number of rounds tried.
+    """State of an iteration after a number of rounds.
 
     ``used`` are the scalings fitted to the last loop, and ``well`` those fitted to the loop of the
-    best controller. ``blend`` is the share of the way that gamma moves in a round.
+    best controller. ``blend`` is the part of the way that gamma moves in a round.
     """
 
     blend: float
@@ -92,7 +98,7 @@ class DKState:
     well: Round | None = None
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The whole state as arrays by name, for a checkpoint."""
+        """The whole state as named arrays, for a checkpoint."""
         found = {"blend": np.array(self.blend), "tried": np.array(self.tried)}
         for name in ("used", "well"):
             one: Round | None = getattr(self, name)
@@ -102,7 +108,7 @@ class DKState:
 
     @classmethod
     def restored(cls, arrays: Mapping[str, NDArray[Any]]) -> DKState:
-        """The state that `arrays` gave."""
+        """The state from the arrays that `arrays` returned."""
         rounds: list[Round | None] = []
         for name in ("used", "well"):
             parts = {
@@ -123,7 +129,8 @@ def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
 def iterated(program: MuSynthesis, context: Context, blend: float, reduces: bool = True) -> Claim:
     """Iterate K and D steps and return the best controller.
 
-    With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way."""
+    With `blend` > 0 gamma moves by this part of the way in each round, and the peak may rise
+    meanwhile."""
     kept = context.checkpoint.load()
     now = DKState(blend) if kept is None else DKState.restored(kept)
     finish = Finish(program, context, reduces=reduces)
@@ -140,9 +147,9 @@ def iterated(program: MuSynthesis, context: Context, blend: float, reduces: bool
 def _rounds(
     program: MuSynthesis, context: Context, now: DKState, finish: Finish, K: StateSpace | None
 ) -> MuController | str:
-    """Go over the rounds from a controller, if there is one, and say how they ended.
+    """Run the rounds from a controller, if there is one, and return the reason why they ended.
 
-    Where a controller reaches the target it is the answer.
+    A controller that reaches the target is the answer.
     """
     level = np.nan
     patience = LONG_PATIENCE if now.blend else PATIENCE
@@ -153,7 +160,7 @@ def _rounds(
                 K, level, now.used = _best_step(program, now.used)
             except (SolverError, InputError) as error:
                 said, K = f"its H-infinity step failed: {error}", None
-            proven = None if K is None else _proven(program, now, K, level)
+            proven = None if K is None else _proven_answer(program, now, K, level)
             if proven is not None:
                 return proven
         loop = None if K is None else _loop(program, K)
@@ -169,7 +176,7 @@ def _rounds(
         if reached is not None:
             return reached
         finish.offer(K, peak)
-        if peak == 0.0:  # there is nothing that scalings could be fitted to
+        if peak == 0.0:  # the bound is zero, so there is nothing to fit
             now.history.append(Iterate(peak, level, math.nan, K))
             return "nothing acts on the performance"
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
@@ -187,10 +194,13 @@ def _rounds(
     return context.stopped or f"stopped after {MOST_ROUNDS} rounds"
 
 
-def _proven(program: MuSynthesis, now: DKState, K: StateSpace, level: float) -> MuController | None:
-    """The answer for a controller whose level is below the target, proven by its own scalings.
+def _proven_answer(
+    program: MuSynthesis, now: DKState, K: StateSpace, level: float
+) -> MuController | None:
+    """The answer for a controller with a level below the target, proven by the scalings of its
+    design.
 
-    None without a target, or where gamma of the (mu, D)-K iteration is among the scalings.
+    None without a target, or if the scalings include gamma of the (mu, D)-K iteration.
     """
     used, target = now.used, program.target
     if target is None or used is None or used.gamma.any() or not level < target:
@@ -205,27 +215,30 @@ def _proven(program: MuSynthesis, now: DKState, K: StateSpace, level: float) -> 
 
 
 def _loop(program: MuSynthesis, K: StateSpace) -> LoopResponse | None:
-    """The response of the loop; None where the loop is not stable."""
+    """The response of the loop; None if the loop is not stable."""
     system = program.plant.close(K)
     return LoopResponse.of(system) if stability_of(system).holds else None
 
 
 def _best_step(program: MuSynthesis, now: Round | None) -> tuple[StateSpace, float, Round | None]:
-    """The controller of least level, its level and its scalings.
+    """The controller with the least level, its level and its scalings.
 
-    D is used as the fit to the last loop left it, and where the level descends from there.
+    A descent of the level from the fit to the last loop gives D. If the descent leads to scalings
+    that are too ill-conditioned, the fit itself is used.
     """
     if now is not None:
         lower = level_descent(program.plant, now, ENOUGH_SHARE * (program.target or 0.0))
         try:
             return *k_step(program, lower), lower
-        except (SolverError, InputError):  # the scalings of least level are too ill-conditioned
+        except (SolverError, InputError):  # too ill-conditioned: use the fit itself
             now = replace(now, level=math.nan)
     return *k_step(program, now), now
 
 
 def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]:
-    """The H-infinity controller of the scaled plant, just above its least level, and its level."""
+    """The H-infinity controller of the scaled plant at a level just above the least one, and its
+    level.
+    """
     import control
 
     plant = program.plant if used is None else scaled_plant(program.plant, used)
@@ -239,16 +252,16 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
 def _scalings(
     program: MuSynthesis, loop: LoopResponse, mixed: UpperBound, before: Round | None, blend: float
 ) -> tuple[Round, float]:
-    """The next scalings, and the logarithm by which D misses its bound.
+    """The next scalings, and the logarithm of the factor by which D misses its bound.
 
-    The logarithm of gamma moves by a share ``blend`` towards that of the smoothed ratio of the
-    mixed to the complex bound.
+    The logarithm of gamma moves a part ``blend`` of the way towards that of the smoothed ratio of
+    mixed to complex bound.
     """
     structure, at = program.closed.complexified(), np.log(loop.omega)
     gamma, target = np.zeros((1, GAMMA_FUNCTION.size)), np.zeros(len(at))
     bound = mixed if structure == program.closed else upper_bound(loop.M, structure)
     if blend:
-        wanted = _smoothed(at, np.log(np.maximum(mixed.value / bound.value, LEAST_GAMMA)))
+        wanted = _gaussian_mean(at, np.log(np.maximum(mixed.value / bound.value, LEAST_GAMMA)))
         old = np.interp(at, before.at, before.target) if before else target
         target = (1 - blend) * old + blend * wanted
         weight = np.maximum(mixed.value / mixed.value.max(), LEAST_WEIGHT)
@@ -257,7 +270,8 @@ def _scalings(
         loop = LoopResponse(loop.omega, size[:, None, None] * loop.M)
         bound = upper_bound(loop.M, structure)
     blocks = len(program.structure or ())
-    # With a target the first scalings only have to be near: the descent of the level is fast then.
+    # With a target the first scalings need not be exact, since the descent of the level is then
+    # fast.
     near = program.target is not None and before is None
     fit, D, missed = d_step(
         structure, loop, bound, blocks, before.D if before else None, COARSE if near else FINE
@@ -266,8 +280,10 @@ def _scalings(
     return Round(D, gamma, at, target, level, fit.curvature(*D)), missed
 
 
-def _smoothed(at: RealArray, values: RealArray) -> RealArray:
-    """Mean of values with Gaussian weights of width `SMOOTHING_WIDTH` in log frequency `at`."""
+def _gaussian_mean(at: RealArray, values: RealArray) -> RealArray:
+    """Mean of values with Gaussian weights of width `SMOOTHING_WIDTH` over the log frequencies
+    `at`.
+    """
     weight = np.exp(-(((at[:, None] - at) / SMOOTHING_WIDTH) ** 2) / 2)
     mean: RealArray = weight @ values / weight.sum(axis=1)
     return mean
@@ -281,11 +297,12 @@ def d_step(
     before: tuple[Scalings, RealArray] | None,
     fineness: Fineness,
 ) -> tuple[ScalingFit, tuple[Scalings, RealArray], float]:
-    """Scalings of the first `blocks` blocks with as few biquads as needed, and what they miss.
+    """Scalings of the first `blocks` blocks with as few biquads as needed, their miss, and the
+    data.
 
     ``found`` are the upper bounds of the loop. The miss is the logarithm of the worst ratio of
     sigma_max(D M D^-1) to the bound, or to `REFERENCE_FLOOR` times the peak of the bound where this
-    is larger. The data to which the scalings are fitted come first.
+    is larger. The data to which the scalings are fitted are returned first.
     """
     bound, D = found.value, found.D_left
     reference = np.maximum(bound, REFERENCE_FLOOR * bound.max())

@@ -1,4 +1,4 @@
-"""The gain of a controller that makes two channels of a loop equally bad.
+"""The gain of a controller with which two channels of a loop have the same peak.
 
 Source: E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), section 6.3.2.
 """
@@ -14,26 +14,27 @@ from workbench.mu import performance_peak
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 LARGEST_GAIN = 30.0
-"""Largest factor on the controller that is tried. The least is 1."""
+"""Largest factor on the controller that is tried; the least one is 1."""
 COMPARED_PEAK_TOLERANCE = 1e-2
-"""Relative width of the intervals that certify the peaks compared."""
+"""Relative width of the intervals that certify the compared peaks."""
 
 
 def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any) -> float:
-    """The factor on K, from 1 on, that makes the peaks of robust performance of two plants equal.
+    """The factor on K, at least 1, with which two plants have equal peaks of robust performance.
 
     Parameters
     ----------
     falling, rising
-        Two channels of one plant. A larger gain makes the first one's peak lower and the second
-        one's higher, as with the channels of a disturbance and of the control signal.
+        Two channels of one plant. A larger gain lowers the peak of the first and raises the peak of
+        the second, as for the channels of a disturbance and of the control signal.
     K
-        StateSpace or TransferFunction that stabilises both.
+        Controller, StateSpace or TransferFunction, that stabilises both.
 
     Returns
     -------
     float
-        NaN where no factor up to LARGEST_GAIN, or up to that of instability, does.
+        The factor; NaN if no factor up to LARGEST_GAIN, or up to instability, makes the peaks
+        equal.
 
     Examples
     --------

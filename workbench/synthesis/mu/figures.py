@@ -14,11 +14,12 @@ from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.mu.rounds import Iterate
 
 LOG_SCALE_RATIO = 10.0
-"""Ratio of the largest to the best peak from which on rounds need a logarithmic axis."""
+"""Rounds get a logarithmic axis if the ratio of the largest to the best peak exceeds this."""
 
 
 def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure:
-    """Figure of the bounds of mixed mu of a closed loop, also with real scalars as complex ones.
+    """Figure of the bounds on mixed mu of a closed loop, and of those with real scalars made
+    complex.
 
     `peak` is the certified upper bound over all frequencies.
     """
@@ -27,7 +28,7 @@ def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure
     mixed = frequency_sweep(loop, structure, omega)
     figure, (panel,) = figures.axes(size=(7.0, 4.0))
     top = max(peak, float(np.max(mixed.upper)))
-    if structure.complexified() != structure:  # elsewhere the two curves are one
+    if structure.complexified() != structure:  # otherwise both curves coincide
         complex_ = frequency_sweep(loop, structure.complexified(), omega).upper
         panel.semilogx(hertz, complex_, ":", color=figures.ORANGE, label="all blocks complex")
         top = max(top, float(np.max(complex_)))
@@ -48,8 +49,8 @@ def rounds_figure(history: Sequence[Iterate], peak: float) -> Figure:
     count = np.arange(1, len(history) + 1)
     figure, (peaks, orders) = figures.axes(2, 1, size=(7.0, 5.0), sharex=True)
     levels = [each.level for each in history]
-    if np.isfinite(levels).any():  # a structured controller has none
-        # Hollow and below the peaks, which it often equals.
+    if np.isfinite(levels).any():  # a controller of fixed structure has no level
+        # Hollow markers drawn below those of the peaks, since the values are often equal.
         peaks.plot(
             count, levels, "s:", color=figures.ORANGE, markerfacecolor="none", markersize=8,
             label="H-infinity level",

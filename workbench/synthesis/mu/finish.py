@@ -1,4 +1,4 @@
-"""The end of an iteration: its best controller with few states, certified within the time limit."""
+"""The end of an iteration: reduce the best controller and certify it within the time limit."""
 
 from __future__ import annotations
 
@@ -24,21 +24,22 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import matrices_of, realisation
 
 KEPT_SHARE = 3.0
-"""Time kept back, over that in which the last controller was certified: another one has to be, and
-its certificate is checked."""
+"""Reserved time, as a multiple of the time that the last certificate took. One more controller must
+be certified, and its certificate is checked.
+"""
 LEAST_SECONDS = 0.5
-"""Time in which the last certificate may be made, even beyond the limit."""
+"""Time [s] in which the last certificate may be made, even after the limit."""
 MUCH_BETTER = 0.005
-"""A controller is certified at once if its peak is lower by this share than the one certified."""
+"""A controller is certified at once if its peak is lower by this share than the certified one."""
 
 
 @dataclass(eq=False)
 class Finish:
-    """The best controller of an iteration, with few states, and certified.
+    """Certifies the best controller of an iteration, with few states.
 
-    Where time is limited, so are the first controller and those much better, at once: from then on
-    there is an answer ``sure``, and the time that another certificate needs is kept back. States
-    are left out where the iteration ``reduces``, and not in a structure that is asked for.
+    If time is limited, the first controller, and every much better one, is certified at once. From
+    then on there is a ``sure`` answer, and the time for another certificate is reserved. With
+    ``reduces`` the order is reduced; controllers of a demanded structure are not reduced.
     """
 
     program: MuSynthesis
@@ -47,7 +48,7 @@ class Finish:
     reduces: bool = True
 
     def resume(self, history: Sequence[Iterate]) -> None:
-        """Record the rounds before an interruption, and offer the best controller of them."""
+        """Record the rounds before an interruption, and offer their best controller."""
         for number, each in enumerate(history, start=1):
             self.context.record(each.row(number))
         if history:
@@ -57,32 +58,34 @@ class Finish:
     def offer(self, K: StateSpace, peak: float) -> None:
         """Certify a controller at once if time is limited and it is the first or much better.
 
-        `peak` is its largest bound at frequencies.
+        `peak` is the controller's largest bound over the frequencies.
         """
         if self.context.options.time_limit is None:
             return
         if self.sure is not None and peak > (1 - MUCH_BETTER) * self.sure.upper:
             return
         started = time.perf_counter()
-        found = self._certified(K, peak, ())
+        found = self._certified_answer(K, peak, ())
         self.sure = found or self.sure
         self.context.kept_back = KEPT_SHARE * (time.perf_counter() - started)
 
     def late(self, error: TimeLimitError) -> str:
-        """What is said where the clock stopped the rounds; without an answer so far, the error."""
+        """The message if the time limit stopped the rounds; raises the error if there is no answer
+        yet.
+        """
         if self.sure is None:
             raise error
         self.context.stop(str(error).partition(":")[0])
         return self.context.stopped
 
     def claim(self, history: Sequence[Iterate], said: str) -> Claim:
-        """The best controller of the rounds, certified; where time ends before, the sure one."""
+        """The best controller of the rounds, certified; the sure one if time ends before."""
         best = min(history, key=lambda each: each.peak, default=None)
         if best is None:
             return self.sure, Outcome.FAILED if self.sure is None else Outcome.SOLVED, said
         if self.sure is None:
-            return self._certified(best.K, best.peak, history), Outcome.SOLVED, said
-        # the answer is checked for as long as it takes to certify it
+            return self._certified_answer(best.K, best.peak, history), Outcome.SOLVED, said
+        # checking an answer takes as long as certifying it
         self.context.kept_back = 0.0
         seconds = max(self.context.left / 2, LEAST_SECONDS)
         self.context.kept_back = self.context.left - seconds
@@ -90,15 +93,15 @@ class Finish:
         try:
             if best.peak < self.sure.upper:
                 with proving(seconds):
-                    found = self._certified(best.K, best.peak, history)
+                    found = self._certified_answer(best.K, best.peak, history)
         except TimeLimitError as error:
             said = self.late(error)
         return found or replace(self.sure, history=tuple(history)), Outcome.SOLVED, said
 
-    def _certified(
+    def _certified_answer(
         self, K: StateSpace, peak: float, history: Sequence[Iterate]
     ) -> MuController | None:
-        """A controller with as few states as its peak allows, certified."""
+        """The certified answer for a controller, reduced as far as its peak allows."""
         if self.reduces:
             K = with_few_states(self.program, K, (1 + PEAK_TOLERANCE) * peak)
         return self.program.answer(K, tuple(history))
@@ -107,8 +110,8 @@ class Finish:
 def with_few_states(program: MuSynthesis, K: StateSpace, most: float) -> StateSpace:
     """K after balanced truncation to the least order whose loop has mu of at most `most`.
 
-    The order is found by doubling and bisection, and mu judged at frequencies of the loop. Demands
-    on the controller that K meets stay met.
+    Doubling and bisection find the order; mu is evaluated at frequencies of the loop. Demands that
+    K meets are also met by the result.
     """
     least, of = balanced_truncation(kept_and_stable(matrices_of(K)))
     demands = program.demands
@@ -123,7 +126,7 @@ def with_few_states(program: MuSynthesis, K: StateSpace, most: float) -> StateSp
         return float(upper_bound(M, program.closed).value.max()) <= most
 
     fewest, low, high = K, least, int(K.nstates)
-    order = max(least, program.plant.system.nstates)  # small loops first: they cost little
+    order = max(least, program.plant.system.nstates)  # small loops cost little
     while low < high:
         trial = realisation(of(min(order, high - 1)), 0.0)
         if suits(trial):

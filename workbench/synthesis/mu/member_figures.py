@@ -1,4 +1,4 @@
-"""Figures of a loop with many plants of its set: what was asked for, and steps in time."""
+"""Figures of a loop with many plants of its set: gains of the performance, and step responses."""
 
 from __future__ import annotations
 
@@ -22,27 +22,29 @@ from workbench.systems.sampling import respond, sampled
 from workbench.uncertainty.algebra.system import uncertain
 
 MEMBERS = 20
-"""Random plants of the set that are drawn."""
+"""Number of random plants of the set in a figure."""
 MOST_PANELS = 3
-"""Most signals in a column of panels, and most inputs in a row."""
+"""Largest number of signals in a column of panels, and of inputs in a row."""
 POINTS = 400
-"""Instants of a step response."""
+"""Number of instants of a step response."""
 LONGEST_IN_MS = 0.1
-"""Duration [s] below which times are told in milliseconds."""
+"""Durations [s] below this are shown in milliseconds."""
 AT_REST = 0.05
-"""Distance from the final value, over the largest one, from which on a step response has ended."""
+"""A step response has ended within this distance from the final value, relative to the
+largest one.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class _Loop(UncertainPart):
-    """A closed loop whose perturbation is pulled out."""
+    """A closed loop with the perturbation channels open."""
 
     closed: StateSpace
     blocks: Structure
 
     @property
     def structure(self) -> Structure:
-        blocks: list[Any] = list(self.blocks)  # whose names may be any, and stand twice
+        blocks: list[Any] = list(self.blocks)  # their names may be arbitrary and not unique
         return Structure(replace(one, name=f"delta_{k}") for k, one in enumerate(blocks, start=1))
 
     @property
@@ -58,8 +60,8 @@ class _Loop(UncertainPart):
 class DrawnLoops:
     """The nominal loop and random ones, from exogenous inputs to performance, y and u.
 
-    ``performance`` counts the outputs that stand first; the measurements and the controls follow.
-    ``units`` are those of signals, by name, as far as they are known.
+    ``performance`` is the number of performance outputs, which come first; the measurements and the
+    controls follow. ``units`` are the known units of signals, by name.
     """
 
     nominal: StateSpace
@@ -73,12 +75,12 @@ class DrawnLoops:
 def drawn_loops(
     plant: GeneralisedPlant, K: StateSpace, units: Mapping[str, str] | None = None
 ) -> DrawnLoops:
-    """The loop of the nominal plant, and of random plants of the set where there is one."""
+    """The loop of the nominal plant, and of random plants of the set if there is a set."""
     import control
 
     given, y, u = plant.system, plant.measurements, plant.controls
     unit = np.eye(u, given.ninputs, given.ninputs - u)
-    # The measurements and the controls are told beside the performance.
+    # Measurements and controls become outputs beside the performance.
     C = np.vstack([given.C, np.zeros((u, given.nstates)), given.C[-y:]])
     D = np.vstack([given.D, unit, given.D[-y:]])
     told = GeneralisedPlant(
@@ -99,10 +101,11 @@ def drawn_loops(
 
 
 def performance_figure(loops: DrawnLoops, peak: float) -> Figure:
-    """Gain from all exogenous inputs to each performance output; 1 is what was asked for.
+    """Gain from all exogenous inputs to each performance output; the demand is 1.
 
-    `peak` bounds mu of robust performance. Up to 1 it bounds the gain for every plant of the set;
-    above, only for deviations smaller than the set's.
+    `peak` is an upper bound on mu of robust performance. If it is at most 1, it also bounds the
+    gain for every plant of the set. If it is larger, it bounds the gain only for smaller
+    deviations.
     """
     count = loops.performance if loops.performance <= MOST_PANELS else 1
     omega = grid(loops.nominal)
@@ -121,14 +124,15 @@ def performance_figure(loops: DrawnLoops, peak: float) -> Figure:
         low, high = panel.get_ylim()
         panel.set_ylim(max(low, 1e-4 * high), high)
     panels[-1].set_xlabel("frequency [Hz]")
-    _names(figure, panels[0], loops, len(loops.random))
+    _legend(figure, panels[0], loops, len(loops.random))
     return figure
 
 
 def steps_figure(loops: DrawnLoops) -> Figure:
     """Measurements and controls after a unit step of each exogenous input.
 
-    Inputs that `regularised` added are no signals of the loop and left out where there are others.
+    Inputs that `regularised` added are not signals of the loop. They are left out if there are
+    others.
     """
     first = loops.performance
     shown = range(first, len(loops.outputs))[:MOST_PANELS]
@@ -152,7 +156,7 @@ def steps_figure(loops: DrawnLoops) -> Figure:
         words = "unit step of" if unit == "1" else f"step of 1 {unit} in"
         figures.label(panels[column], title=f"{words} {name}")
         panels[(len(shown) - 1) * len(steps) + column].set_xlabel(f"time [{second}]")
-    _names(figure, panels[0], loops, len(stable))
+    _legend(figure, panels[0], loops, len(stable))
     return figure
 
 
@@ -166,8 +170,8 @@ def _line(panel: Axes, nominal: bool, x: RealArray, y: RealArray) -> None:
     panel.plot(x, y, **style)
 
 
-def _names(figure: Figure, panel: Axes, loops: DrawnLoops, drawn: int) -> None:
-    """The legend below, also of how many unstable members are left out."""
+def _legend(figure: Figure, panel: Axes, loops: DrawnLoops, drawn: int) -> None:
+    """The legend below the panels, which also tells how many unstable members are left out."""
     panel.plot([], [], color=figures.BLUE, label="nominal")
     if loops.random:
         missing = len(loops.random) - drawn
@@ -177,7 +181,7 @@ def _names(figure: Figure, panel: Axes, loops: DrawnLoops, drawn: int) -> None:
 
 
 def _instants(system: StateSpace) -> RealArray:
-    """Instants (POINTS,) [s] from the step to where all outputs have come to rest."""
+    """Instants (POINTS,) [s] from the step until all outputs are at rest."""
     poles = system.poles().astype(complex)
     if system.dt:
         poles = np.log(poles[np.abs(poles) > 0]) / system.dt

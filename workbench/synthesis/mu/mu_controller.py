@@ -1,4 +1,4 @@
-"""The answer of mu synthesis: a controller and what is proven of the peak of its loop."""
+"""The answer of mu synthesis: a controller with proven bounds on the peak of mu."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from workbench.systems.realisation import in_words
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MuController(DrawnController):
-    """A controller u = K y with positive feedback, and certified bounds of the peak of mixed mu.
+    """A controller u = K y with positive feedback, and certified bounds on the peak of mixed mu.
 
     The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the
-    frequency of the lower bound. ``history`` has the rounds of the iteration, and ``peak`` the
+    frequency of the lower bound. ``history`` holds the rounds of the iteration. ``peak`` holds the
     multipliers or scalings and the perturbation that prove the bounds.
 
     Examples
@@ -56,7 +56,7 @@ class MuController(DrawnController):
     history: tuple[Iterate, ...] = field(default=())
     peak: Peak | None = None
     whole: StateSpace | None = field(default=None, kw_only=True)
-    """The controller of the user's plant, where K is only a part of it."""
+    """The controller of the user's plant if K is only a part of it; otherwise None."""
 
     @property
     def lti(self) -> StateSpace:

@@ -72,30 +72,30 @@ BOUND_ROUNDING = 1e-9
 class MuSynthesis(Program):
     """The stabilising K with the least supremum over frequency of mixed mu.
 
-    Mu is that of robust performance: its structure is the plant's perturbation and a full block
-    that closes the performance channels. No method finds the global optimum, but the peak of every
-    answer is certified.
+    Mu is that of robust performance: its structure consists of the plant's perturbation and a full
+    block that closes the performance channels. No method guarantees the global optimum, but the
+    peak of every answer is certified.
 
     Parameters
     ----------
     plant
         Plant with a structure, performance outputs and exogenous inputs. Without a structure the
-        peak is the H-infinity norm, of which method "fixed" finds the least for a family or order.
+        peak is the H-infinity norm, which method "fixed" minimises over a family or order.
     structure
-        Structure of the perturbation; None: that of the plant.
+        Structure of the perturbation; None for that of the plant.
     start
-        A stabilising controller to start from, a member of the family where there is one; or its
-        parameters in the family. None: the method finds its own.
+        A stabilising controller to start from: a member of the family, if a family is given, or its
+        parameters in the family. With None the method finds its own start.
     family
-        Controllers among which method "fixed" searches, such as ``PID()`` or
-        ``Decentralised(PI(), PI())``. None: all controllers, of method "fixed" those of the order
-        asked for, or of the order of the start.
+        Family of controllers for method "fixed", such as ``PID()`` or ``Decentralised(PI(),
+        PI())``. None for all controllers; method "fixed" then searches those of the given order, or
+        of the order of the start.
     random
         Number of stabilising members of the family, drawn at random around the start, from which
         method "fixed" also starts; the best result is the answer.
     target
-        Certified peak that is low enough: methods end when they reach it, and an answer above it is
-        not valid. None: methods go on to the least peak that they find.
+        Certified peak that is low enough. Methods end when they reach it, and an answer with a
+        higher peak is not valid. With None methods minimise the peak as far as they can.
     order
         Largest number of states of the controller.
     stable
@@ -103,30 +103,30 @@ class MuSynthesis(Program):
     fastest_pole
         Largest size of the controller's poles [rad/s].
     largest_gain
-        Limit of the controller's own gain: its largest singular value at any frequency. The
-        controller is then stable too.
+        Limit on the controller's own gain, which is its largest singular value at any frequency.
+        The controller is then stable too.
     further_plants
-        Plants with the same controls and measurements, with perturbations of their own or none,
-        that the controller is for besides; the peak is the largest of all loops. An order, a family
-        or a start is needed with them.
+        Further plants with the same controls and measurements, and with their own perturbations or
+        none, for the same controller. The peak is the largest over all loops. An order, a family or
+        a start must then be given.
     integral
         Whether the controller must have an exact integrator: its real pole nearest to zero is moved
-        there before the peak is certified. Give the weight of the error a pole near zero, such as
-        1e-6 times the bandwidth. For continuous plants.
+        to zero before the peak is certified. The weight of the error should have a pole near zero,
+        such as 1e-6 times the bandwidth. Only for continuous plants.
     units
-        Units of exogenous inputs, measurements and controls by name, as figures show them.
+        Units of exogenous inputs, measurements and controls by name, which figures show.
 
-    A method whose controller does not meet these demands hands over to "fixed", which carries them.
-    Where no stable controller stabilises the plant, the answer is the proof of that (parity
-    interlacing), with the outcome "infeasible"; likewise where a constant gain is asked for and
-    none stabilises.
+    If a method's controller does not meet these demands, method "fixed", which can meet them, is
+    run instead. If no stable controller stabilises the plant, but a stable one is demanded, the
+    answer is the proof of this (parity interlacing), with the outcome "infeasible". The same holds
+    if a constant gain is demanded and none stabilises.
 
     Raises
     ------
     InputError
-        The plant has no structure, performance or exogenous signals; it is sampled and a family or
-        a fastest pole is asked for; family or start do not fit, or the start does not stabilise; or
-        the target is not positive and finite.
+        The plant has no structure, performance or exogenous signals; it is sampled, but a family or
+        a fastest pole is given; family or start do not fit, or the start does not stabilise; or the
+        target is not positive and finite.
 
     Examples
     --------
@@ -183,14 +183,14 @@ class MuSynthesis(Program):
     def __post_init__(self) -> None:
         need_plant(self.plant)
         need_positive(self.target, "target", or_none=True)
-        _ = self.demands  # raises for what is none
+        _ = self.demands  # raises InputError for a value that is not valid
         need_draws(self.random)
         need_continuous_plant(self)
         plant, structure = self.plant, self.structure or self.plant.structure
         fixed = any(each is not None for each in (self.family, self.order, self.start))
         if structure is None and not fixed:
             raise InputError(
-                "the plant has no perturbation: that is hinf's problem, give structure; or a "
+                "the plant has no perturbation, so hinf solves this problem: give structure; or a "
                 "family or an order, for the least norm that a controller of that form reaches"
             )
         plant = visible(replace(plant, structure=structure))
@@ -216,13 +216,17 @@ class MuSynthesis(Program):
 
     @property
     def shared(self) -> Absorbed:
-        """The plant that K closes, and what the controller of the given plant has besides."""
+        """The plant that is closed by K, and the modes that the controller of the given plant also
+        has.
+        """
         found: Absorbed = vars(self)["_shared"]
         return found
 
     @property
     def only_fixed(self) -> bool:
-        """Whether only method "fixed" answers: in a family, without a perturbation, or for all."""
+        """Whether only method "fixed" can answer: for a family, without a perturbation, or for
+        several plants.
+        """
         return self.family is not None or self.structure is None or bool(self.further_plants)
 
     @property
@@ -231,12 +235,12 @@ class MuSynthesis(Program):
         return (self.plant, *self.further_plants)
 
     def loop(self, controller: StateSpace) -> StateSpace:
-        """The closed loops of all plants, side by side."""
+        """The closed loops of all plants, as one block diagonal system."""
         return closed_side_by_side(self.plants, controller)
 
     @property
     def demands(self) -> Shippable:
-        """What the controller must be besides."""
+        """The demands on the controller itself."""
         asked = self.order, self.stable, self.fastest_pole, self.integral
         return Shippable(*asked, gain=self.largest_gain)
 
@@ -246,14 +250,14 @@ class MuSynthesis(Program):
         return no_controller(self.plant.controlled(), self.demands.stable)
 
     def without_demands(self) -> MuSynthesis:
-        """The same synthesis with nothing asked of the controller, and no start."""
+        """The same synthesis without demands on the controller and without a start."""
         free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
         free |= {"integral": False, "largest_gain": None, "further_plants": ()}
         return replace(self, start=None, family=None, random=0, **free)
 
     @cached_property
     def plane(self) -> MuSynthesis:
-        """The same synthesis in continuous time, by s = (2 / T) (z - 1) / (z + 1)."""
+        """The same synthesis in continuous time, transformed by s = (2 / T) (z - 1) / (z + 1)."""
         given = self.plant
         system = bilinear_continuous(given.system)
         plant = replace(given, system=system, structure=self.structure)
@@ -264,7 +268,7 @@ class MuSynthesis(Program):
         return replace(self, plant=plant, start=start, further_plants=others)
 
     def _respond_sampled(self, method: str | None, context: Context) -> Claim:
-        """The answer in the plane of the bilinear transformation, certified in sampled time."""
+        """The answer found after the bilinear transformation, certified in sampled time."""
         answer, outcome, said = self.plane.respond(method, context)
         if answer is None:
             return None, Outcome.FAILED if outcome is Outcome.INFEASIBLE else outcome, said
@@ -278,12 +282,12 @@ class MuSynthesis(Program):
             return self._respond_sampled(method, context)
         zeros = violated(self.plant.controlled()) if self.demands.stable else None
         if zeros is not None:
-            find_method(self, method)  # raises for an unknown one
+            find_method(self, method)  # raises if it is unknown
             return None, Outcome.INFEASIBLE, words(self.plant.controlled(), *zeros)
         if self.only_fixed and (method or self.default_method) != "fixed":
-            find_method(self, method)  # raises for an unknown one
+            find_method(self, method)  # raises if it is unknown
             answer, outcome, said = super().respond("fixed", context)
-            return answer, outcome, f"{method} is for all controllers: handed over to fixed: {said}"
+            return answer, outcome, f"{method} cannot answer this: handed over to fixed: {said}"
         answer, outcome, said = super().respond(method, context)
         if answer is None or self.demands.admits(answer.K) or method == "fixed":
             return answer, outcome, said
@@ -293,11 +297,11 @@ class MuSynthesis(Program):
 
     @cached_property
     def closed(self) -> Structure:
-        """The perturbations and the performance blocks, of all plants."""
+        """The perturbations and the performance blocks of all plants."""
         return joint_structure(self.plants)
 
     def certified(self, K: StateSpace, tolerance: float = PEAK_TOLERANCE) -> Peak | None:
-        """The peak of the loop; None where it is unstable."""
+        """The certified peak of the loop; None if the loop is unstable."""
         if self.further_plants:
             loop = self.loop(K)
             stable = stability_of(loop).holds
@@ -307,18 +311,19 @@ class MuSynthesis(Program):
     def answer(
         self, K: StateSpace, history: tuple[Iterate, ...] = (), tolerance: float = PEAK_TOLERANCE
     ) -> MuController | None:
-        """The answer for K: K with balanced states and its certified peak.
+        """The answer for K: K with balanced states, and its certified peak.
 
-        None where the loop is unstable.
+        None if the loop is unstable.
         """
-        K = self._balanced(K)
+        K = self._with_balanced_states(K)
         found = self.certified(K, tolerance)
         return None if found is None else MuController.of(K, found, history)
 
-    def _balanced(self, K: StateSpace) -> StateSpace:
+    def _with_balanced_states(self, K: StateSpace) -> StateSpace:
         """K with balanced states and the plant's names of signals.
 
-        Tools that do not balance give responses with errors of 1e-3 for fifty badly scaled states.
+        Without balancing, other tools compute responses with errors of 1e-3 for fifty badly scaled
+        states.
         """
         if self.integral:
             K = with_integrator(K)
@@ -327,8 +332,10 @@ class MuSynthesis(Program):
     def scaled_answer(
         self, K: StateSpace, scalings: ScalingFunctions, upper: float
     ) -> MuController | None:
-        """The answer for K with the bound `upper` that scalings prove; None where they do not."""
-        K = self._balanced(K)
+        """The answer for K with the bound `upper` proven by scalings; None if they do not
+        prove it.
+        """
+        K = self._with_balanced_states(K)
         loop = self.plant.close(K)
         found = None
         if stability_of(loop).holds:
@@ -338,10 +345,10 @@ class MuSynthesis(Program):
     def reaching(
         self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
     ) -> MuController | None:
-        """The answer for a controller whose certified peak is at most the target, else None.
+        """The answer for a controller if its certified peak is at most the target; otherwise None.
 
-        `peak` is the largest bound at some frequencies. None also without a target. The tolerance
-        of the certificate is as coarse as the distance from the target allows.
+        `peak` is the largest bound at some frequencies. Without a target the result is None. The
+        tolerance of the certificate is as coarse as the distance from the target allows.
         """
         if self.target is None or peak > self.target:
             return None
@@ -356,7 +363,7 @@ class MuSynthesis(Program):
         return float(self.plant.system.nstates)
 
     def objective(self, answer: MuController) -> float | None:
-        """The proven peak of mu; None where a target is given, which any peak may meet."""
+        """The proven peak of mu; None if a target is given, since any peak below it is as good."""
         return answer.upper if self.target is None else None
 
     # --- checks -------------------------------------------------------------------------------
@@ -385,14 +392,14 @@ class MuSynthesis(Program):
             *(
                 max(of_all, key=lambda check: check.value)
                 for of_all in zip(
-                    *(self._tried(answer, plant) for plant in self.plants), strict=True
+                    *(self._second_opinion_on(answer, plant) for plant in self.plants), strict=True
                 )
             ),
             *([self._whole_loop(answer)] if self.shared.copies else []),
         ]
 
-    def _tried(self, answer: MuController, plant: GeneralisedPlant) -> list[Check]:
-        """The claimed peak, tried on plants of the set of one of the plants."""
+    def _second_opinion_on(self, answer: MuController, plant: GeneralisedPlant) -> list[Check]:
+        """Try the claimed peak with members of the set of one of the plants."""
         loop, claim = plant.close(answer.K), (plant.structure, answer.upper, answer.omega)
         return [
             loops.gain(plant.system, answer.K, *claim, poles=loop.poles()),
@@ -400,8 +407,10 @@ class MuSynthesis(Program):
         ]
 
     def _whole_loop(self, answer: MuController) -> Check:
-        """The loop of the given plant and the whole controller, neither of which is certified."""
-        given, whole = vars(self)["_given"], self._whole(answer)
+        """Check the loop of the given plant and the whole controller; the certificate is about
+        their parts.
+        """
+        given, whole = vars(self)["_given"], self._whole_controller(answer)
         loop = self.plant.close(answer.K)
         omega = between_poles(frequencies_of(loop), given, whole)
         value = excess(float(loop_gains(given, whole, omega).max()), certified_norm(loop))
@@ -412,7 +421,9 @@ class MuSynthesis(Program):
 
     def facts(self, answer: MuController) -> Sequence[str]:
         crossover = highest_crossover(self.plant.controlled(), answer.K)
-        told = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
+        told = [
+            f"controller: {in_words(self._whole_controller(answer))}, crossover {crossover:.4g} Hz"
+        ]
         told += self._settings(answer.K)
         if self.shared.copies:
             told.append(self.shared.words)
@@ -424,27 +435,29 @@ class MuSynthesis(Program):
         return [*told, *self.plant.tested]
 
     def _settings(self, K: StateSpace) -> list[str]:
-        """The numbers by which people know a member of the family, in one line, if it has any."""
+        """The settings of a member of the family as engineers know them, in one line; "" without
+        any.
+        """
         try:
             found = {} if self.family is None else self.family.settings(in_continuous_plane(K))
-        except InputError:  # roots that met are no longer told apart
+        except InputError:  # roots that have become equal cannot be distinguished
             return []
         return (
             [", ".join(f"{name} = {value:.6g}" for name, value in found.items())] if found else []
         )
 
-    def _whole(self, answer: MuController) -> StateSpace:
-        """The controller with the poles that it shares with weights."""
+    def _whole_controller(self, answer: MuController) -> StateSpace:
+        """The controller including the poles that it shares with weights."""
         return self.shared.whole(answer.K)
 
     def witnessed(self, answer: MuController) -> MuController:
-        """The answer with the controller of the given plant, where K leaves shared poles out."""
+        """The answer with the controller of the given plant, if K lacks shared poles."""
         if not self.shared.copies:
             return answer
-        return replace(answer, whole=self.plant.named(self._whole(answer)))
+        return replace(answer, whole=self.plant.named(self._whole_controller(answer)))
 
     def metrics(self, answer: MuController) -> dict[str, float]:
-        whole = self._whole(answer)
+        whole = self._whole_controller(answer)
         return {
             "peak": answer.upper,
             "peak_lower": answer.lower,
@@ -485,7 +498,7 @@ class MuSynthesis(Program):
 
     @property
     def _gain_unit(self) -> str:
-        """Unit of a scalar controller; empty where that of its input or output is not known."""
+        """Unit of a scalar controller; empty if the unit of its input or output is not known."""
         system = self.plant.system
         u, y = self.units.get(system.input_labels[-1]), self.units.get(system.output_labels[-1])
         return "" if not (u and y) else "1" if u == y else f"{u}/{y}"
@@ -494,7 +507,7 @@ class MuSynthesis(Program):
         loop, loops = self.plant.close(answer.K), drawn_loops(self.plant, answer.K, self.units)
         found = {
             "mu": bounds_figure(loop, self.closed, answer.upper),
-            "controller": controller(self._whole(answer), loop, self._gain_unit),
+            "controller": controller(self._whole_controller(answer), loop, self._gain_unit),
             "performance": performance_figure(loops, answer.upper),
             "steps": steps_figure(loops),
         }

@@ -7,11 +7,11 @@ import numpy as np
 from workbench.arrays import RealArray
 
 KEPT_CURVATURE = 0.2
-"""Least share of the old curvature along a step that an update keeps."""
+"""Least share of the old curvature along a step that an update must keep."""
 
 
 def updated_hessian(hessian: RealArray, step: RealArray, change: RealArray) -> RealArray:
-    """The positive definite update by a step (n,) and the change of the gradient (n,)."""
+    """The positive definite update for a step (n,) and the change of the gradient (n,)."""
     along = hessian @ step
     curved, seen = float(step @ along), float(step @ change)
     if curved <= 0.0:

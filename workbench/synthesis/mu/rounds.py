@@ -29,10 +29,10 @@ class Iterate:
     """One round of an iteration.
 
     ``peak`` is the largest mixed bound at the frequencies of the round, or the bound that its
-    scalings prove on all frequencies. ``level`` is the level
-    gamma of its H-infinity controller (NaN: there is none). ``fit`` is the largest relative miss of
-    the fitted scalings (NaN: there are none). ``K`` is the controller. ``scalings`` are the
-    parameters (blocks, P), by name, of the scalings fitted to its loop, as in `Scalings`.
+    scalings prove for all frequencies. ``level`` is the level gamma of its H-infinity controller
+    (NaN if there is none). ``fit`` is the largest relative miss of the fitted scalings (NaN if
+    there are none). ``K`` is the controller. ``scalings`` are the parameters (blocks, P), by name,
+    of the scalings fitted to its loop, as in `Scalings`.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Iterate:
 
 
 def packed(history: Sequence[Iterate]) -> dict[str, NDArray[Any]]:
-    """Rounds, at least one, as arrays with a row for each; NaN fills the smaller matrices.
+    """Rounds, at least one, as arrays with a row for each round; NaN fills up smaller matrices.
 
     ``peak``, ``level``, ``fit`` and ``order`` (R,), ``controller_A`` to ``controller_D`` and
     ``scalings_<name>`` (R, rows, columns).
@@ -93,15 +93,19 @@ def packed(history: Sequence[Iterate]) -> dict[str, NDArray[Any]]:
     }
     found["order"] = np.array([each.order for each in history])
     for part in "ABCD":
-        found[CONTROLLER_PREFIX + part] = _filled([getattr(each.K, part) for each in history])
+        found[CONTROLLER_PREFIX + part] = _stack_with_nan(
+            [getattr(each.K, part) for each in history]
+        )
     for name in sorted({name for each in history for name in each.scalings}):
         none = np.zeros((0, 0))
-        found[SCALINGS_PREFIX + name] = _filled([each.scalings.get(name, none) for each in history])
+        found[SCALINGS_PREFIX + name] = _stack_with_nan(
+            [each.scalings.get(name, none) for each in history]
+        )
     return found
 
 
 def unpacked(arrays: Mapping[str, NDArray[Any]]) -> list[Iterate]:
-    """The rounds that `packed` stored in arrays."""
+    """The rounds from arrays that `packed` made."""
     names = [name for name in arrays if name.startswith(SCALINGS_PREFIX)]
     history = []
     for place, order in enumerate(arrays["order"].tolist()):
@@ -117,8 +121,8 @@ def unpacked(arrays: Mapping[str, NDArray[Any]]) -> list[Iterate]:
     return history
 
 
-def _filled(matrices: Sequence[RealArray]) -> RealArray:
-    """Matrices in one array (R, rows, columns), with NaN beyond their own rows and columns."""
+def _stack_with_nan(matrices: Sequence[RealArray]) -> RealArray:
+    """Matrices as one array (R, rows, columns), with NaN beyond their own rows and columns."""
     shape = np.max([matrix.shape for matrix in matrices], axis=0)
     found = np.full((len(matrices), *shape), np.nan)
     for one, matrix in zip(found, matrices, strict=True):

@@ -1,4 +1,4 @@
-"""Plants scaled by functions of frequency, and the descent of their least level by the scalings."""
+"""Plants scaled by functions of frequency, and a descent of the least level over the scalings."""
 
 from __future__ import annotations
 
@@ -21,29 +21,31 @@ from workbench.systems.realisation import in_series, realisation, side_by_side
 from workbench.systems.standard_plant import standard_plant
 
 GAMMA_FUNCTION = Scalings(1, 2)
-"""Function that represents gamma of the (mu, D)-K iteration: a gain and two biquads."""
+"""Form of the function gamma in the (mu, D)-K iteration: a gain and two biquads."""
 DESCENT_LEVEL_TOLERANCE = 1e-6
-"""Relative tolerance of the levels that a descent compares."""
+"""Relative tolerance of levels that a descent compares."""
 DESCENT_START_TOLERANCE = 1e-3
 """Relative tolerance of the first level, from which the next ones are found."""
 MOST_DESCENT_STEPS, LEAST_DESCENT_FALL = 60, 1e-5
-"""Most steps of a descent, and the fall of the logarithm of the level by which a step must pay."""
+"""Largest number of steps of a descent, and least decrease of the logarithm of the level in a
+step.
+"""
 LARGEST_DESCENT_STEP = 1.0
 """Largest change of a parameter in a step."""
 DESCENT_SHARES = tuple(0.4**k for k in range(7))
 """Shares of a step that are tried in turn."""
 SUFFICIENT_FALL = 1e-3
-"""Share of the promised fall that a step must bring."""
+"""Least share of the predicted decrease that a step must achieve."""
 
 
 @dataclass(frozen=True, eq=False)
 class Round:
     """Scalings of a round: ``D`` for each block, ``gamma`` for all outputs but the measurements.
 
-    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``. ``level`` is a level
-    that some controller reaches with these scalings; the search for the least one begins there
-    (NaN: not known). ``curvature`` (n, n), positive definite, is a guess of the second derivative
-    of the logarithm of the least level by the parameters of D.
+    ``target`` is the logarithm of the wanted gamma at the log frequencies ``at``. ``level`` is a
+    level that some controller reaches with these scalings (NaN if unknown); the search for the
+    least level starts there. ``curvature`` (n, n), positive definite, is a guess of the second
+    derivative of the logarithm of the least level by the parameters of D.
     """
 
     D: tuple[Scalings, RealArray]
@@ -55,11 +57,11 @@ class Round:
 
     @property
     def parameters(self) -> dict[str, RealArray]:
-        """Parameters of the scalings by name, with gamma where there is one."""
+        """Parameters of the scalings by name, including gamma if there is one."""
         return {"D": self.D[1]} | ({"gamma": self.gamma} if self.gamma.any() else {})
 
     def arrays(self) -> dict[str, RealArray]:
-        """All parts as arrays by name, for a checkpoint."""
+        """All parts as named arrays, for a checkpoint."""
         level = {"level": np.array(self.level), "curvature": self.curvature}
         return {
             "D": self.D[1], "gamma": self.gamma, "at": self.at, "target": self.target, **level
@@ -67,7 +69,7 @@ class Round:
 
     @classmethod
     def restored(cls, arrays: Mapping[str, RealArray]) -> Round:
-        """The scalings that `arrays` gave."""
+        """The scalings from the arrays that `arrays` returned."""
         D, gamma, at, target, level, curvature = (
             arrays[name] for name in ("D", "gamma", "at", "target", "level", "curvature")
         )
@@ -95,13 +97,14 @@ def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
 
 
 def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> Round:
-    """Scalings of less level, found from those given by a quasi-Newton descent.
+    """Scalings with a lower least level, found by a quasi-Newton descent from the given ones.
 
-    The level of the next controller is a smooth function of the parameters of D, whose gradient
-    costs no more than the level itself (see `worst_signals`). The first steps follow the curvature
-    of the fit to the last loop, which tells how far each parameter may go. D-K iteration alone
-    descends in single directions and stops where the bound of its loop is flat over frequency. The
-    descent ends at a level that is ``enough``. The scalings returned have their least level.
+    The level of the next controller is a smooth function of the parameters of D. Its gradient costs
+    no more than the level itself (see `worst_signals`). The first steps use the curvature of the
+    fit to the last loop, which limits the change of each parameter. D-K iteration alone descends
+    along single directions, and it stops when the bound of its loop is flat over frequency. The
+    descent ends when the level is at most ``enough``. The returned scalings contain their least
+    level.
     """
     scalings, x = used.D
     low, high = scalings.limits(np.exp(used.at))
@@ -119,11 +122,11 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
         step *= min(1.0, LARGEST_DESCENT_STEP / float(np.abs(step).max(initial=EPS)))
         trials = [np.clip(flat + share * step, low, high) for share in DESCENT_SHARES]
         try:
-            lower = _lower(plant, used, flat, now, trials)
+            lower = _first_lower(plant, used, flat, now, trials)
         except TimeLimitError:
             if not number:
                 raise
-            break  # the scalings are better than those given
+            break  # these scalings are better than the given ones
         if lower is None:
             break
         trial, new = lower
@@ -133,10 +136,10 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
     return replace(used, D=(scalings, flat.reshape(x.shape)), level=level)
 
 
-def _lower(
+def _first_lower(
     plant: GeneralisedPlant, used: Round, flat: RealArray, now: Slope, trials: Sequence[RealArray]
 ) -> tuple[RealArray, Slope] | None:
-    """The first of the flat parameters on trial whose level is low enough, with its slope."""
+    """The first of the trial parameters whose level is low enough, with its slope."""
     value, gradient, steepness = now
     for trial in trials:
         promised = -float(gradient @ (trial - flat))
@@ -147,9 +150,9 @@ def _lower(
 
 
 class Slope(NamedTuple):
-    """Logarithm of the least level, its gradient by the parameters of D, and its steepness.
+    """Logarithm of the least level, its gradient by the parameters of D, and the steepness.
 
-    The steepness is the one of `level_from`, from which the next level is found in fewer steps.
+    The steepness is that of `level_from`; with it the next level is found in fewer steps.
     """
 
     value: float
@@ -165,9 +168,9 @@ def _slope(
     steepness: float = EVEN_STEEPNESS,
     most: float = math.inf,
 ) -> Slope | None:
-    """The logarithm of the least level, near a guess, and its gradient by the parameters of D.
+    """Logarithm of the least level, searched near a guess, and its gradient by the parameters of D.
 
-    The guess may be NaN. None where no level below ``most`` is found.
+    The guess may be NaN. The result is None if no level below ``most`` is found.
     """
     assert plant.structure is not None
     scalings, x = used.D

@@ -1,9 +1,9 @@
 """Fit of scalings to a loop: minimise the worst ratio of sigma_max(D M D^-1) to a reference.
 
 The maximum over frequency is replaced by the smooth log sum (sigma_j / reference)^s / s over all
-singular values and frequencies, with rising s. The sum at each frequency is convex in the
-logarithms of D and has a second derivative in closed form, that of a trace function. Newton's
-method therefore takes tens of steps where gradient methods take hundreds.
+singular values and frequencies, with increasing s. The sum at each frequency is convex in the
+logarithms of D and has a second derivative in closed form, that of a trace function. So Newton's
+method needs tens of steps, while gradient methods need hundreds.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from workbench.structure import Structure
 from workbench.synthesis.mu.scalings import Scalings, diagonals
 
 Fitted = tuple[Scalings, RealArray]
-"""Scalings and their parameters (blocks, P)."""
+"""The scalings, and their parameters (blocks, P)."""
 
 
 class Fineness(NamedTuple):
-    """How finely scalings are fitted.
+    """Settings for the accuracy of a fit of scalings.
 
-    ``sharpness`` are the exponents s; the fit of each starts from the minimum of the one before. A
-    fit ends when a step promises, or brings, a fall of the logarithm below ``settled``. A frequency
-    is left out if the response changed by less than the share ``change`` since the last one.
-    ``biquads`` is the largest number of biquads of a scaling.
+    ``sharpness`` holds the exponents s; the fit for each one starts from the minimum of the one
+    before. A fit ends when a step is predicted to lower, or lowers, the logarithm by less than
+    ``settled``. A frequency is left out if the response has changed by less than the share
+    ``change`` since the last one. ``biquads`` is the largest number of biquads of a scaling.
     """
 
     sharpness: tuple[float, ...]
@@ -40,36 +40,45 @@ class Fineness(NamedTuple):
 
 FINE = Fineness((8.0, 60.0, 400.0), 2e-5, 1e-3, 4)
 COARSE = Fineness((8.0,), 2e-4, 0.1, 2)
-"""For scalings from which a descent of the level starts: a fourth of the time of a fine fit."""
+"""Settings for scalings from which a descent of the level starts; they need a quarter of the time
+of a fine fit.
+"""
 GROWING_SHARPNESS = 60.0
-"""Exponent of the slope that says in which direction a new biquad is split."""
+"""Exponent for the slope that decides in which direction a new biquad is split."""
 CURVATURE_SHARPNESS, LEAST_CURVATURE = 8.0, 1e-2
-"""Exponent of the curvature at a fit, and its least eigenvalue, as a share of the largest."""
+"""Exponent for the curvature at a fit, and its least eigenvalue relative to the largest."""
 MOST_STEPS, LARGEST_STEP = 40, 2.0
-"""Most Newton steps for one exponent, and the largest step in logarithms of parameters."""
+"""Largest number of Newton steps for one exponent, and largest step in logarithms of parameters."""
 FIRST_DAMPING = 1e-2
-"""First Newton damping, as a share of the largest second derivative."""
+"""Initial Newton damping, relative to the largest second derivative."""
 DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
-"""Factors on the Newton damping after a step that fell as promised, and after one that rose."""
+"""Factors on the Newton damping after a step that decreased the cost as predicted, and after one
+that increased it.
+"""
 DAMPING_WEIGHT = 1e-4
-"""Weight of the squared logarithms of damping ratios, which keeps them near 1 where the loop does
-not need other values."""
+"""Weight of the squared logarithms of damping ratios. It keeps the ratios near 1 if the loop does
+not need other values.
+"""
 SCALING_FIT_TOLERANCE = 5e-4
-"""More biquads must lower the logarithm of the miss by more than this to be used."""
+"""More biquads are used only if they lower the logarithm of the miss by more than this."""
 BIQUAD_SPLIT = 0.3
-"""Distance, in log frequency, of a new biquad's zeros and poles from its place."""
+"""Distance, in log frequency, of a new biquad's zeros and poles from its centre."""
 LEAST_EIGENVALUE = 1e-100
-"""Least eigenvalue used; zero rows and columns give eigenvalues 0 with infinite logarithms."""
+"""Least eigenvalue used. Zero rows and columns have eigenvalues 0, whose logarithms are
+infinite.
+"""
 EQUAL_EIGENVALUES = 1e-7
-"""Relative distance of eigenvalues up to which a divided difference is computed as derivative."""
+"""For eigenvalues within this relative distance, a divided difference is computed as a
+derivative.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ScalingFit:
     """Data to which scalings of the first blocks of a structure are fitted.
 
-    ``M`` (F, n, n) is the response over the reference, made square by zeros. ``peak`` is the
-    largest reference.
+    ``M`` (F, n, n) is the response divided by the reference, padded with zeros to square matrices.
+    ``peak`` is the largest reference.
     """
 
     structure: Structure
@@ -88,7 +97,7 @@ class ScalingFit:
         fineness: Fineness = FINE,
     ) -> ScalingFit:
         """The data from responses (F, c, r) at omega (F,) [rad/s] and a reference (F,)."""
-        kept = _telling(M, fineness.change)
+        kept = _informative_frequencies(M, fineness.change)
         M = M[kept] / reference[kept, None, None]
         n = max(M.shape[1:])
         square = np.zeros((len(M), n, n), complex)
@@ -96,8 +105,10 @@ class ScalingFit:
         return cls(structure, omega[kept], square, float(reference.max()), fineness)
 
     def missed(self, scalings: Scalings, x: RealArray) -> tuple[float, float]:
-        """log of the worst sigma_max(D M D^-1) over the reference, and its frequency [rad/s]."""
-        scaled = self._scaled(scalings.log_magnitude(x, self.omega)[0])
+        """Logarithm of the worst ratio of sigma_max(D M D^-1) to the reference, and its frequency
+        [rad/s].
+        """
+        scaled = self._scaled_response(scalings.log_magnitude(x, self.omega)[0])
         size = np.linalg.svd(scaled, compute_uv=False)[:, 0]
         worst = int(np.argmax(size))
         return float(np.log(size[worst])), float(self.omega[worst])
@@ -112,7 +123,8 @@ class ScalingFit:
     def curvature(self, scalings: Scalings, x: RealArray) -> RealArray:
         """A positive definite second derivative (n, n) of the smoothed maximum by the parameters.
 
-        Its eigenvalues are the sizes of those of the true one, and not too small.
+        Its eigenvalues are the magnitudes of those of the true second derivative, limited from
+        below.
         """
         values, turn = np.linalg.eigh(self._cost(scalings, x.ravel(), CURVATURE_SHARPNESS)[2])
         size = np.abs(values)
@@ -132,7 +144,7 @@ class ScalingFit:
     ) -> RealArray:
         """Minimise the cost within bounds by damped Newton steps."""
         value, gradient, hessian = self._cost(scalings, flat, sharpness)
-        # D of a block that is decoupled has no effect at all
+        # D of a decoupled block has no effect
         damping = max(FIRST_DAMPING * float(np.abs(np.diag(hessian)).max()), EPS)
         for _ in range(MOST_STEPS):
             tick("fit of scalings")
@@ -165,7 +177,7 @@ class ScalingFit:
         """The smoothed maximum with its gradient and Hessian by the parameters."""
         x = flat.reshape(scalings.rows, scalings.size)
         log, slope = scalings.log_magnitude(x, self.omega)
-        value, by_log, bent = self._smoothed(log, sharpness)
+        value, by_log, bent = self._smooth_maximum(log, sharpness)
         gradient = (slope @ by_log[:, :, None])[:, :, 0].ravel()
         B, P = x.shape
         hessian = np.zeros((B, P, B, P))
@@ -178,7 +190,9 @@ class ScalingFit:
         value += float(plain @ flat**2)
         return value, gradient + 2 * plain * flat, hessian + 2 * np.diag(plain)
 
-    def _smoothed(self, log: RealArray, sharpness: float) -> tuple[float, RealArray, RealArray]:
+    def _smooth_maximum(
+        self, log: RealArray, sharpness: float
+    ) -> tuple[float, RealArray, RealArray]:
         """log sum sigma^s / s with its first and second derivatives by log d.
 
         The first derivatives have shape (B, F). The second derivatives (B, B, F) are those of the
@@ -189,7 +203,7 @@ class ScalingFit:
         sum_jk f'[e_j, e_k] |dX_jk|^2 + sum_j f'(e_j) d2X_jj with f'(e) = m e^(m-1) and f'[.,.] its
         divided differences.
         """
-        U, size, Vh = np.linalg.svd(self._scaled(log))
+        U, size, Vh = np.linalg.svd(self._scaled_response(log))
         m = sharpness / 2
         values = np.maximum(size**2, LEAST_EIGENVALUE)
         exponent = m * np.log(values)
@@ -210,7 +224,7 @@ class ScalingFit:
         Z = size[:, :, None] * size[:, None, :] * R
         dX = 2 * Z - (values[:, :, None] + values[:, None, :]) * C
         # d2X_bc, jj = -2 Re (C_b dX_c)_jj - 4 Re (C_c Z_b)_jj, and 4 Z_b, jj where b is c.
-        bent = _products(_divided(values, first, m) * dX, dX)
+        bent = _products(_divided_differences(values, first, m) * dX, dX)
         bent -= _products(2 * first[:, :, None] * C, dX)
         bent -= _products(4 * first[:, :, None] * Z, C)
         own = np.arange(len(log))
@@ -218,8 +232,8 @@ class ScalingFit:
         bent = bent.transpose(1, 2, 0) / sharpness
         return value, slopes, bent
 
-    def _scaled(self, log: RealArray) -> Array:
-        """D M D^-1 (F, n, n) for log d (B, F)."""
+    def _scaled_response(self, log: RealArray) -> Array:
+        """The scaled response D M D^-1 (F, n, n) for log d (B, F)."""
         rows, columns = diagonals(self.structure, log)
         scaled = self.M.copy()
         scaled[:, : rows.shape[1], : columns.shape[1]] *= np.exp(
@@ -229,7 +243,9 @@ class ScalingFit:
 
 
 def _products(left: Array, right: Array) -> RealArray:
-    """Real parts (F, B, B) of the sums over entries of left_b conj(right_c), both (B, F, n, n)."""
+    """Real parts (F, B, B) of the sums over entries of left_b conj(right_c), for (B, F, n, n)
+    each.
+    """
     B, F = left.shape[:2]
     a, b = (np.moveaxis(one.reshape(B, F, -1), 0, 1) for one in (left, right))
     product: RealArray = (a @ b.conj().mT).real
@@ -237,20 +253,21 @@ def _products(left: Array, right: Array) -> RealArray:
 
 
 def worth(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float]:
-    """Scalings with as few biquads as needed, and the logarithm of what they miss.
+    """Scalings with as few biquads as needed, and the logarithm of their miss.
 
-    The start may have no biquads. The biquad of the start that matters least is removed on trial.
-    Then biquads are added one by one where the miss is largest, while this lowers the miss enough.
+    The start may have no biquads. First the least important biquad of the start is removed on
+    trial. Then biquads are added one by one where the miss is largest, as long as this lowers the
+    miss enough.
     """
-    tried = [_near(fit, start)]
+    tried = [_best_from(fit, start)]
     (scalings, x), _, _ = tried[0]
     if scalings.biquads:
         fewer = [scalings.without(x, k) for k in range(scalings.biquads)]
-        tried.append(_near(fit, min(fewer, key=lambda one: fit.missed(*one)[0])))
+        tried.append(_best_from(fit, min(fewer, key=lambda one: fit.missed(*one)[0])))
         tried.sort(key=lambda one: one[1])
     found, missed, at = tried[0]
     while missed > SCALING_FIT_TOLERANCE and found[0].biquads < fit.fineness.biquads:
-        found, missed, at = _near(fit, fit.grown(found, at))
+        found, missed, at = _best_from(fit, fit.grown(found, at))
         tried.append((found, missed, at))
     least = min(missed for _, missed, _ in tried)
     good = [one for one in tried if one[1] <= least + SCALING_FIT_TOLERANCE]
@@ -258,13 +275,13 @@ def worth(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float]:
     return found, missed
 
 
-def _near(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float, float]:
+def _best_from(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float, float]:
     """The best scalings found from a start, their miss, and its frequency [rad/s]."""
     found = start[0], fit.near(*start)
     return found, *fit.missed(*found)
 
 
-def _divided(values: RealArray, first: RealArray, m: float) -> RealArray:
+def _divided_differences(values: RealArray, first: RealArray, m: float) -> RealArray:
     """Divided differences (F, n, n) of f' between eigenvalues (F, n); `first` is f' (F, n)."""
     a, b = values[:, :, None], values[:, None, :]
     near = np.abs(a - b) < EQUAL_EIGENVALUES * (a + b)
@@ -274,10 +291,12 @@ def _divided(values: RealArray, first: RealArray, m: float) -> RealArray:
     return np.where(near, (same[:, :, None] + same[:, None, :]) / 2, apart)
 
 
-def _telling(M: Array, change: float) -> NDArray[np.bool_]:
-    """Mark both ends and the frequencies at which the response differs from the last one marked.
+def _informative_frequencies(M: Array, change: float) -> NDArray[np.bool_]:
+    """Mask of both ends and of the frequencies where the response differs from that at the last
+    marked one.
 
-    It differs if its largest change is more than the share `change` of its largest entry.
+    It differs if the largest change of an entry is more than the share `change` of the largest
+    entry.
     """
     kept = np.zeros(len(M), dtype=bool)
     kept[[0, -1]] = True

@@ -15,13 +15,13 @@ from workbench.structure import Structure
 from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, Biquads
 
 CORNER_MARGIN = 2.0
-"""Distance, in natural logarithms, that corners may lie beyond the frequencies of a loop."""
+"""Largest distance, in natural logarithms, of corners beyond the frequencies of a loop."""
 MOST_EVALUATIONS = 80
-"""Most evaluations of one least-squares fit to a target."""
+"""Largest number of evaluations of one least-squares fit to a target."""
 START_COUNT = 7
-"""Number of log frequencies about which corners start in a fit to a target."""
+"""Number of log frequencies around which corners start in a fit to a target."""
 CORNER_SPREAD = 0.6
-"""Distance between the corners of a first guess, in natural logarithms."""
+"""Distance between the corners of an initial guess, in natural logarithms."""
 
 
 PARAMETERS = "log gain and, for each biquad, log z, log a, log p, log b"
@@ -33,7 +33,7 @@ class Scalings(Biquads):
 
     @classmethod
     def of(cls, x: RealArray) -> Scalings:
-        """The scalings to which parameters (blocks, P) belong."""
+        """The scalings that have the parameters x (blocks, P)."""
         return cls(len(x), (x.shape[1] - 1) // 4)
 
     def log_magnitude(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
@@ -62,7 +62,7 @@ class Scalings(Biquads):
     def _relative(
         self, x: RealArray, omega: RealArray
     ) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-        """Relative squares r = (omega / corner)^2 of every zero and pole, and what follows from r.
+        """Relative squares r = (omega / corner)^2 of every zero and pole, and functions of r.
 
         Returns r, 4 damping^2 r and (1 - r)^2 + 4 damping^2 r, the square of the factor, each of
         shape (blocks, corners, F), and the signs (corners, 1), 1 for zeros and -1 for poles.
@@ -75,7 +75,7 @@ class Scalings(Biquads):
     def grown(self, x: RealArray, omega: float, split: RealArray) -> tuple[Scalings, RealArray]:
         """The scalings and parameters with one more biquad at omega [rad/s].
 
-        Its zeros lie by `split` (blocks,), in natural logarithms, above omega, its poles below.
+        Its zeros lie above omega by `split` (blocks,), in natural logarithms, and its poles below.
         """
         larger = Scalings(self.rows, self.biquads + 1)
         y = np.zeros((self.rows, larger.size))
@@ -145,7 +145,9 @@ class Scalings(Biquads):
 
 
 def diagonals(structure: Structure, value: RealArray) -> tuple[RealArray, RealArray]:
-    """Values (B, F) of the first B blocks spread to rows (F, c) and columns (F, r); else 0."""
+    """Values (B, F) of the first B blocks, spread to rows (F, c) and columns (F, r); 0 for other
+    blocks.
+    """
     rows = np.zeros((value.shape[1], structure.columns))
     columns = np.zeros((value.shape[1], structure.rows))
     places = zip(value, structure.column_slices, structure.row_slices, strict=False)

@@ -1,1 +1,1 @@
-"""Proofs that no controller of a kind stabilises a plant."""
+"""Proofs that no controller of a certain kind stabilises a plant."""

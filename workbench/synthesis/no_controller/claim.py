@@ -1,4 +1,4 @@
-"""Which proof says that no controller of the kind that is asked for stabilises a plant."""
+"""Choice of the proof that no controller of the requested kind stabilises a plant."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
 
 
 def no_controller(plant: StateSpace, stable: bool) -> Task | None:
-    """The proof that no controller of the kind that is asked for stabilises the plant, if known.
+    """The proof that no controller of the requested kind stabilises the plant, if one is known.
 
-    ``stable``: whether the controller itself is asked to be stable; else a gain is asked for.
+    With ``stable`` the controller must itself be stable; otherwise it must be a constant gain.
     """
     if stable and violated(plant) is not None:
         return NoStableController(plant)

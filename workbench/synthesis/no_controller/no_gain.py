@@ -18,19 +18,19 @@ from workbench.program import Claim, ProofTask
 from workbench.solvers import Outcome
 
 SCANNED = 400
-"""Gains of either sign at which eigenvalues are asked for a second opinion."""
+"""Number of gains of each sign for which the second opinion computes eigenvalues."""
 SCANNED_DECADES = 6.0
-"""Decades about the plant's own scale over which those gains are spread."""
+"""Decades of gain around the plant's own scale over which those gains are spread."""
 BESIDE_AXIS = 1e-6
-"""Distance of a pole left of the axis, over the largest one, that eigenvalues may get wrong."""
+"""Possible error of a computed eigenvalue near the imaginary axis, relative to the largest one."""
 
 
 @dataclass(frozen=True, eq=False)
 class NoStabilisingGain(ProofTask):
-    """The claim that no real k stabilises a plant with u = k y, of one input and output.
+    """The claim that u = k y stabilises a plant with one input and one output for no real k.
 
-    The answer has ``gains`` (r,), one in each range of gains in which the number of stable poles
-    stays the same; none of them stabilises.
+    The number of stable poles is constant in each of r ranges of gains. The answer holds ``gains``
+    (r,), one of each range; none of them stabilises.
     """
 
     plant: StateSpace
@@ -54,19 +54,19 @@ class NoStabilisingGain(ProofTask):
         ranges = gain_ranges(self.plant)
         stabilising = sum(one.stabilises for one in ranges)
         alone = len(gains) == len(ranges)
-        missed = len(ranges) if not alone else sum(map(_outside, ranges, gains.tolist()))
+        missed = len(ranges) if not alone else sum(map(_is_outside, ranges, gains.tolist()))
         return [
             Check("gains", "number of ranges of gains that stabilise", float(stabilising), 0.0),
             Check("ranges", "number of ranges without the gain that is told", float(missed), 0.0),
         ]
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
-        """The eigenvalues of the loops of many gains."""
+        """Compute the closed loop's eigenvalues for many gains."""
         statement = (
             f"farthest left that the rightmost eigenvalue lies for {2 * SCANNED} gains, over the "
             "largest eigenvalue"
         )
-        left = max(_left(self.plant, gain) for gain in _scanned(self.plant, answer))
+        left = max(_stability_degree(self.plant, gain) for gain in _scan_gains(self.plant, answer))
         return [Check("eigenvalues", statement, left, BESIDE_AXIS)]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
@@ -74,7 +74,7 @@ class NoStabilisingGain(ProofTask):
 
 
 def no_gain_words() -> str:
-    """What forbids a constant gain."""
+    """The sentence that says why no constant gain stabilises."""
     return (
         "no constant gain stabilises this plant: in none of the ranges between gains that put a "
         "pole on the imaginary axis do all poles lie left of it. Ask for a family with dynamics, "
@@ -82,7 +82,7 @@ def no_gain_words() -> str:
     )
 
 
-def _outside(one: GainRange, gain: float) -> bool:
+def _is_outside(one: GainRange, gain: float) -> bool:
     """Whether a gain lies outside a range."""
     if not np.isfinite(gain):
         return True
@@ -92,8 +92,8 @@ def _outside(one: GainRange, gain: float) -> bool:
     return not (above and below)
 
 
-def _scanned(plant: StateSpace, answer: Dataset) -> RealArray:
-    """Gains of both signs about the sizes that matter: those told, and that of the plant."""
+def _scan_gains(plant: StateSpace, answer: Dataset) -> RealArray:
+    """Gains of both signs around the gains of the answer and around the plant's own scale."""
     told = np.abs(answer["gains"].values)
     size = float(np.linalg.norm(plant.B) * np.linalg.norm(plant.C)) or 1.0
     poles = float(np.abs(plant.poles()).max(initial=0.0)) or 1.0
@@ -103,8 +103,10 @@ def _scanned(plant: StateSpace, answer: Dataset) -> RealArray:
     return np.concatenate([found, -found])
 
 
-def _left(plant: StateSpace, gain: float) -> float:
-    """How far left of the axis the loop's rightmost pole lies, over the size of the largest."""
+def _stability_degree(plant: StateSpace, gain: float) -> float:
+    """Distance of the loop's rightmost pole to the left of the axis, over the size of its largest
+    pole.
+    """
     direct = 1.0 - gain * float(plant.D[0, 0])
     if direct == 0.0:
         return 0.0

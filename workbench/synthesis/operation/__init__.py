@@ -1,1 +1,1 @@
-"""The loop in operation: a controller's code about its working point, on each measured plant."""
+"""The loop in operation: a controller's code around its working point, on each measured plant."""

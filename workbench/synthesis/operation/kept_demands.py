@@ -1,4 +1,6 @@
-"""Whether the words came true: each demand on each measured plant, with the controller's code."""
+"""Comparison of each demand with the value reached on each measured plant, with the controller's
+code.
+"""
 
 from __future__ import annotations
 
@@ -22,34 +24,36 @@ from workbench.synthesis.operation.working_loop import WorkingLoop
 from workbench.uncertainty import UncertaintyModel
 
 NOISE_SAMPLES = 4000
-"""Samples at rest, of which the rms of the control is taken."""
+"""Number of samples at rest from which the rms of the control is computed."""
 LEAST, MOST_SHOWN = 1e-9, 3.0
-"""Least number that is reached, against division by zero; and the right end of the figure."""
+"""Least value reached, which avoids division by zero, and the right end of the figure."""
 LIMITS = "limits"
-"""What the limits of the control are called among the demands."""
+"""Name of the limits of the control among the demands."""
 
 
 @dataclass(frozen=True, eq=False)
 class KeptDemands(WorkingLoop):
-    """A `WorkingLoop` that says of each demand whether it came true on each measured plant.
+    """A `WorkingLoop` that says whether each demand is met on each measured plant.
 
-    Steps, recovery and controls are those of the simulated loop, with limits; the rms of the
-    control is that at rest with the demands' noise; the bandwidth and the weight of the control are
-    those of the sampled loop's responses. What is missed is said; it is no failure of the study.
+    Overshoot, times and largest controls come from the simulated loop with limits. The rms of the
+    control comes from a simulation at rest with the noise of the demands. The bandwidth and the
+    effort come from the frequency responses of the sampled loop. A missed demand is reported; it is
+    no failure of the study.
 
     Parameters
     ----------
     responses, board, step, disturbance, noise, seed
-        As of `WorkingLoop`; without a step that of the demands is taken.
+        As in `WorkingLoop`. Without a step, the step of the demands is used.
     demands
-        One or more.
+        One or more demands.
     peak
-        Certified peak of mu of the design, which is shown beside; None: it is not known.
+        Certified peak of mu of the design, shown for comparison; None if it is not known.
 
     Raises
     ------
     InputError
-        As `WorkingLoop`; nothing is demanded; the board's plant is no `UncertaintyModel`.
+        As in `WorkingLoop`; nothing is demanded; or the plant of the board is not an
+        `UncertaintyModel`.
 
     Examples
     --------
@@ -84,11 +88,13 @@ class KeptDemands(WorkingLoop):
             object.__setattr__(self, "step", self.demands.setpoint_step)
         super().__post_init__()
         if not isinstance(self.task.loop.model, UncertaintyModel):
-            raise InputError("the implementation is of one plant; it needs an UncertaintyModel")
+            raise InputError(
+                "the implementation was made for a single plant; it needs an UncertaintyModel"
+            )
 
     @property
     def asked(self) -> dict[str, float]:
-        """The demands, and that the control stays within its limits."""
+        """The numbers demanded by name, including the limits of the control, if there are any."""
         found = {name: float(getattr(self.demands, name)) for name in self.demands.asked}
         return found if self.actuator.deviations is None else {**found, LIMITS: 1.0}
 
@@ -115,7 +121,7 @@ class KeptDemands(WorkingLoop):
             low, high = (float(limit[0]) for limit in self.actuator.deviations)
             found[LIMITS] = np.maximum(deviations / low, deviations / high).max(axis=1)
         if "control_rms" in self.asked:
-            found["control_rms"] = self._at_rest(loops)
+            found["control_rms"] = self._control_rms_at_rest(loops)
         model, K = self.task.loop.model, self.board.answer.K
         assert model is not None
         of_responses = [
@@ -128,8 +134,8 @@ class KeptDemands(WorkingLoop):
             found[name] = np.array([one[name] for one in of_responses])
         return np.stack([found[name] for name in self.asked], axis=1)
 
-    def _at_rest(self, loops: Any) -> RealArray:
-        """Rms (N,) of the controls that the demands' noise causes at the working point."""
+    def _control_rms_at_rest(self, loops: Any) -> RealArray:
+        """Rms (N,) of the control that the noise of the demands causes at the working point."""
         rng = np.random.default_rng(self.seed)
         K, rest = self.board.answer.K, np.full(NOISE_SAMPLES, self.point.y[0])
         still = np.zeros(NOISE_SAMPLES)
@@ -142,18 +148,20 @@ class KeptDemands(WorkingLoop):
         ]  # fmt: skip
         return np.std(controls, axis=1)
 
-    def _missed_by(self, reached: DataArray, demanded: DataArray) -> RealArray:
-        """What is reached over what is demanded (plants, demands), above 1 where it is missed."""
+    def _demand_ratios(self, reached: DataArray, demanded: DataArray) -> RealArray:
+        """Ratio of reached to demanded value (plants, demands), or its inverse; above 1 for a
+        missed demand.
+        """
         easier = np.array([name == LIMITS or KINDS[name].harder_if_small for name in self.asked])
         values, asked = np.asarray(reached), np.asarray(demanded)
-        # No overshoot is one that counts as settled.
+        # For a demand of no overshoot, an overshoot within the settling limit is accepted.
         asked = np.where(asked == 0, SETTLED, asked)
         found: RealArray = np.where(easier, values / asked, asked / np.maximum(values, LEAST))
         return found
 
     @metric
     def missed_demands(self, reached: DataArray, demanded: DataArray) -> dict[str, float]:
-        over = self._missed_by(reached, demanded) > 1
+        over = self._demand_ratios(reached, demanded) > 1
         return {
             "missed": float(over.sum()),
             **{f"missed_{name}": float(over[:, k].sum()) for k, name in enumerate(self.asked)},
@@ -161,7 +169,7 @@ class KeptDemands(WorkingLoop):
 
     @table
     def words(self, reached: DataArray, demanded: DataArray) -> Mapping[str, Any]:
-        ratio = self._missed_by(reached, demanded)
+        ratio = self._demand_ratios(reached, demanded)
         names = list(map(str, self.responses.plants))
         heads = ["demand", "demanded", "worst", "on", "verdict"]
         rows = []
@@ -197,7 +205,7 @@ class KeptDemands(WorkingLoop):
 
     @figure
     def verdicts(self, reached: DataArray, demanded: DataArray) -> Mapping[str, Figure]:
-        ratio = self._missed_by(reached, demanded)
+        ratio = self._demand_ratios(reached, demanded)
         names = list(self.asked)
         height = 1.2 + 0.38 * (len(names) + (self.peak is not None))
         drawn, (panel,) = figures.axes(1, 1, size=(7.0, height))

@@ -1,4 +1,4 @@
-"""A controller's code about its working point, around a linear plant, sample by sample."""
+"""Simulation of a controller's code and a linear plant around a working point, sample by sample."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ def loop_in_time(
     disturbance: RealArray,
     noise: RealArray,
 ) -> tuple[RealArray, RealArray]:
-    """Measurements and controls (samples,), absolute, from rest at the working point.
+    """Absolute measurements and controls (samples,), starting from rest at the working point.
 
     Parameters
     ----------
     plant
-        Sampled, strictly proper, from deviations of the control to those of the measurement, with
-        hold and delay.
+        Sampled plant with hold and delay, strictly proper, from deviations of the control to
+        deviations of the measurement.
     controller
-        Sampled, of one input and one output. It starts as the C code does, without a bump.
+        Sampled controller with one input and one output. It starts as the C code does, without a
+        bump.
     actuator
-        Limits and rate, and a working point.
+        Limits and largest rate of the control, and the working point.
     setpoint, disturbance, noise
-        Absolute set-points, what is added to the control, and to the measurement (samples,).
+        Absolute set-points, signal added to the control, and signal added to the measurement
+        (samples,).
     """
     assert actuator.point is not None
     (rest,), (own,) = actuator.point.u, actuator.point.y

@@ -1,4 +1,4 @@
-"""A model of each measured plant, to simulate it."""
+"""A model of each measured plant for simulation."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from workbench.fitting.response.vector_fitting import relocated_fits, vector_fit
 from workbench.uncertainty import Responses
 
 HIGHEST_ORDER = 6
-"""Most poles of a model."""
+"""Largest number of poles of a model."""
 ENOUGH = 1.2
-"""Error of a fit over that of the best order, up to which a smaller order is taken."""
+"""A smaller order is taken if its error is at most this many times the error of the best order."""
 OWN_SHARE = 0.01
-"""Share of a response that a model may miss besides what noise leaves open."""
+"""Relative error of a response that a model may have, in addition to the error due to noise."""
 FREQUENCIES = 80
-"""Most frequencies that are fitted."""
+"""Largest number of frequencies that are fitted."""
 
 
 def measured_plants(
     responses: Responses, order: int, unstable_poles: int, context: Context
 ) -> tuple[list[Rational], RealArray]:
-    """A model of each plant, of `order` poles or a few more, and its relative rms error (N,).
+    """A model of each plant with `order` poles or a few more, and its relative rms error (N,).
 
-    `unstable_poles` of them lie right of the axis. Responses are weighted by the inverse of what
-    noise leaves open. The smallest order that misses no more than that is taken: larger ones follow
-    the noise, by light resonances between the frequencies with which a loop may be unstable.
+    `unstable_poles` of them lie right of the axis. Errors are weighted by the inverse of the
+    allowed error, which is the standard deviation of the noise and `OWN_SHARE` of the response. The
+    smallest order with a weighted rms error of at most 1, or near the best one, is taken. Larger
+    orders follow the noise with lightly damped resonances between the frequencies, and a loop with
+    such a model may be unstable.
     """
     few = responses.thinned(FREQUENCIES)
     models, errors = [], []

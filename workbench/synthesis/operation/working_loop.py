@@ -1,4 +1,4 @@
-"""The loop about its working point, on each measured plant, as a Study."""
+"""The loop around its working point, on each measured plant, as a Study."""
 
 from __future__ import annotations
 
@@ -29,41 +29,51 @@ from workbench.synthesis.operation.measured_plants import measured_plants
 from workbench.uncertainty import Responses, UncertaintyModel
 
 TIME_CONSTANTS = 12.0
-"""Duration after a step, in time constants of the slowest pole of a loop: 6e-6 is left of it."""
+"""Duration of a phase in time constants of the loop's slowest pole: its motion decays to 6e-6."""
 MOST_SAMPLES, FEWEST_SAMPLES = 6000, 200
-"""Samples of a phase at most and at least; of long ones the end is not seen, and said."""
+"""Largest and smallest number of samples of a phase. If a phase is too short for the loop to
+settle, a check says so.
+"""
 REST_SHARE = 0.05
-"""Share of a phase in which the loop rests first."""
+"""Share of a phase at its start during which the loop is at rest."""
 STEP_SHARE, DISTURBANCE_SHARE = 0.3, 0.1
-"""Step of the set-point over the room that the limits leave, and the disturbance over them."""
+"""Step of the set-point relative to the largest one that the limits allow, and disturbance relative
+to the range of the limits.
+"""
 BUMP = 1e-6
-"""Largest change of the control before the step, over what the step makes of it: rounding."""
+"""Largest change of the control before the step that counts as rounding, relative to its change by
+the step.
+"""
 LEFT = 0.01
-"""Largest error at the end over the step, with integral action: what is not settled yet."""
+"""Largest error at the end of a step with integral action, relative to the step, for a settled
+loop.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class WorkingLoop(Study):
-    """A loop about its working point: from rest, a step of the set-point, then one at the input.
+    """A loop around its working point: from rest, a step of the set-point, then a step at the
+    input.
 
     Every measured plant is simulated by a model fitted to its response, with the limits of the
-    control, hold and delay, and the controller as it is exported. The limits and the working point
-    are those of the implementation.
+    control, hold and delay, and the controller as it is exported. The implementation gives the
+    limits and the working point.
 
     Parameters
     ----------
     responses
-        Of the measured plants.
+        Responses of the measured plants.
     board
-        A certified `Implementation`: its Run or Solution.
+        The Run or Solution of a certified `Implementation`.
     step
-        Of the set-point [units of y]; None: a part of what the limits allow.
+        Step of the set-point [units of y]; None for a part of the step that the limits allow.
     disturbance
-        Added to the control in the second half [units of u]; None: a tenth of the limits' range.
+        Signal added to the control in the second half [units of u]; None for a tenth of the limits'
+        range.
     noise
         Standard deviation of the measurement's noise [units of y].
     seed
-        Of the noise.
+        Seed of the noise.
 
     Raises
     ------
@@ -103,7 +113,7 @@ class WorkingLoop(Study):
         need_kind(self.responses, Responses, "responses")
         task = getattr(self.board, "task", None)
         if not isinstance(task, Implementation) or self.board.answer is None:
-            raise InputError(f"board is {self.board!r}; an answered Implementation is needed")
+            raise InputError(f"board is {self.board!r}; an Implementation with an answer is needed")
         if task.working_point is None or (task.K.ninputs, task.K.noutputs) != (1, 1):
             raise InputError("the implementation needs a working point, one input and one output")
         for name in ("step", "disturbance"):
@@ -117,30 +127,30 @@ class WorkingLoop(Study):
 
     @property
     def task(self) -> Implementation:
-        """The implementation."""
+        """The `Implementation` that was answered."""
         found: Implementation = self.board.task
         return found
 
     @property
     def actuator(self) -> Actuator:
-        """Its limits and its working point."""
+        """Limits of the actuator and its working point."""
         assert self.task.actuator is not None
         return self.task.actuator
 
     @property
     def point(self) -> WorkingPoint:
-        """Its working point."""
+        """Working point of the implementation."""
         assert self.actuator.point is not None
         return self.actuator.point
 
     @property
     def constant(self) -> ConstantSignals | None:
-        """What constant signals do to every plant of the set."""
+        """Effect of constant signals on every plant of the set."""
         return self.task.constant_signals(self.board.answer)
 
     @part
     def models(self, context: Context) -> tuple[list[StateSpace], RealArray]:
-        """A continuous model of each plant, and its relative error."""
+        """A continuous model of each plant, and the relative error of each model."""
         model = self.task.loop.model
         nominal = model.nominal if isinstance(model, UncertaintyModel) else None
         order = 2 if nominal is None else nominal.order
@@ -150,7 +160,7 @@ class WorkingLoop(Study):
 
     @part
     def loops(self, models: Any) -> list[BoardLoop]:
-        """The loop of each plant."""
+        """The sampled loop of each plant."""
         task = self.task
         return [
             BoardLoop(one, task.period, task.delay, task.anti_aliasing, self.actuator.sign)
@@ -159,7 +169,7 @@ class WorkingLoop(Study):
 
     @part
     def samples(self, loops: Any) -> int:
-        """Samples of a phase: long enough that what is left is left for good."""
+        """Number of samples of a phase, long enough for the loop's slowest motion to decay."""
         K = self.board.answer.K
         poles = np.concatenate([np.abs(one.loop_of(K).closed().poles()) for one in loops])
         slowest = min(float(poles.max()), 1 - 1e-12)
@@ -239,11 +249,11 @@ class WorkingLoop(Study):
         at_most=LEFT,
     )
     def settled(self, signals: DataArray, step_size: DataArray) -> float:
-        left = float(self._left(signals, step_size).max())
+        left = float(self._remaining_error(signals, step_size).max())
         return left - (0.0 if self.constant is None else self.constant.error)
 
     def second_opinion(self, answer: Dataset) -> list[Check]:
-        """The controls by the controller's difference equation, as long as no limit is met."""
+        """Compute the controls by the controller's difference equation, until a limit is met."""
         K, act = self.board.answer.K, self.actuator
         assert act.point is not None
         apart = 0.0
@@ -269,7 +279,7 @@ class WorkingLoop(Study):
 
     @metric
     def static_error(self, signals: DataArray, step_size: DataArray) -> float:
-        return float(self._left(signals, step_size).max())
+        return float(self._remaining_error(signals, step_size).max())
 
     @metric
     def overshoot(self, signals: DataArray, step_size: DataArray) -> float:
@@ -279,8 +289,8 @@ class WorkingLoop(Study):
     def settling_s(self, signals: DataArray, step_size: DataArray) -> float:
         return float(self._step_quality(signals, step_size)[1].max())
 
-    def _left(self, signals: DataArray, step_size: DataArray) -> RealArray:
-        """What is left at the end of the step, over the step, of each plant."""
+    def _remaining_error(self, signals: DataArray, step_size: DataArray) -> RealArray:
+        """Error at the end of the step relative to the step, for each plant."""
         y = signals.sel(signal="y").values
         half = y.shape[1] // 2
         last = y[:, half - max(half // 20, 1) : half].mean(axis=1)
@@ -291,7 +301,7 @@ class WorkingLoop(Study):
     def _step_quality(
         self, signals: DataArray, step_size: DataArray
     ) -> tuple[RealArray, RealArray]:
-        """Overshoot over the step, and settling time [s], of each plant."""
+        """Overshoot relative to the step, and settling time [s], for each plant."""
         half = signals.sizes["time"] // 2
         rest = int(REST_SHARE * half)
         y = signals.sel(signal="y").values[:, rest:half]
@@ -320,7 +330,7 @@ class WorkingLoop(Study):
     def plants(self, signals: DataArray, step_size: DataArray, model_error: DataArray) -> Any:
         heads = ["plant", "overshoot", "settles within [s]", "error at the end", "model's error"]
         over, settling = self._step_quality(signals, step_size)
-        left = self._left(signals, step_size)
+        left = self._remaining_error(signals, step_size)
         columns = (self.responses.plants, over, settling, left, model_error.values)
         rows = [
             [name, f"{one:.1%}", f"{time:.4g}", f"{end:.2%}", f"{own:.1%}"]
@@ -358,14 +368,14 @@ def _finite_at_zero(plant: StateSpace) -> bool:
 
 
 def _by_difference_equation(K: StateSpace, error: RealArray) -> RealArray:
-    """The answer (samples,) of a controller to errors, from a start without a bump."""
+    """The controller's output (samples,) for given errors, from a start without a bump."""
     from scipy.signal import lfilter, lfiltic, ss2tf
 
     b, a = ss2tf(K.A, K.B, K.C, K.D)
     if not error[0]:
         found: RealArray = lfilter(b[0], a, error)
         return found
-    # From rest at this error the first controls follow from the state of the start.
+    # The controller starts from rest at the first error, which gives its initial state.
     x, first = start_gains(K)[0][:, 0] * error[0], []
     for one in error[: len(a) - 1]:
         first.append(float(K.C[0] @ x + K.D[0, 0] * one))

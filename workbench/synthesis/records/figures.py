@@ -1,4 +1,4 @@
-"""Figure of the loops that a gain makes of plants drawn from the set that records allow."""
+"""Figure of the loops of a gain with plants drawn from the set that agrees with the records."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from workbench.synthesis.records.inequalities import ProvenFeedback
 from workbench.synthesis.records.trials import DrawnQuestion
 
 SAMPLES = 30
-"""Samples that the fall of the Lyapunov function is drawn over."""
+"""Number of samples over which the decrease of the Lyapunov function is drawn."""
 FREQUENCIES = 200
-"""Frequencies of the responses."""
+"""Number of frequencies of the responses."""
 
 
 def loops(question: DrawnQuestion, answer: ProvenFeedback) -> Figure:
-    """Poles of drawn plants, open and closed, and how each closed loop compares with the level."""
+    """Open-loop and closed-loop poles of drawn plants, and each closed loop compared with the
+    level.
+    """
     records, noise = question.records, question.records.noise
     after = records.following - (0.0 if noise.mean is None else noise.mean)
     centre, left, right = drawn.edge_plants(records.regressors, after, noise.weight, noise.energy)
@@ -30,7 +32,7 @@ def loops(question: DrawnQuestion, answer: ProvenFeedback) -> Figure:
         angle = np.linspace(0.0, 2 * np.pi, 200)
         circle = answer.level * np.exp(1j * angle)
         plane.plot(circle.real, circle.imag, "--", color=figures.BLUE, label="proven rate")
-        _falls(levels, closed, answer)
+        _decrease(levels, closed, answer)
     elif question.criterion == "h2":
         _norms(levels, closed, question, answer)
     else:
@@ -53,8 +55,8 @@ def _poles(panel: Axes, opened: RealArray, closed: RealArray) -> None:
     figures.label(panel, "real part of a pole [1]", "imaginary part [1]")
 
 
-def _falls(panel: Axes, closed: RealArray, answer: ProvenFeedback) -> None:
-    """Root of the largest x' P x of each loop over its first value, over time."""
+def _decrease(panel: Axes, closed: RealArray, answer: ProvenFeedback) -> None:
+    """Square root of the largest x' P x of each loop, relative to its first value, over time."""
     root = np.linalg.cholesky(np.linalg.inv(answer.Y)).T
     back = np.linalg.inv(root)
     time, power = np.arange(SAMPLES + 1), np.broadcast_to(np.eye(len(back)), closed.shape)

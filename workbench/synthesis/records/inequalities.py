@@ -1,18 +1,18 @@
 """The matrix S-lemma as conic programs, in scaled coordinates.
 
-The variables are Y, L = K Y, the multiplier alpha and what measures the level. In coordinates
-xi = T^-1 x and v = U^-1 u the plants of the records are [A B] + H Delta E, |Delta| <= 1, and the
-matrix of the lemma is
+The variables are Y, L = K Y, the multiplier alpha, and for a norm the variables g or V of the
+level. In coordinates xi = T^-1 x and v = U^-1 u the plants of the records are [A B] + H Delta E,
+|Delta| <= 1, and the matrix of the lemma is
 
     [corner - alpha H H'  0             A Y + B L    0        ]
     [0                    alpha I       E [Y; L]     0        ]
     [.                    .             Y            Y C_K'   ]
     [0                    0             C_K Y        lower    ]
 
-with the corner rate^2 Y - I for "decay", Y for "h2" and Y - T^-1 F F' T^-T for "hinf", whose lower
-block is g I; else it is I. For "h2" moreover [V F' T^-T; T^-1 F Y] >= 0. The level is the root of
-the least g, or of the least trace of V. In the H-infinity case Y is gamma^2 times that of the
-lemma, which makes g = gamma^2 enter linearly.
+The corner is rate^2 Y - I for "decay", Y for "h2" and Y - T^-1 F F' T^-T for "hinf". The lower
+block is g I for "hinf", and I otherwise. For "h2" there is also [V F' T^-T; T^-1 F Y] >= 0. The
+level is the square root of the least g, or of the least trace of V. In the H-infinity case Y is
+gamma^2 times the Y of the lemma, so that g = gamma^2 enters linearly.
 """
 
 from __future__ import annotations
@@ -33,18 +33,21 @@ from workbench.certify.rounding import nearest_power_of_two
 from workbench.synthesis.records.record import StateRecords
 
 SMALL_COST = 1e-3
-"""Share of the uncertainty in the cost of the central plant that scales the states."""
+"""Weight of the uncertainty in the cost for the central plant that scales the states."""
 Criterion = Literal["decay", "h2", "hinf"]
-"""What the feedback minimises for the worst plant: a rate per sample, or a norm from w to z."""
+"""Criterion that the feedback minimises for the worst plant: a rate per sample, or a norm from w to
+z.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ProvenFeedback(ProgramAnswer):
-    """A gain u = K x with what proves its level for every plant that the records allow.
+    """A gain u = K x with the proof of its level for every plant that agrees with the records.
 
     Y (n, n) is the inverse of the common Lyapunov matrix and ``multiplier`` the alpha of the
-    S-lemma. ``level`` is the rate per sample, or the H2 or H-infinity norm. ``bound`` is a level
-    below which no Y and K satisfy the inequality, proven by the rational ``dual``, or 0.
+    S-lemma. ``level`` is the rate per sample, or the H2 or H-infinity norm. No Y and K satisfy the
+    inequality for a level below ``bound``, which the rational ``dual`` proves; 0 without such a
+    proof.
 
     Examples
     --------
@@ -77,16 +80,16 @@ class ProvenFeedback(ProgramAnswer):
 
 @dataclass(frozen=True, eq=False)
 class ScaledRecords:
-    """What the conic programs and Riccati equations need of the records, in scaled coordinates.
+    """The records in scaled coordinates, as the conic programs and Riccati equations need them.
 
     Parameters
     ----------
     records, criterion
-        The records, and what is minimised.
+        The records, and the criterion to minimise.
     C, D
         The performance output z = C x + D u, of shapes (p, n) and (p, m); p is 0 for "decay".
     F
-        The input (n, q) of the disturbance of the norms.
+        Input matrix (n, q) of the disturbance in the norms.
     """
 
     records: StateRecords
@@ -99,8 +102,8 @@ class ScaledRecords:
     def units(self) -> tuple[RealArray, RealArray]:
         """T (n, n) and U (m, m) with x = T xi, u = U v.
 
-        T makes the Y of the central plant alone the identity, which an ordinary Riccati equation
-        gives; U makes the columns of B of size 1.
+        T makes the Y of the central plant alone, from an ordinary Riccati equation, the identity. U
+        gives the columns of B norm 1.
         """
         T = self._central_root()
         B = np.linalg.solve(T, self.records.centre[:, self.records.order :])
@@ -109,9 +112,9 @@ class ScaledRecords:
         return np.asarray(T), U
 
     def _central_root(self) -> RealArray:
-        """T (n, n) with T T' = P^-1, the P of the central plant; that of S where it has none.
+        """T (n, n) with T T' = P^-1 for the central plant's P; with T T' = S where there is no P.
 
-        The uncertainty is a small part of the cost, so that every state and input has one.
+        The uncertainty is a small part of the cost, so that every state and input has a cost.
         """
         n, scale = self.records.order, self.records.scale
         centre, E = self.records.centre * scale / scale[:n, None], self.records.ellipsoid[1] * scale
@@ -130,7 +133,7 @@ class ScaledRecords:
 
     @cached_property
     def disturbance(self) -> RealArray:
-        """The input (n, q) of the disturbance to the scaled states, T^-1 F."""
+        """Input matrix T^-1 F (n, q) of the disturbance for the scaled states."""
         return np.asarray(np.linalg.solve(self.units[0], self.F))
 
     @cached_property
@@ -142,38 +145,38 @@ class ScaledRecords:
 
     @cached_property
     def performance(self) -> tuple[RealArray, RealArray]:
-        """C and D in the units of states, inputs and output."""
+        """C and D in scaled units of states, inputs and output."""
         x, u = self.units
         return self.C @ x / self.size, self.D @ u / self.size
 
     @cached_property
     def plant(self) -> tuple[RealArray, RealArray]:
-        """The central plant A (n, n), B (n, m)."""
+        """The central plant A (n, n), B (n, m) in scaled coordinates."""
         (x, u), n = self.units, self.records.order
         theta = np.linalg.solve(x, self.records.centre)
         return theta[:, :n] @ x, theta[:, n:] @ u
 
     @cached_property
     def uncertainty(self) -> RealArray:
-        """E (n + m, n + m): the plants are [A B] + H Delta E with |Delta| <= 1."""
+        """E (n + m, n + m), where the plants are [A B] + H Delta E with |Delta| <= 1."""
         found: RealArray = self.records.ellipsoid[1] @ block_diag(*self.units)
         return found
 
     @cached_property
     def spread(self) -> RealArray:
-        """H (n, n), the root of S."""
+        """H (n, n), a square root of S."""
         root = np.linalg.cholesky(self.records.ellipsoid[0])
         return np.asarray(np.linalg.solve(self.units[0], root))
 
     @cached_property
     def sizes(self) -> tuple[float, float]:
-        """Norms of H and E: the multiplier is near their ratio E over H."""
+        """Norms of H and E. The multiplier is near |E| / |H|."""
         return float(np.linalg.norm(self.spread, 2)), float(np.linalg.norm(self.uncertainty, 2))
 
     def restored(
         self, Y: RealArray, K: RealArray, multiplier: float, level: float
     ) -> ProvenFeedback:
-        """The answer in the units of the records; Y, K and the multiplier are the lemma's."""
+        """The answer in the units of the records, from Y, K and the multiplier of the lemma."""
         x, u = self.units
         Y = x @ Y @ x.T / self.size**2
         K = u @ np.linalg.solve(x.T, K.T).T
@@ -182,16 +185,16 @@ class ScaledRecords:
     # --- conic forms ----------------------------------------------------------------------------
 
     @property
-    def _places(self) -> tuple[int, int, int]:
-        """Numbers of entries of Y and L, and all variables before those of the level."""
+    def _counts(self) -> tuple[int, int, int]:
+        """Numbers of entries of Y and of L, and of all variables before those of the level."""
         n, m = self.records.order, self.records.controls
         free = n * (n + 1) // 2
         return free, m * n, free + m * n + 1
 
     def taken(self, x: RealArray, level: float | None) -> ProvenFeedback:
-        """The answer that the variables x of a form mean; level: as of `form`."""
+        """The answer for the variables x of a form; `level` is as in `form`."""
         n, m = self.records.order, self.records.controls
-        free, gains, _ = self._places
+        free, gains, _ = self._counts
         Y = _symmetric(x[:free], n)
         K = np.asarray(np.linalg.solve(Y, x[free : free + gains].reshape(m, n).T).T)
         multiplier = self.sizes[1] / self.sizes[0] * float(x[free + gains])
@@ -203,32 +206,32 @@ class ScaledRecords:
         return self.restored(Y, K, multiplier, scaled)
 
     def level_of(self, x: RealArray) -> float:
-        """The level that the variables of a form without a given level reach."""
+        """The level reached by the variables of a form without a given level."""
         c = self.form(None).c
         return math.sqrt(max(float(c @ x), 0.0)) * self.size
 
     def form(self, level: float | None, centred: bool = False) -> ConicForm:
-        """The conic program.
+        """The conic program for a level, or for the least level.
 
         Parameters
         ----------
         level
-            The level that is asked for; None: the least one is sought ("decay" needs one).
+            The given level; None to minimise the level ("decay" needs a given level).
         centred
-            Seek the Y, L and alpha that satisfy the inequalities of the level by the largest
-            margin, at most 1, of which the last variable is the negative.
+            Maximise the margin by which Y, L and alpha satisfy the inequalities of the level. The
+            margin is at most 1; the last variable is the margin with negative sign.
         """
         n, q = self.disturbance.shape
-        free, _, before = self._places
+        free, _, before = self._counts
         squared = None if level is None else (level / self.size) ** 2
         sought = 0 if squared is not None else int(self.criterion == "hinf")
         if self.criterion == "h2":
             sought = q * (q + 1) // 2
         count = before + sought + int(centred)
-        blocks = [self._lemma(squared, count, centred)]
+        blocks = [self._lemma_matrix(squared, count, centred)]
         cost = np.zeros(count)
         if self.criterion == "h2":
-            blocks.append(self._coupling(count))
+            blocks.append(self._h2_matrix(count))
             trace = np.zeros(count)
             trace[[before + k for k, (i, j) in enumerate(triangle(q)) if i == j]] = 1.0
             if squared is None:
@@ -239,29 +242,31 @@ class ScaledRecords:
             cost[before] = 1.0
         if self.criterion == "decay" and centred:
             below = np.zeros((count, n, n))
-            below[:free] = -_basis(n)
+            below[:free] = -_symmetric_basis(n)
             blocks.append((np.eye(n), below))
         if centred:
             cost = np.zeros(count)
             cost[-1] = -1.0
             blocks = [(F, _with_margin(slope)) for F, slope in blocks]
             blocks.append((np.ones((1, 1)), -np.eye(count)[-1][:, None, None]))
-        return _stacked(blocks, cost)
+        return _conic_form_of(blocks, cost)
 
-    def _lemma(
+    def _lemma_matrix(
         self, squared: float | None, count: int, centred: bool
     ) -> tuple[RealArray, RealArray]:
-        """The matrix of the lemma as F_0 and its slopes (count, size, size)."""
+        """The matrix of the lemma as F_0, and its derivatives by the variables (count, size,
+        size).
+        """
         n, m = self.records.order, self.records.controls
         (A, B), (C, D) = self.plant, self.performance
         p, total, (h, e) = len(C), n + m, self.sizes
         H, E = self.spread * math.sqrt(e / h), self.uncertainty * math.sqrt(h / e)
-        free, gains, before = self._places
+        free, gains, before = self._counts
         start = np.cumsum([0, n, total, n, p])
         size = int(start[-1])
         F, slope = np.zeros((size, size)), np.zeros((count, size, size))
         first, second, third, last = (slice(*start[k : k + 2]) for k in range(4))
-        basis = _basis(n)
+        basis = _symmetric_basis(n)
         rate = squared if self.criterion == "decay" and squared is not None else 1.0
         slope[:free, first, first] = rate * basis
         slope[:free, third, third] = basis
@@ -289,19 +294,19 @@ class ScaledRecords:
             F[first, first] = -np.eye(n)
         return F, slope
 
-    def _coupling(self, count: int) -> tuple[RealArray, RealArray]:
-        """[V (T^-1 F)'; T^-1 F Y] as F_0 and its slopes."""
+    def _h2_matrix(self, count: int) -> tuple[RealArray, RealArray]:
+        """[V (T^-1 F)'; T^-1 F Y] as F_0, and its derivatives by the variables."""
         n, q = self.disturbance.shape
-        free, _, before = self._places
+        free, _, before = self._counts
         F, slope = np.zeros((q + n, q + n)), np.zeros((count, q + n, q + n))
         F[q:, :q], F[:q, q:] = self.disturbance, self.disturbance.T
-        slope[:free, q:, q:] = _basis(n)
-        slope[before : before + q * (q + 1) // 2, :q, :q] = _basis(q)
+        slope[:free, q:, q:] = _symmetric_basis(n)
+        slope[before : before + q * (q + 1) // 2, :q, :q] = _symmetric_basis(q)
         return F, slope
 
 
-def _basis(n: int) -> RealArray:
-    """The symmetric matrices (n (n + 1) / 2, n, n) that belong to the entries of a triangle."""
+def _symmetric_basis(n: int) -> RealArray:
+    """The symmetric matrices (n (n + 1) / 2, n, n), one for each entry of the upper triangle."""
     found = np.zeros((n * (n + 1) // 2, n, n))
     for k, (i, j) in enumerate(triangle(n)):
         found[k, i, j] = found[k, j, i] = 1.0
@@ -310,19 +315,19 @@ def _basis(n: int) -> RealArray:
 
 def _symmetric(entries: RealArray, n: int) -> RealArray:
     """The matrix whose upper triangle has these entries."""
-    found: RealArray = np.tensordot(entries, _basis(n), 1)
+    found: RealArray = np.tensordot(entries, _symmetric_basis(n), 1)
     return found
 
 
 def _with_margin(slope: RealArray) -> RealArray:
-    """Slopes of F - t I, where t is the last variable."""
+    """Derivatives of F - t I, where t is the last variable."""
     found = slope.copy()
     found[-1] = -np.eye(slope.shape[1])
     return found
 
 
-def _stacked(blocks: list[tuple[RealArray, RealArray]], cost: RealArray) -> ConicForm:
-    """The form with F_0 + sum of x_k F_k >= 0 for each of the blocks."""
+def _conic_form_of(blocks: list[tuple[RealArray, RealArray]], cost: RealArray) -> ConicForm:
+    """The conic form with F_0 + sum of x_k F_k >= 0 for each block."""
     rows, right, cones = [], [], []
     for F, slope in blocks:
         places = triangle(len(F))

@@ -5,15 +5,16 @@ obey
 
     shrunk - A_K (Y^-1 - C_K' C_K)^-1 A_K' > 0,    A_K = theta [I; K],    C_K = C + D K,
 
-where shrunk is Y less what the claim takes of it, if for some alpha, with A_0 = centre [I; K],
+where "shrunk" is Y less a term that depends on the claim, if for some alpha, with A_0 = centre [I;
+K],
 
     [shrunk     0          A_0 Y      0      ]
     [0          0          H [I; K] Y 0      ]  -  alpha [N 0; 0 0]  >  0.
     [Y A_0'     Y [I K'] H'  Y        Y C_K' ]
     [0          0          C_K Y      I      ]
 
-Source: as of `workbench.synthesis.records.record`, theorems 13, 14, 17 and 20, in coordinates about
-the centre. All matrices are enclosed, so that what is proven holds for the doubles that are given.
+Source: that of `workbench.synthesis.records.record`, theorems 13, 14, 17 and 20, in coordinates
+about the centre. All matrices are enclosed, so the proof holds exactly for the given doubles.
 """
 
 from __future__ import annotations
@@ -38,14 +39,15 @@ from workbench.certify.rounding import (
 from workbench.synthesis.records.record import StateRecords
 
 PROVEN_SHARES = (0.9, 0.5, 0.0)
-"""Shares of the computed least eigenvalue that are tried as its proven lower bound."""
+"""Shares of the computed least eigenvalue, tried as proven lower bounds."""
 
 
 def proven_least_eigenvalue(matrix: Enclosure, starts: Sequence[int]) -> float:
-    """A lower bound of the least eigenvalue of every symmetric matrix enclosed, scaled.
+    """Lower bound on the least eigenvalue of every symmetric matrix in an enclosure, after scaling.
 
-    The matrix is F = X' M X with any regular X that makes its diagonal blocks near the identity,
-    the blocks being those between the ``starts``. Not above 0 where nothing is proven.
+    The scaled matrix is F = X' M X, where X is any regular matrix that makes its diagonal blocks
+    almost the identity. The blocks begin at the ``starts``. The bound is not above 0 where nothing
+    is proven.
     """
     diagonal = np.diagonal(matrix.mid)
     if not (matrix.finite and (diagonal > 0).all()):
@@ -86,7 +88,7 @@ def implication(
     seen = exact(C) @ one + exact(D) @ (exact(K) @ one)
     zero = [[exact(np.zeros((a, b))) for b in (n, total, n, p)] for a in (n, total, n, p)]
     N = records.inequality.times(multiplier)
-    corner, across, low = _quarters(N, n)
+    corner, across, low = _blocks_of(N, n)
     return stacked_enclosures(
         [
             [shrunk - corner, -across, moved, zero[0][3]],
@@ -97,7 +99,7 @@ def implication(
     )
 
 
-def _quarters(N: Enclosure, n: int) -> tuple[Enclosure, Enclosure, Enclosure]:
+def _blocks_of(N: Enclosure, n: int) -> tuple[Enclosure, Enclosure, Enclosure]:
     """The blocks N_11, N_12 and N_22."""
     return (
         Enclosure(N.mid[:n, :n], N.rad[:n, :n]),
@@ -107,7 +109,9 @@ def _quarters(N: Enclosure, n: int) -> tuple[Enclosure, Enclosure, Enclosure]:
 
 
 def trace_of_cost(Y: RealArray, F: RealArray) -> float:
-    """Upper bound of the trace of F' Y^-1 F; infinite where Y may not be positive definite."""
+    """Upper bound on the trace of F' Y^-1 F; infinite where Y is not proven to be positive
+    definite.
+    """
     factor = 1.0 / nearest_power_of_two(np.sqrt(np.abs(np.diagonal(Y))))
     scaled = exact(Y).scaled(factor, factor)
     if not positive_definite(scaled):

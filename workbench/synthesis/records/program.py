@@ -1,4 +1,4 @@
-"""State feedback from records, for every plant that the records allow, as a Program."""
+"""State feedback from records, for every plant that agrees with the records, as a Program."""
 
 from __future__ import annotations
 
@@ -37,38 +37,42 @@ from workbench.synthesis.records.record import StateRecords
 from workbench.synthesis.records.trials import EVERY_PLANT, tried_claims
 
 RATE_STEPS = (2e-3, 1e-2, 5e-2, 0.2, 0.5)
-"""Relative distances below a rate at which a proof is sought that no gain reaches that rate."""
+"""Relative distances below the level: a proof is sought that no gain reaches these lower rates."""
 
 INNER_SHARE = 1e-7
-"""Share of an inner point in a dual point. It keeps the point a million roundings of the form,
-which is computed, away from the edge of the cone: the point proves its bound on every processor."""
+"""Share of an inner point in a dual point. It keeps the point away from the boundary of the cone,
+by about a million rounding errors of the computed form. So the point proves its bound on every
+processor.
+"""
 BOUND_ROUNDING = 1e-12
-"""What rounding of the unit of scaled records may move in a bound, over the level."""
+"""Relative change of a bound that rounding of the unit of scaled records may cause."""
 
 
 @dataclass(frozen=True, eq=False)
 class FeedbackFromRecords(ConicallyStated):
-    """The gain u = K x of the least level that one Lyapunov function proves for every plant.
+    """The gain u = K x with the least level that one Lyapunov function proves for every plant.
 
-    No model is identified: the inequality is in the records and the noise bound alone. It is
-    necessary and sufficient for a Lyapunov function that all plants of the records share.
+    No model is identified: the inequality depends on the records and the noise bound only. It is
+    necessary and sufficient for one Lyapunov function that holds for all plants.
 
     Parameters
     ----------
     records
         States, inputs and noise bound.
     criterion
-        "decay": the rate per sample at which the root of x' P x falls, below 1; "h2", "hinf": the
-        norm from v to z = C x + D u of x+ = A x + B u + F v.
+        "decay" minimises the rate, below 1: the factor of the square root of x' P x per sample.
+        "h2" and "hinf" minimise the norm from v to z = C x + D u of x+ = A x + B u + F v.
     C, D
-        Of shapes (p, n) and (p, m); None for "decay". D None: zero.
+        Matrices (p, n) and (p, m); None for "decay". D is zero if it is None.
     F
-        Of shape (n, q); None: the identity, as for the noise of the records, or "decay".
+        Matrix (n, q). None stands for the identity, the input of the noise in the records; for
+        "decay" it must be None.
 
     Raises
     ------
     InputError
-        Another criterion; performance matrices that are missing, do not fit, or are not finite.
+        The criterion is unknown; or performance matrices are missing, do not fit, or are not
+        finite.
 
     Examples
     --------
@@ -127,19 +131,19 @@ class FeedbackFromRecords(ConicallyStated):
 
     @property
     def performance(self) -> tuple[RealArray, RealArray]:
-        """C (p, n) and D (p, m), without rows where there is no performance output."""
+        """C (p, n) and D (p, m); without rows (p = 0) if there is no performance output."""
         if self.C is None or self.D is None:
             return np.zeros((0, self.records.order)), np.zeros((0, self.records.controls))
         return self.C, self.D
 
     @property
     def disturbance(self) -> RealArray:
-        """F (n, q)."""
+        """Input matrix F (n, q) of the disturbance."""
         return np.eye(self.records.order) if self.F is None else self.F
 
     @cached_property
     def scaled(self) -> ScaledRecords:
-        """The records in scaled coordinates, for methods."""
+        """The records in scaled coordinates, for the methods."""
         return ScaledRecords(self.records, self.criterion, *self.performance, self.disturbance)
 
     def conic_form(self) -> ConicForm:
@@ -148,11 +152,11 @@ class FeedbackFromRecords(ConicallyStated):
 
     @cached_property
     def stabilising(self) -> FeedbackFromRecords:
-        """The question for the least rate: it has an answer where this one has."""
+        """The same question for the least rate, which has an answer whenever this one has."""
         return self if self.criterion == "decay" else FeedbackFromRecords(self.records)
 
     def claim_task(self, claim: Outcome) -> Task | None:
-        """A claim of no answer is proven by the smaller inequality of the rate 1."""
+        """The task that proves the claim of no answer, by the smaller inequality for the rate 1."""
         if claim is not Outcome.INFEASIBLE:
             return super().claim_task(claim)
         return NoSolutionOfComputed(self.stabilising.conic_form())
@@ -169,7 +173,7 @@ class FeedbackFromRecords(ConicallyStated):
         return answer.level
 
     def witnessed(self, answer: ProvenFeedback) -> ProvenFeedback:
-        """The answer with a proof that no gain reaches a level somewhat below its own."""
+        """The answer with a proof that no gain reaches a certain lower level."""
         if self.criterion == "decay":
             for step in RATE_STEPS:
                 rate = answer.level * (1.0 - step)
@@ -183,7 +187,7 @@ class FeedbackFromRecords(ConicallyStated):
         return replace(answer, bound=self._bound_of(y), dual=tuple(map(str, y)))
 
     def _bound_of(self, y: Sequence[Any]) -> float:
-        """The level below which an exact point of the dual cone excludes every answer."""
+        """The level below which an exact point of the dual cone excludes all answers."""
         value = -fraction(dot(self.conic_form().b, y))
         return math.sqrt(max(float(value), 0.0)) * (1.0 - 4.0 * EPS) * self.scaled.size
 
@@ -194,11 +198,13 @@ class FeedbackFromRecords(ConicallyStated):
         return statement, excess(answer.level, self.proven_bound(answer))
 
     def proven_bound(self, answer: ProvenFeedback) -> float:
-        """The level below which an answer's dual excludes every gain, recomputed; 0 by no dual."""
+        """The level below which an answer's dual excludes every gain, recomputed; 0 without a
+        dual.
+        """
         return _excluded_level(self, answer.bound, answer.dual) if answer.dual else 0.0
 
     def excluded_rate(self, rate: float, y: Sequence[Any]) -> float:
-        """The rate, where an exact ray proves that no gain has it; else 0."""
+        """The rate, if an exact ray proves that no gain reaches it; otherwise 0."""
         if not 0.0 < rate < math.inf:
             return 0.0
         form = self.scaled.form(rate)
@@ -206,7 +212,7 @@ class FeedbackFromRecords(ConicallyStated):
         return rate if held else 0.0
 
     def excluded_norm(self, y: Sequence[Any]) -> float:
-        """The norm below which an exact dual point excludes every gain; else 0."""
+        """The norm below which an exact dual point excludes every gain; 0 if it excludes none."""
         form = self.conic_form()
         y = settled_point(form, y) if len(y) == form.b.size else []
         held = bool(y) and not outside(form, y, dual=True)
@@ -257,14 +263,14 @@ class FeedbackFromRecords(ConicallyStated):
         return found
 
     def _implication(self, answer: ProvenFeedback) -> Enclosure:
-        """Enclosure of the S-lemma's matrix of an answer."""
+        """Enclosure of the S-lemma's matrix for an answer."""
         Y = exact(answer.Y)
         if self.criterion == "decay":
             shrunk = Y.times(answer.level).times(answer.level)
         elif self.criterion == "h2":
             shrunk = Y
         else:
-            # F / level is rounded: a little more than its square is taken.
+            # F / level is rounded, so slightly more than its square is used.
             entering = exact(self.disturbance).times(UPWARD / answer.level)
             shrunk = Y - entering @ entering.H
         multiplier = answer.multiplier
@@ -319,7 +325,9 @@ class FeedbackFromRecords(ConicallyStated):
 
 @lru_cache(maxsize=4)
 def _excluded_level(program: FeedbackFromRecords, bound: float, dual: tuple[str, ...]) -> float:
-    """`FeedbackFromRecords.proven_bound`, remembered: checks and gap of a certificate share it."""
+    """`FeedbackFromRecords.proven_bound`, cached because checks and gap of a certificate both use
+    it.
+    """
     y = [parsed_rational(text) for text in dual]
     if program.criterion == "decay":
         return program.excluded_rate(bound, y)

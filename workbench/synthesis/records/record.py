@@ -1,9 +1,9 @@
-"""Records of states and inputs, and the set of plants that could have made them.
+"""Records of states and inputs, and the set of plants that agree with them.
 
     x[t + 1] = A x[t] + B u[t] + w[t],    (W - W0) R (W - W0)' <= E,
 
-with the unknown noise samples as the columns of W. With Z = [X; U], the plants theta = [A B] are
-those of a quadratic matrix inequality,
+where the columns of W are the unknown noise samples. With Z = [X; U], the plants theta = [A B] that
+agree with the records satisfy a quadratic matrix inequality,
 
     [I theta] N [I theta]' >= 0,    N = [I X_next - W0; 0 -Z] [E 0; 0 -R] [I X_next - W0; 0 -Z]'.
 
@@ -33,7 +33,9 @@ from workbench.errors import InputError
 from workbench.input_checks import as_array, need_count, need_positive
 
 SYMMETRY_ROUNDING = 1e-12
-"""Largest difference of two entries of a symmetric matrix, relative to its largest entry."""
+"""Largest difference of two opposite entries of a symmetric matrix, relative to its largest
+entry.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +50,9 @@ class NoiseEnergy:
     energy
         Positive definite (n, n), in the squared units of the states.
     weight
-        Positive definite (T, T); None: the identity.
+        Positive definite (T, T); None for the identity.
     mean
-        Known part of the noise (n, T); None: zero.
+        Known part of the noise (n, T); None for zero.
 
     Raises
     ------
@@ -71,9 +73,9 @@ class NoiseEnergy:
     mean: RealArray | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "energy", _positive("energy", self.energy))
+        object.__setattr__(self, "energy", _positive_definite("energy", self.energy))
         if self.weight is not None:
-            object.__setattr__(self, "weight", _positive("weight", self.weight))
+            object.__setattr__(self, "weight", _positive_definite("weight", self.weight))
         if self.mean is not None:
             mean = as_array(self.mean, "mean")
             if mean.ndim != 2 or len(mean) != len(self.energy) or not np.isfinite(mean).all():
@@ -87,7 +89,8 @@ class NoiseEnergy:
     def of_samples(cls, radius: float, states: int, samples: int) -> NoiseEnergy:
         """The bound that follows from |w| <= radius in each of the samples: W W' <= T radius^2 I.
 
-        Raises InputError for a radius that is not positive, or a count that is none.
+        Raises InputError for a radius that is not positive, or a count that is not a positive
+        integer.
         """
         need_positive(radius, "radius")
         need_count("states", states)
@@ -113,10 +116,10 @@ class StateRecords:
     Raises
     ------
     InputError
-        Shapes do not fit, or a number is not finite. [X; U] has less than full row rank: the
-        plants then fill a subspace, and one rounding of a gain leaves some of them unstable. The
-        noise bound contradicts the records: no plant, or no open set of plants, could have made
-        them.
+        Shapes do not fit, or a number is not finite. Or [X; U] does not have full row rank: the
+        plants then form an unbounded set, and a single rounding error of a gain makes some of them
+        unstable. Or the noise bound contradicts the records: no plant, or no open set of plants,
+        agrees with them.
 
     Examples
     --------
@@ -165,7 +168,7 @@ class StateRecords:
 
     @classmethod
     def of_run(cls, states: Any, inputs: Any, noise: NoiseEnergy) -> StateRecords:
-        """One experiment: states (n, T + 1) and inputs (m, T)."""
+        """Records of one experiment: states (n, T + 1) and inputs (m, T)."""
         states = as_array(states, "states")
         if states.ndim != 2:
             raise InputError(f"states has shape {states.shape}; (n, T + 1) is needed")
@@ -193,13 +196,13 @@ class StateRecords:
 
     @cached_property
     def scale(self) -> RealArray:
-        """Powers of two (n + m,) near the root mean squares of states and inputs."""
+        """Powers of two (n + m,) near the root mean square of each state and input."""
         found: RealArray = nearest_power_of_two(np.sqrt(np.mean(self.regressors**2, axis=1)))
         return found
 
     @cached_property
-    def _weighted(self) -> tuple[RealArray, RealArray]:
-        """Q (T, n + m) and R with (regressors over scale) root(weight) = R' Q'."""
+    def _weighted_qr(self) -> tuple[RealArray, RealArray]:
+        """Q (T, n + m) and R (n + m, n + m) with (regressors / scale) root(weight) = R' Q'."""
         Z = self.regressors / self.scale[:, None]
         if self.noise.weight is not None:
             Z = Z @ np.linalg.cholesky(self.noise.weight)
@@ -208,28 +211,28 @@ class StateRecords:
 
     @cached_property
     def frame(self) -> RealArray:
-        """H (n + m, n + m) that makes the rows of H Z nearly orthonormal in the weight.
+        """H (n + m, n + m) that makes the rows of H Z almost orthonormal with the weight.
 
-        Plants are theta = centre + delta H. Raises LinAlgError where the rank is not full.
+        Plants are theta = centre + delta H. Raises LinAlgError if the rank is not full.
         """
-        found: RealArray = np.linalg.inv(self._weighted[1]).T / self.scale
+        found: RealArray = np.linalg.inv(self._weighted_qr[1]).T / self.scale
         return found
 
     @cached_property
     def centre(self) -> RealArray:
-        """The plant [A B] (n, n + m) of least squares, which is the centre of the set."""
+        """The least squares plant [A B] (n, n + m), which is the centre of the set."""
         after = self.following - (0.0 if self.noise.mean is None else self.noise.mean)
         if self.noise.weight is not None:
             after = after @ np.linalg.cholesky(self.noise.weight)
-        found: RealArray = after @ self._weighted[0] @ self.frame
+        found: RealArray = after @ self._weighted_qr[0] @ self.frame
         return found
 
     @cached_property
     def inequality(self) -> Enclosure:
         """Enclosure of N (2 n + m, 2 n + m) with [I delta] N [I delta]' >= 0 for the plants.
 
-        About the centre and in the frame, N is near diag(S, -I); the N of theta itself would lose
-        what is much smaller than the states.
+        About the centre and in the coordinates of `frame`, N is almost diag(S, -I). The N of theta
+        itself would lose digits of all that is much smaller than the states.
         """
         Z, residual = exact(self.regressors), exact(self.following)
         residual = residual - exact(self.centre) @ Z
@@ -244,10 +247,10 @@ class StateRecords:
 
     @cached_property
     def ellipsoid(self) -> tuple[RealArray, RealArray]:
-        """S (n, n) and E (n + m, n + m): the plants centre + root(S) Delta E, |Delta| <= 1.
+        """S (n, n) and E (n + m, n + m); the plants are centre + root(S) Delta E with |Delta| <= 1.
 
-        root(S) is any with root(S) root(S)' = S. These are midpoints of enclosures, for methods and
-        figures.
+        root(S) is any matrix with root(S) root(S)' = S. S and E are midpoints of enclosures, for
+        methods and figures.
         """
         n, N = self.order, self.inequality.mid
         slack = N[:n, :n] - N[:n, n:] @ np.linalg.solve(N[n:, n:], N[n:, :n])
@@ -259,40 +262,42 @@ class StateRecords:
     def _check_rank(self) -> None:
         n, total = self.order, self.order + self.controls
         try:
-            if positive_definite(-_part(self.inequality, slice(n, None), slice(n, None))):
+            if positive_definite(-_block(self.inequality, slice(n, None), slice(n, None))):
                 return
         except np.linalg.LinAlgError:
             pass
         rank = int(np.linalg.matrix_rank(self.regressors / self.scale[:, None]))
         raise InputError(
-            f"states and inputs together have rank {rank} of {total}, or one that doubles do not "
-            f"tell from less, in {self.samples} samples: the records say nothing about some plants "
-            "far away; excite every input, independently of the states, for more samples"
+            f"states and inputs together have rank {rank} of {total}, as far as doubles can tell, "
+            f"in {self.samples} samples: the set of plants is unbounded; excite every input, "
+            "independently of the states, for more samples"
         )
 
     def _check_noise(self) -> None:
-        """A gain can be proven only for a set with an inner point (the Slater condition)."""
+        """Raise InputError unless the set has an inner point (Slater condition), which proofs
+        need.
+        """
         n, N = self.order, self.inequality
         first, second = slice(0, n), slice(n, None)
-        inner = solution(-_part(N, second, second), _part(N, second, first))
-        slack = None if inner is None else _part(N, first, second) @ inner
-        if slack is not None and positive_definite(_part(N, first, first) + slack):
+        inner = solution(-_block(N, second, second), _block(N, second, first))
+        slack = None if inner is None else _block(N, first, second) @ inner
+        if slack is not None and positive_definite(_block(N, first, first) + slack):
             return
         energy = self.noise.energy
         spent = energy - self.ellipsoid[0]
         grown = float(eigh((spent + spent.T) / 2, energy, eigvals_only=True)[-1])
         raise InputError(
-            "the noise bound contradicts the records, or holds for one plant only: the residuals "
-            f"of the best plant have {grown:.6g} times the energy allowed; it must be below 1"
+            "the noise bound contradicts the records, or allows one plant only: the residuals "
+            f"of the best plant have {grown:.6g} times the energy allowed; it must be below 1 times"
         )
 
 
-def _part(matrix: Enclosure, rows: slice, columns: slice) -> Enclosure:
-    """A block of an enclosure."""
+def _block(matrix: Enclosure, rows: slice, columns: slice) -> Enclosure:
+    """The block of an enclosure in these rows and columns."""
     return Enclosure(matrix.mid[rows, columns], matrix.rad[rows, columns])
 
 
-def _positive(name: str, given: Any) -> RealArray:
+def _positive_definite(name: str, given: Any) -> RealArray:
     """A positive definite matrix, made exactly symmetric."""
     matrix = as_array(given, name)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:

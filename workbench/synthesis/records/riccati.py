@@ -1,11 +1,11 @@
-"""Feedback from records by the Riccati equation of a game, a line search over the multiplier.
+"""Feedback from records by the Riccati equation of a game, with a line search over the multiplier.
 
-The plants of the records are centre + root(S) Delta root(G)^-1 with |Delta| <= 1. For a multiplier
-alpha the S-lemma is the bounded-real inequality of
+The plants that agree with the records are centre + root(S) Delta root(G)^-1 with |Delta| <= 1. For
+a multiplier alpha the S-lemma is the bounded-real inequality of
 
     x+ = (A + B K) x + [root(alpha S)  w] v,    z = [root(alpha G)^-1 [I; K]; C + D K] x,
 
-whose least solution P = Y^-1 is that of a discrete-time Riccati equation of a game between u and v
+and its least solution P = Y^-1 solves the discrete-time Riccati equation of a game between u and v
 (T. Basar, P. Bernhard, H-infinity Optimal Control and Related Minimax Design Problems (1995),
 section 3.2; I. R. Petersen, A stabilization algorithm for a class of uncertain linear systems,
 Systems and Control Letters 8 (1987) 351-357). No linear matrix inequality is solved.
@@ -30,15 +30,15 @@ from workbench.synthesis.records.program import FeedbackFromRecords
 from workbench.synthesis.records.search import least_rate
 
 STRICT = 1e-6
-"""What is added to the weights of the state, relative to them."""
+"""Multiple of the identity added to the weight of the state, relative to this weight."""
 LARGER = 1e-4
-"""Share by which the set is made larger than it is, so that the answer's inequality is strict."""
+"""Relative enlargement of the set, so that the answer's inequality is strict."""
 MULTIPLIERS = np.geomspace(1e-8, 1e8, 49)
-"""Multipliers of the first search, relative to one that balances S and G."""
+"""Multipliers of the first search, relative to the one that balances S and G."""
 DOUBLINGS = 20
-"""Doublings of a level until the game has a solution."""
+"""Largest number of doublings of a level until the game has a solution."""
 LEVEL_ACCURACY = 1e-5
-"""Relative width of the interval in which bisection leaves a level."""
+"""Relative width of a level's interval at which bisection ends."""
 LINE_ACCURACY = 1e-4
 """Accuracy of the logarithm of the multiplier."""
 LEVEL_RISES = (0.0, 1e-4, 1e-3, 1e-2)
@@ -46,7 +46,7 @@ LEVEL_RISES = (0.0, 1e-4, 1e-3, 1e-2)
 
 
 class GamePoint(NamedTuple):
-    """A solution of the game: Y (n, n), K (m, n), the multiplier, and the level in its unit."""
+    """A solution of the game: Y (n, n), K (m, n), the multiplier, and the level in scaled units."""
 
     Y: RealArray
     K: RealArray
@@ -70,7 +70,7 @@ def riccati(program: FeedbackFromRecords, context: Context) -> Claim:
         return best, Outcome.SOLVED, ""
     least = game.least()
     if least is None:
-        return None, Outcome.INFEASIBLE, "riccati: the equation has no solution at any multiplier"
+        return None, Outcome.INFEASIBLE, "riccati: the equation has no solution for any multiplier"
     for rise in LEVEL_RISES:
         level = least.level * (1.0 + rise)
         best = answer(game.raised(least, level))
@@ -80,7 +80,7 @@ def riccati(program: FeedbackFromRecords, context: Context) -> Claim:
 
 
 class _Game:
-    """The game for one set of scaled records."""
+    """The game between control and disturbance for one set of scaled records."""
 
     def __init__(self, scaled: ScaledRecords) -> None:
         self.scaled = scaled
@@ -88,9 +88,9 @@ class _Game:
         self.spread = (1.0 + LARGER) * scaled.spread
 
     def at(self, multiplier: float, rate: float = 1.0, gamma: float = math.inf) -> GamePoint | None:
-        """The solution of the game at a multiplier; None where it has none.
+        """The solution of the game for a multiplier; None where it has none.
 
-        ``rate`` is that of the decay, ``gamma`` the H-infinity level.
+        ``rate`` is the decay rate per sample, ``gamma`` the H-infinity level.
         """
         (A, B), (C, D), n = self.scaled.plant, self.scaled.performance, self.scaled.records.order
         uncertain = self.uncertain / math.sqrt(multiplier)
@@ -121,13 +121,15 @@ class _Game:
         return GamePoint(Y, K, multiplier, level)
 
     def raised(self, point: GamePoint, level: float) -> GamePoint | None:
-        """The solution at the multiplier of a point and a level that is not below its own."""
+        """The solution with the multiplier of a point, for a level at least as high as its own."""
         if self.scaled.criterion == "hinf":
             return self.at(point.multiplier, gamma=level)
         return point._replace(level=level)
 
     def least(self) -> GamePoint | None:
-        """The point of the least level of any multiplier; None where no multiplier has one."""
+        """The point with the least level over all multipliers; None if no multiplier has a
+        solution.
+        """
         h, e = self.scaled.sizes
         tried = e / h * MULTIPLIERS
         points = [self._least_at(multiplier, 100 * LEVEL_ACCURACY) for multiplier in tried]
@@ -148,11 +150,11 @@ class _Game:
         return points[k] if fine is None or fine.level > levels[k] else fine
 
     def _least_at(self, multiplier: float, accuracy: float) -> GamePoint | None:
-        """The point of the least level of one multiplier."""
+        """The point with the least level for one multiplier."""
         best = self.at(multiplier)
         if best is None or self.scaled.criterion == "h2":
             return best
-        # A level is above that which the first step of the noise alone makes.
+        # Every level is at least the one that the first step of the noise causes.
         first = self.scaled.disturbance.T @ np.linalg.inv(best.Y) @ self.scaled.disturbance
         low = math.sqrt(float(np.linalg.norm(first, 2)))
         high, best = low, None

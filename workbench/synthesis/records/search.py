@@ -1,4 +1,4 @@
-"""The least rate that can be proven, by bisection."""
+"""The least decay rate that can be proven, by bisection."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from workbench.executor import Context
 from workbench.synthesis.records.inequalities import ProvenFeedback
 
 BISECTIONS = 12
-"""Halvings of the interval from 0 to 1, in which the rate lies."""
+"""Number of halvings of the interval from 0 to 1, which contains the rate."""
 
 
 def least_rate(
     proven: Callable[[float], ProvenFeedback | None], context: Context
 ) -> ProvenFeedback | None:
-    """The answer of the least rate per sample found; None where the rate 1 has none.
+    """The answer with the least rate per sample found; None if there is none for the rate 1.
 
-    ``proven`` returns an answer of a rate, or None.
+    ``proven`` returns an answer for a rate, or None.
     """
     best = proven(1.0)
     if best is None:

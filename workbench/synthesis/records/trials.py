@@ -1,4 +1,4 @@
-"""The claim of a feedback from records, tried on plants of the set and by other mathematics."""
+"""Second opinions on a feedback from records: drawn plants of the set, and other mathematics."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback
 from workbench.synthesis.records.record import StateRecords
 
 EVERY_PLANT = "for every plant that the records allow"
-"""What the proofs quantify over."""
+"""The set of plants for which the proofs hold, in words."""
 DRAWN_ROUNDING = 1e-6
-"""Share by which rounding may lift a norm of a drawn plant, or its energy, above the claim."""
+"""Relative excess over the claim that rounding may cause, for a drawn plant's norm or energy."""
 
 
 class DrawnQuestion(Protocol):
-    """What trials and figures need to know of the Program."""
+    """The part of the Program that trials and figures use."""
 
     @property
     def records(self) -> StateRecords: ...
@@ -37,7 +37,9 @@ class DrawnQuestion(Protocol):
 
 
 def tried_claims(question: DrawnQuestion, answer: ProvenFeedback) -> list[Check]:
-    """Checks of drawn plants, and of the whole set in the central loop, by other mathematics."""
+    """Checks with drawn plants, and of the whole set by the small gain theorem in the central
+    loop.
+    """
     records, noise, rounding = question.records, question.records.noise, DRAWN_ROUNDING
     after = records.following - (0.0 if noise.mean is None else noise.mean)
     about = records.regressors, after, noise.weight, noise.energy
@@ -74,7 +76,9 @@ def _small_gain(
     right: RealArray,
     seen: RealArray,
 ) -> Check:
-    """The whole set by other mathematics: Delta as an operator of gain 1 in a loop."""
+    """Check of the whole set by the small gain theorem: Delta is an operator of gain 1 in a
+    loop.
+    """
     root = math.sqrt(max(answer.multiplier, 0.0)) or math.nan
     V, E = root * left, np.vstack([right / root, seen])
     if question.criterion == "h2":

@@ -1,1 +1,3 @@
-"""Order reduction of controllers: truncation, optimal Hankel norm, weighting by the closed loop."""
+"""Order reduction of controllers: balanced truncation, optimal Hankel norm approximation, and
+truncation weighted by the closed loop.
+"""

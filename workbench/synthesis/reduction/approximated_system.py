@@ -1,4 +1,4 @@
-"""Approximations of systems, with the largest gain of the difference, proven."""
+"""Approximations of systems with a proven bound on the gain of the difference."""
 
 from __future__ import annotations
 
@@ -25,17 +25,19 @@ from workbench.systems.balancing import AXIS_ROUNDING
 from workbench.systems.realisation import matrices_of, realisation
 
 REPEATED_BOUND = 1e-6
-"""Share by which a bound of the gain may differ on another processor."""
+"""Relative difference allowed between bounds that two processors compute."""
 DIFFERENCE_ROUNDING = 1e-6
-"""Share of a response by which rounding may move a difference of responses."""
+"""Rounding error of a difference of two responses, relative to the responses."""
 
 
 @dataclass(frozen=True, eq=False)
 class DifferenceChecker(Checker):
-    """Checks the largest weighted gain of the difference to a system, in balls and by responses.
+    """Checks the largest weighted gain of the difference to a system, by ball arithmetic and by
+    responses.
 
-    Where poles of the system lie within rounding of the boundary of stability and not on it, the
-    error is proven of a system that differs by rounding, and so is the change of its matrices.
+    Some poles of the system may be on the boundary of stability up to rounding only. Then the error
+    is proven for a system with exact poles, and the change of the matrices is proven to be
+    rounding.
     """
 
     system: StateSpace
@@ -48,12 +50,12 @@ class DifferenceChecker(Checker):
 
     @cached_property
     def references(self) -> list[Reference]:
-        """Systems within rounding of the given one, of which an error may be proven."""
+        """Systems equal to the given one up to rounding, for which the error may be proven."""
         given, dt = matrices_of(self.system), float(self.system.dt or 0.0)
         try:
             near = with_exact_poles(given, bool(dt))
             parts = kept_and_stable(given, bool(dt))
-        except InputError:  # nothing says whether its poles are integrators
+        except InputError:  # it cannot be decided whether its poles are integrators
             return [Reference(self.system)]
         exact = _poles_on_boundary(near[0][0], dt)
         if exact and exact != _poles_on_boundary(given[0], dt):
@@ -66,7 +68,9 @@ class DifferenceChecker(Checker):
         return found
 
     def proven(self, other: StateSpace) -> tuple[float, Reference]:
-        """The bound of another system, and the system that it is proven of."""
+        """Bound on the gain of the difference to `other`, and the reference for which it is
+        proven.
+        """
         for one in self.references:
             found = difference_bound(one.system, other, self.output_weight, self.input_weight)
             if np.isfinite(found):
@@ -89,7 +93,7 @@ class DifferenceChecker(Checker):
 
     @property
     def _rounding(self) -> float:
-        """Largest relative change of the given matrices: each pole that is moved takes one."""
+        """Largest relative change of the given matrices that counts as rounding."""
         return 2.0 * AXIS_ROUNDING * self.system.nstates**2 * EPS
 
     def second_opinion(self, answer: ApproximatedSystem) -> list[Check]:
@@ -108,10 +112,11 @@ class DifferenceChecker(Checker):
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A system of which an error is proven: the given one, or one that differs by rounding.
+    """A system for which an error is proven: the given one, or one that differs from it by
+    rounding.
 
-    The given states are ``coordinates`` (n, n) times its own; ``units`` (n,) are the factors of the
-    given states in which rounding is judged.
+    The given states are ``coordinates`` (n, n) times the reference's own states. ``units`` (n,) are
+    factors on the given states; rounding is judged in the scaled states.
     """
 
     system: StateSpace
@@ -119,16 +124,18 @@ class Reference:
     units: RealArray | None = None
 
     def change(self, given: StateSpace) -> float:
-        """A bound of the relative change of the given matrices that leads here."""
+        """Bound on the relative change of the given matrices that makes them those of this
+        system.
+        """
         assert self.coordinates is not None and self.units is not None
         parts = matrices_of(given), matrices_of(self.system)
         return relative_change(*parts, self.coordinates, self.units)
 
 
 class ApproximatedSystem(Answer, control.StateSpace):
-    """A StateSpace that approximates another one, with the proven error of the approximation.
+    """A StateSpace that approximates another one, with a proven bound on the error.
 
-    What is computed from it is a StateSpace. The error is proven when it is first asked for.
+    Operations on it give a plain StateSpace. The error is proven when it is first asked for.
 
     Examples
     --------
@@ -145,7 +152,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
 
     @classmethod
     def of(cls, system: StateSpace, checker: DifferenceChecker) -> ApproximatedSystem:
-        """The system as an approximation of the one that the checker knows."""
+        """The system as an approximation of the checker's system."""
         labels = {"inputs": system.input_labels, "outputs": system.output_labels}
         parts = system.A, system.B, system.C, system.D, system.dt
         made: Any = cls(*parts, remove_useless_states=False, **labels)
@@ -153,12 +160,12 @@ class ApproximatedSystem(Answer, control.StateSpace):
 
     @cached_property
     def error(self) -> float:
-        """Bound of the largest gain of the difference at every frequency, with the weights.
+        """Bound on the gain of the weighted difference at every frequency.
 
-        The parts with poles on the boundary of stability agree up to rounding, and are left out.
-        Where rounding has moved such poles of the given system, the error is that to the system
-        with exact poles, whose matrices are proven to differ by rounding. It is infinite where the
-        parts do not agree, or nothing proves a bound: no certificate holds then.
+        The parts with poles on the boundary of stability agree up to rounding and are left out. If
+        rounding has moved such poles of the given system, the error refers to the system with exact
+        poles, whose matrices are proven to differ by rounding only. The bound is infinite if these
+        parts do not agree or no bound is proven; then no certificate holds.
         """
         checker = self._checked_by[0] if self._checked_by else None
         if not isinstance(checker, DifferenceChecker):
@@ -172,7 +179,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
 
 
 def _poles_on_boundary(A: Any, dt: float) -> int:
-    """How many poles are exactly on the boundary of stability."""
+    """Number of poles that are exactly on the boundary of stability."""
     if not may_touch(A, bool(dt)):
         return 0
     projector = boundary_projector(A, bool(dt))

@@ -1,7 +1,8 @@
-"""A system as the sum of the part that order reduction keeps and a stable part.
+"""Split of a system into a part that order reduction keeps and a stable part.
 
-Kept are the poles on the boundary of stability, up to rounding, and those beyond it. Integrators
-(sampled: poles at z = 1, and at z = -1) become exact, by changes of the matrices within rounding.
+Order reduction keeps the unstable poles and the poles that lie on the boundary of stability up to
+rounding. Integrators (in sampled systems poles at z = 1 and z = -1) become exact: the matrices
+change by rounding only.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from workbench.systems.realisation import Matrices, in_parallel
 class Split:
     """K as the sum of a kept and a stable part.
 
-    ``kept`` is in K's own time. ``stable`` is continuous, its time measured by ``rate`` [rad/s];
-    where K is ``sampled`` it is that of the bilinear transformation. The states of K are
-    ``coordinates`` (n, n) times those of both parts, up to rounding; ``units`` (n,) are the factors
-    of K's states in which that was judged.
+    ``kept`` is in K's own time. ``stable`` is continuous; its unit of time is 1 / ``rate``, with
+    ``rate`` in rad/s. Where K is ``sampled``, ``stable`` comes from the bilinear transformation.
+    The states of K are ``coordinates`` (n, n) times the states of both parts, up to rounding.
+    ``units`` (n,) are factors on K's states; rounding is judged in the scaled states.
     """
 
     kept: Matrices
@@ -54,29 +55,29 @@ class Split:
 
 
 def kept_and_stable(K: Matrices, sampled: bool = False) -> Split:
-    """The parts of a system.
+    """Split a system into its kept and its stable part.
 
     Raises
     ------
     InputError
-        Its poles do not say whether they are integrators.
+        It cannot be decided whether poles of K are integrators.
     """
     if not sampled:
-        return _of_continuous(K, False)
-    (A, B, C, D), coordinates, units, k = _exact_at_the_ends(K)
-    first, rest, own = _apart(A, B, C, k)
-    others = _of_continuous((*rest, D), True)
+        return _split_continuous(K, False)
+    (A, B, C, D), coordinates, units, k = _exact_poles_first(K)
+    first, rest, own = _decoupled_parts(A, B, C, k)
+    others = _split_continuous((*rest, D), True)
     kept = in_parallel((*first, 0.0 * D), others.kept)
     coordinates = coordinates @ own @ block_diag(np.eye(k), others.coordinates)
     return Split(kept, others.stable, others.rate, True, coordinates, units)
 
 
 def with_exact_poles(K: Matrices, sampled: bool) -> tuple[Matrices, RealArray, RealArray]:
-    """K with poles within rounding of the boundary exactly on it, where doubles can say so.
+    """K with poles exactly on the boundary where they are on it up to rounding.
 
-    Integrators (sampled: poles at z = 1 and z = -1) become exact, and undamped pairs of a
-    continuous system. With them come the coordinates V (n, n), in which the given states are V
-    times the new ones, and the factors (n,) of the given states in which rounding was judged.
+    This holds for integrators (in sampled systems poles at z = 1 and z = -1), and for undamped
+    pairs of a continuous system. Also returns V (n, n), where the given states are V times the new
+    ones, and factors (n,) on the given states; rounding is judged in the scaled states.
 
     Raises
     ------
@@ -84,29 +85,31 @@ def with_exact_poles(K: Matrices, sampled: bool) -> tuple[Matrices, RealArray, R
         As `kept_and_stable`.
     """
     if sampled:
-        return _exact_at_the_ends(K)[:3]
-    rate, (A, B, C, D), units = _scaled(K)
+        return _exact_poles_first(K)[:3]
+    rate, (A, B, C, D), units = _scaled_system(K)
     Q, T, _, _ = stable_last(A)
     return timed((T, Q.T @ B, C @ Q, D), rate), Q / units[:, None], units
 
 
 def timed(K: Matrices, rate: float) -> Matrices:
-    """A realisation in a unit of time that is so many times as short."""
+    """The realisation in time t / rate: A and B are multiplied by `rate`."""
     A, B, C, D = K
     return A * rate, B * rate, C, D
 
 
-def _of_continuous(K: Matrices, sampled: bool) -> Split:
-    """The parts of a continuous system, or by way of one."""
-    rate, parts, units = _scaled(to_continuous(K) if sampled else K)
+def _split_continuous(K: Matrices, sampled: bool) -> Split:
+    """The parts of a continuous system; a sampled system is made continuous before."""
+    rate, parts, units = _scaled_system(to_continuous(K) if sampled else K)
     kept, stable, own = _split(parts)
     kept = timed(kept, rate)
     kept = to_sampled(kept) if sampled else kept
     return Split(kept, stable, rate, sampled, own / units[:, None], units)
 
 
-def _exact_at_the_ends(K: Matrices) -> tuple[Matrices, RealArray, RealArray, int]:
-    """A sampled system with exact poles at z = -1 and z = 1 first, V, units, and their number."""
+def _exact_poles_first(K: Matrices) -> tuple[Matrices, RealArray, RealArray, int]:
+    """A sampled system that starts with its exact poles at z = -1 and z = 1; V, units, number of
+    poles.
+    """
     A, B, C, D = K
     units = state_units(A, B, C)
     T = A * units[:, None] / units
@@ -120,10 +123,10 @@ def _exact_at_the_ends(K: Matrices) -> tuple[Matrices, RealArray, RealArray, int
     return (T, Q.T @ (B * units[:, None]), C / units @ Q, D), Q / units[:, None], units, k
 
 
-def _scaled(K: Matrices) -> tuple[float, Matrices, RealArray]:
-    """A rate [rad/s], K in time scaled by it with balanced states, and their factors.
+def _scaled_system(K: Matrices) -> tuple[float, Matrices, RealArray]:
+    """A rate [rad/s], K in time scaled by this rate with balanced states, and the states' factors.
 
-    The states stay as given where balancing hides that poles are 0 up to rounding.
+    The states are not balanced if balancing would hide that poles are 0 up to rounding.
     """
     A, B, C, D = K
     rate = speed(A, B, C)
@@ -146,19 +149,23 @@ def stable_part_of(K: Matrices) -> Matrices:
 
 
 def _split(K: Matrices) -> tuple[Matrices, Matrices, RealArray]:
-    """The kept and the stable part, by an ordered Schur form, and coordinates of their states."""
+    """The kept and the stable part by an ordered Schur form, and the coordinates of their
+    states.
+    """
     A, B, C, D = K
     Q, T, k, _ = stable_last(A)
-    kept, stable, own = _apart(T, Q.T @ B, C @ Q, k)
+    kept, stable, own = _decoupled_parts(T, Q.T @ B, C @ Q, k)
     return (*kept, np.zeros_like(D)), (*stable, D), Q @ own
 
 
 Part = tuple[RealArray, RealArray, RealArray]
-"""A, B and C."""
+"""Matrices A, B and C of one part."""
 
 
-def _apart(T: RealArray, B: RealArray, C: RealArray, k: int) -> tuple[Part, Part, RealArray]:
-    """Both parts of a block triangular form, and coordinates of their states.
+def _decoupled_parts(
+    T: RealArray, B: RealArray, C: RealArray, k: int
+) -> tuple[Part, Part, RealArray]:
+    """Both parts of a block triangular realisation, decoupled, and the coordinates of their states.
 
     A Sylvester equation removes the coupling.
     """

@@ -1,8 +1,8 @@
-"""Methods of order reduction: balanced truncation, with fast states left out or at rest, Glover's
-approximation, closed-loop weighting.
+"""Methods of order reduction: balanced truncation, singular perturbation, Glover's approximation,
+and truncation weighted by the closed loop.
 
-All are square-root methods in scaled time and states (see `workbench.systems.equations.gramians`);
-poles that are not stable are kept (see `workbench.synthesis.reduction.kept_part`).
+All are square-root methods in scaled time and states (see `workbench.systems.equations.gramians`).
+They keep poles that are not stable (see `workbench.synthesis.reduction.kept_part`).
 """
 
 from __future__ import annotations
@@ -23,17 +23,20 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import Matrices, in_series
 
 Reducer = Callable[[int], Matrices]
-"""A function that gives the controller with at most a number of states."""
+"""Function: number of states -> the reduced controller with at most so many states."""
 EQUAL_VALUE_TOLERANCE = 1e-9
-"""Hankel singular values within this relative distance count as one value with several states."""
+"""Hankel singular values within this relative distance count as one multiple value."""
 NEGLIGIBLE_VALUE = 1e-12
-"""Hankel singular values below this share of the largest are left out of Glover's approximation. It
-divides by differences of their squares, in which they would be rounding errors."""
+"""Glover's approximation leaves out Hankel singular values below this share of the largest. It
+divides by differences of squared values, and these would be rounding errors.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Stable weights of the difference W_o (K - K_r) W_i that is to be small; None is 1."""
+    """Stable weights of the difference W_o (K - K_r) W_i, which is made small. None stands
+    for 1.
+    """
 
     leaving: Matrices | None = None
     entering: Matrices | None = None
@@ -42,10 +45,10 @@ class Weights:
 def balanced_truncation(K: Split, weights: Weights | None = None) -> tuple[int, Reducer]:
     """Balanced truncation of the stable part (B. Moore, IEEE Trans. Automatic Control 26 (1981)).
 
-    Returns the least order, which is that of the kept part, and the reducer.
+    Returns the least possible order, which is the order of the kept part, and the reducer.
     """
     A, B, C, D = K.stable
-    left, right, _ = balancing_projections(*_factors(K, weights))
+    left, right, _ = balancing_projections(*_weighted_gramian_factors(K, weights))
 
     def of(order: int) -> Matrices:
         T, V = left[: order - K.count], right[:, : order - K.count]
@@ -55,13 +58,14 @@ def balanced_truncation(K: Split, weights: Weights | None = None) -> tuple[int, 
 
 
 def matchdc(K: Split, weights: Weights | None = None) -> tuple[int, Reducer]:
-    """Balanced truncation whose other states are at rest, of the stable part.
+    """Balanced singular perturbation of the stable part: the removed states are at rest.
 
-    The response at zero frequency stays the same, and fast states leave their gain in the direct
-    term (K. Fernando, H. Nicholson, Singular perturbational model reduction of balanced systems,
-    IEEE Trans. Automatic Control 27 (1982) 466-468). Returns as `balanced_truncation`.
+    The response at zero frequency stays the same, because the removed states add their static gain
+    to the direct term (K. Fernando, H. Nicholson, Singular perturbational model reduction of
+    balanced systems, IEEE Trans. Automatic Control 27 (1982) 466-468). Returns as
+    `balanced_truncation`.
     """
-    A, B, C, D = _balanced(K.stable, *_factors(K, weights))[0]
+    A, B, C, D = _balanced_realisation(K.stable, *_weighted_gramian_factors(K, weights))[0]
 
     def of(order: int) -> Matrices:
         k = min(order - K.count, len(A))
@@ -73,32 +77,32 @@ def matchdc(K: Split, weights: Weights | None = None) -> tuple[int, Reducer]:
     return K.count, of
 
 
-def _factors(K: Split, weights: Weights | None) -> tuple[RealArray, RealArray]:
+def _weighted_gramian_factors(K: Split, weights: Weights | None) -> tuple[RealArray, RealArray]:
     """Factors of the Gramians of a stable part, weighted as by D. Enns (CDC 1984).
 
-    The controllability Gramian is the block of the part's states in that of G W_i, the
-    observability Gramian their block in that of W_o G.
+    The controllability Gramian is the block that belongs to the part's states in the Gramian of G
+    W_i. The observability Gramian is their block in the Gramian of W_o G.
     """
     G = K.stable
     n = len(G[0])
     S, R = gramian_factors(*G[:3])
     if weights is not None and weights.entering is not None and n:
-        A, B, C, units = _balanced_states(in_series(timed(weights.entering, 1.0 / K.rate), G))
+        A, B, C, units = _scaled_states(in_series(timed(weights.entering, 1.0 / K.rate), G))
         S = gramian_factors(A, B, C)[0][:n] / units[:n, None]
     if weights is not None and weights.leaving is not None and n:
-        A, B, C, units = _balanced_states(in_series(G, timed(weights.leaving, 1.0 / K.rate)))
+        A, B, C, units = _scaled_states(in_series(G, timed(weights.leaving, 1.0 / K.rate)))
         R = gramian_factors(A, B, C)[1][:, len(A) - n :] * units[len(A) - n :]
     if weights is not None and weights.leaving is not None and weights.entering is not None and n:
-        S, R = _definite(G[0], S), _definite(G[0].T, R.T).T
+        S, R = _stability_preserving(G[0], S), _stability_preserving(G[0].T, R.T).T
     return S, R
 
 
-def _definite(A: RealArray, S: RealArray) -> RealArray:
-    """A factor of a Gramian at least P = S S', whose A P + P A' is negative semidefinite.
+def _stability_preserving(A: RealArray, S: RealArray) -> RealArray:
+    """A factor of a Gramian P_1 >= P = S S' for which A P_1 + P_1 A' is negative semidefinite.
 
-    With it truncation keeps stability, which weights on both sides may cost (G. Wang, V. Sreeram,
-    W. Liu, A new frequency-weighted balanced truncation method and an error bound, IEEE Trans.
-    Automatic Control 44 (1999) 1734-1737).
+    With P_1 truncation keeps stability, which P does not guarantee with weights on both sides (G.
+    Wang, V. Sreeram, W. Liu, A new frequency-weighted balanced truncation method and an error
+    bound, IEEE Trans. Automatic Control 44 (1999) 1734-1737).
     """
     half = A @ S @ S.T
     values, vectors = np.linalg.eigh(half + half.T)
@@ -106,8 +110,8 @@ def _definite(A: RealArray, S: RealArray) -> RealArray:
     return gramian_factors(A, gains, np.zeros((1, len(A))))[0]
 
 
-def _balanced_states(G: Matrices) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """A, B and C with balanced states, and the factors of the states."""
+def _scaled_states(G: Matrices) -> tuple[RealArray, RealArray, RealArray, RealArray]:
+    """A, B and C with scaled states, and the scaling factors."""
     A, B, C, _ = G
     units = state_units(A, B, C)
     return A * units[:, None] / units, B * units[:, None], C / units, units
@@ -116,33 +120,36 @@ def _balanced_states(G: Matrices) -> tuple[RealArray, RealArray, RealArray, Real
 def hankel(K: Split) -> tuple[int, Reducer]:
     """Optimal Hankel-norm approximation of the stable part; the direct term stays the same.
 
-    The Hankel norm of the error is the next singular value, which is the least error of any stable
-    system of the order. Returns as `balanced_truncation`.
+    The Hankel norm of the error is the first singular value that is left out. No stable system of
+    this order has a smaller error. Returns as `balanced_truncation`.
 
     References
     ----------
     K. Glover, All optimal Hankel-norm approximations of linear multivariable systems and their
     L-infinity-error bounds, Int. J. Control 39 (1984) 1115-1193, theorem 6.3.
     """
-    minimal, values = _balanced(K.stable, *gramian_factors(*K.stable[:3]))
-    # The largest value becomes about 1: squares of values far from that leave doubles.
+    minimal, values = _balanced_realisation(K.stable, *gramian_factors(*K.stable[:3]))
+    # Scale the largest value to about 1: the squares of very large or small values overflow or
+    # underflow.
     half = int(np.frexp(values.max(initial=0.0))[1]) // 2
-    minimal, values = _amplified(minimal, -half), np.ldexp(values, -2 * half)
+    minimal, values = _scaled_by_power_of_4(minimal, -half), np.ldexp(values, -2 * half)
 
     def of(order: int) -> Matrices:
-        return K.with_stable(_amplified(_glover(minimal, values, order - K.count), half))
+        return K.with_stable(_scaled_by_power_of_4(_glover(minimal, values, order - K.count), half))
 
     return K.count, of
 
 
-def _amplified(G: Matrices, power: int) -> Matrices:
+def _scaled_by_power_of_4(G: Matrices, power: int) -> Matrices:
     """4^power G, balanced if G is."""
     A, B, C, D = G
     return A, np.ldexp(B, power), np.ldexp(C, power), np.ldexp(D, 2 * power)
 
 
-def _balanced(G: Matrices, S: RealArray, R: RealArray) -> tuple[Matrices, RealArray]:
-    """A stable system in balanced coordinates, without negligible states, and singular values."""
+def _balanced_realisation(G: Matrices, S: RealArray, R: RealArray) -> tuple[Matrices, RealArray]:
+    """A stable system in balanced coordinates without negligible states, and its singular
+    values.
+    """
     A, B, C, D = G
     left, right, values = balancing_projections(S, R)
     seen = int((values > NEGLIGIBLE_VALUE * values.max(initial=0.0)).sum())
@@ -153,7 +160,7 @@ def _balanced(G: Matrices, S: RealArray, R: RealArray) -> tuple[Matrices, RealAr
 def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
     """Glover's approximation of a balanced system by one of order `order`.
 
-    The order is lower where the singular value of the order equals the next one.
+    The order is lower where its singular value equals the next one.
     """
     A, B, C, D = G
     if order >= len(values):
@@ -175,19 +182,19 @@ def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
 
 
 def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -> Reducer:
-    """Balanced truncation weighted by the closed loop; unstable parts of K are reduced too.
+    """Balanced truncation weighted by the closed loop; it also reduces unstable parts of K.
 
-    A small change of K changes N by W_o dK W_i with W_o = P12 (1 - K P22)^-1 and W_i =
-    (1 - P22 K)^-1 P21 (D. Enns, Model reduction with balanced realizations, CDC 1984). The weighted
-    Gramians are the blocks of K in the Gramians of the closed loop N. The signals of N are scaled
-    by the multipliers of mu at its peak, so that perturbation and performance count equally (P.
+    A small change of K changes N by W_o dK W_i with W_o = P12 (1 - K P22)^-1 and W_i = (1 - P22
+    K)^-1 P21 (D. Enns, Model reduction with balanced realizations, CDC 1984). The weighted Gramians
+    are the blocks of K in the Gramians of the closed loop N. The signals of N are scaled by the D
+    scalings of mu at its peak, so that perturbation and performance have equal weight (P.
     Wortelboer, Frequency-weighted balanced reduction of closed-loop mechanical servo-systems,
     thesis, Delft 1994).
 
     Parameters
     ----------
     loop
-        N with every state; the states of K are the last.
+        N with all its states; the last states are those of K.
     peak
         The peak of mu of N.
     """
@@ -211,15 +218,17 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
 
 
 def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealArray]:
-    """Real scalings of N at the peak of mu: D of the outputs, and the inverse D of the inputs."""
+    """Real scalings of N at the peak of mu: D for the outputs, and the inverse of D for the
+    inputs.
+    """
     performs = plant.performance and plant.exogenous
     structure = plant.performance_structure if performs else plant.structure
     assert structure is not None
     multipliers = peak.multipliers(structure)
     if multipliers is None:
         raise InputError(
-            f"mu of the loop is certified nowhere about its peak ({peak.message}), so that there "
-            'is nothing to weigh with; ask "balanced", "matchdc" or "hankel"'
+            f"mu of the loop is not certified at its peak ({peak.message}), so the weights are "
+            'unknown; ask for "balanced", "matchdc" or "hankel"'
         )
     D_left, D_right, _ = multipliers
     rows = plant.system.noutputs - plant.measurements

@@ -1,5 +1,5 @@
 """Stability of loops that switch: dwell times, and sets of transitions.
 
-Quadratic functions for each mode, which linear matrix inequalities make decrease between
-switchings; an unstable periodic switching bounds the dwell time from below.
+Each mode has a quadratic function. Linear matrix inequalities make these functions decrease from
+switching to switching. An unstable periodic switching bounds the dwell time from below.
 """

@@ -1,10 +1,11 @@
-"""Switching between two controllers over a whole box of plants, not at samples of it.
+"""Stability of switching between two controllers, for every plant of a box and not just for
+samples.
 
-The plant is affine in its parameters, which lie in a box. The box is cut into cells. In each the
-plant behind its hold is an affine part, whose extremes are at the cell's vertices, and a remainder
-bounded entry by entry (`held_set`). P from the LMIs at the vertices prove the cell if they hold for
-all of that. Every plant keeps its parameters while the controllers switch, so cells may have P of
-their own.
+The plant is affine in its parameters, which lie in a box. The box is cut into cells. In each cell
+the plant with its hold is the sum of an affine part, whose extremes are at the cell's vertices, and
+a remainder bounded entry by entry (`held_set`). The matrices P come from the LMIs at the vertices.
+They prove the cell if the inequalities also hold with the remainder. The parameters of a plant stay
+constant while the controllers switch, so each cell may have P of its own.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ if TYPE_CHECKING:
     from workbench.executor import Context
 
 LARGEST_RATIO = 1.0 - 1e-9
-"""Largest ratio of V after a sample to V before that counts as a decrease: below 1 by far more
-than the rounding of the ratio."""
+"""Largest ratio of V after a sample to V before it that counts as a decrease. Its distance from 1
+is far larger than the rounding error of the ratio.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,25 +43,27 @@ class SwitchedBox:
     ends
         Lowest and highest parameters (p,) each.
     plant
-        Parameters (p,) -> [A B; 0 0] (m, m) of the continuous plant, inputs last; affine. Scaled
-        so that the entries of period times it are about 1.
+        Affine function: parameters (p,) -> [A B; 0 0] (m, m) of the continuous plant, inputs last.
+        It is scaled so that `period` times the matrix has entries of about 1.
     loops
-        [A_d B_d; 0 1] (m, m) of the held plant -> transitions (n, n) of the clean and of the
-        defect mode; affine.
+        Affine function: [A_d B_d; 0 1] (m, m) of the plant with hold -> transition matrices (n, n)
+        of the clean and of the defect mode.
     period
         Sampling period [s].
     parts
-        Cells along each parameter to begin with (p,).
+        Number of cells along each parameter at the start (p,).
     halved
-        Numbers of the parameters along which a cell is halved, one after the other, before it is
-        given up.
+        Indices of the parameters along which an unproven cell is halved, one after the other. After
+        the last one the cell is given up.
     dwells
-        Samples of the clean mode between defects that are tried, rising; 1 is any switching.
+        Dwell times tried, in increasing order: numbers of samples in the clean mode between two
+        defects. 1 allows any switching.
 
     Raises
     ------
     InputError
-        Ends of other shapes, not finite or in the wrong order; parts or halved that do not fit.
+        `ends` have different shapes, are not finite or are in the wrong order; `parts` or `halved`
+        do not fit the parameters; or `dwells` are not increasing.
 
     Examples
     --------
@@ -96,10 +100,10 @@ class SwitchedBox:
         if any(not 0 <= along < p for along in self.halved):
             raise InputError(f"halved is {self.halved}; parameters are numbered from 0 to {p - 1}")
         if not self.dwells or self.dwells[0] < 1 or list(self.dwells) != sorted(set(self.dwells)):
-            raise InputError(f"dwells are {self.dwells}; need rising numbers of samples from 1 on")
+            raise InputError(f"dwells are {self.dwells}; need increasing numbers from 1 on")
 
     def cells(self) -> list[ParameterCell]:
-        """Cells that fill the box, to begin with."""
+        """Cells that fill the box at the start."""
         low, high = self.ends
         edges = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, self.parts, strict=True)]
         return [
@@ -111,13 +115,13 @@ class SwitchedBox:
         ]
 
     def at(self, parameters: RealArray) -> tuple[RealArray, RealArray]:
-        """Transitions (n, n) of both modes of the plant with these parameters (p,)."""
+        """Transition matrices (n, n) of both modes, for the plant with these parameters (p,)."""
         from scipy.linalg import expm
 
         return self.loops(expm(self.period * self.plant(parameters)))
 
     def sets(self, cell: ParameterCell) -> tuple[TransitionSet, TransitionSet]:
-        """Transitions of both modes over a cell."""
+        """Sets of the transition matrices of both modes over a cell."""
         centre = cell.centre
         M = self.plant(centre)
         half = (cell.high - cell.low) / 2
@@ -131,7 +135,9 @@ class SwitchedBox:
         return clean, defect
 
     def _gains(self, m: int) -> tuple[RealArray, RealArray]:
-        """Magnitudes (m, m, n, n) of the loops' entries over those of the held plant, by mode."""
+        """Magnitudes (m, m, n, n) of the derivatives of a loop's entries by the held plant's, by
+        mode.
+        """
         base = self.loops(np.zeros((m, m)))
         units = np.eye(m * m).reshape(m * m, m, m)
         moved = [self.loops(unit) for unit in units]
@@ -144,27 +150,33 @@ class SwitchedBox:
     # --- proof --------------------------------------------------------------------------------
 
     def functions(self, sets: Sequence[TransitionSet], dwell: int) -> RealArray | None:
-        """P of both modes (2, n, n) by LMIs at the vertices, for a dwell in the clean mode.
+        """P of both modes (2, n, n) from the LMIs at the vertices, for a dwell time in the clean
+        mode.
 
-        V_c falls there half as fast as the slowest motion. None where there are none.
+        V_c^(1/2) must fall in every sample by the square root of the largest spectral radius of the
+        clean mode, that is, half as fast as its slowest motion. None where the LMIs have no
+        solution.
         """
         clean, defect = (each.vertices for each in sets)
         slowest = float(abs(np.linalg.eigvals(clean)).max())
         if max(slowest, abs(np.linalg.eigvals(defect)).max()) >= 1.0:
             return None
         rate = None if dwell == 1 else math.sqrt(slowest)
-        # The shortest stay in the defect is sought, among one sample only: it exists or not.
+        # The shortest stay in the defect is sought with a limit of one sample: either one sample is
+        # proven or nothing is.
         modes = Mode("clean", clean, dwell, rate=rate), Mode("defect", defect, None)
         found = solve(SwitchedStability(modes, 1))
         return found.answer.P if found.certificate and found.certificate.valid else None
 
     def dwell(self, sets: Sequence[TransitionSet], P: RealArray) -> int | None:
-        """Samples of the clean mode that P prove between defects of any length; None: none.
+        """Number of clean samples between defects of any length for which P prove stability, or
+        None.
 
-        Over the cell, V_c becomes at most r_cc V_c in a sample of the clean mode, and V_o r_oo V_o
-        in one of a defect, both less than 1; over the last sample of either, V_o is at most r_co
-        times what V_c was, and V_c r_oc times V_o. From one defect to the next V then changes by
-        r_cc^(n - 1) r_co r_oc at most.
+        Over the cell, a sample of the clean mode multiplies V_c by at most r_cc < 1, and a sample
+        of a defect multiplies V_o by at most r_oo < 1. Over the last clean sample V_o becomes at
+        most r_co times the V_c before it; over the last sample of a defect V_c becomes at most r_oc
+        times the V_o before it. From one defect to the next, V is then multiplied by at most
+        r_cc^(n - 1) r_co r_oc.
         """
         r = np.array([[each.ratio(p, q) for q in P] for each, p in zip(sets, P, strict=True)])
         if max(r[0, 0], r[1, 1]) > LARGEST_RATIO:
@@ -173,7 +185,7 @@ class SwitchedBox:
         return 1 + max(0, math.ceil(-rises / math.log(r[0, 0])))
 
     def proof(self, cell: ParameterCell) -> CellProof | None:
-        """Proof for the first of the dwells for which the LMIs give one; None: for none."""
+        """Proof for the first dwell time that the LMIs prove; None where they prove none."""
         sets = self.sets(cell)
         for tried in self.dwells:
             P = self.functions(sets, tried)
@@ -201,20 +213,21 @@ class SwitchedBox:
 
 @dataclass(frozen=True, eq=False)
 class ProvenShare:
-    """Proven volumes of multiples of a set of plants, and the cells of one multiple.
+    """Share of the volume that is proven, for multiples of a set of plants, and cells of one
+    multiple.
 
     Parameters
     ----------
     multiples, volumes
         Multiples of the set that were tried, and the shares of their volumes that are proven.
     multiple
-        The multiple that the cells belong to.
+        The multiple of the set to which the cells below belong.
     low, high
         Lowest and highest parameters of the proven cells (cells, p) each.
     P
         Functions of both modes over each cell (cells, 2, n, n).
     dwell
-        Samples of the clean mode that they prove between defects (cells,).
+        Number of samples in the clean mode between defects for which P prove stability (cells,).
     """
 
     multiples: list[float]
@@ -229,15 +242,15 @@ class ProvenShare:
 def proven_share(
     box: Callable[[float], SwitchedBox], multiples: Sequence[float], context: Context
 ) -> ProvenShare:
-    """Prove multiples of a set of plants, up to the first of which not all is proven.
+    """Prove increasing multiples of a set of plants, until one of them is not proven completely.
 
     Parameters
     ----------
     box
-        Multiple -> its box.
+        Function: multiple of the set -> the `SwitchedBox` of that multiple.
     multiples
-        Rising multiples of the set. The cells of the result are those of the largest multiple that
-        is proven wholly, or else of the first.
+        Increasing multiples of the set. The result has the cells of the largest multiple that is
+        proven completely, or else of the first one.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Cells of a box of parameters, and what is proven over one."""
+"""Cells of a box of parameters, and the proof of stability over one cell."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench.arrays import RealArray
 
 @dataclass(frozen=True, eq=False)
 class ParameterCell:
-    """A part of a box of parameters: ``low`` and ``high`` (p,), and how often it was halved."""
+    """A part of a box of parameters from ``low`` to ``high`` (p,), halved ``depth`` times."""
 
     low: RealArray
     high: RealArray
@@ -25,11 +25,11 @@ class ParameterCell:
 
     @property
     def volume(self) -> float:
-        """Product of its edges, in the units of the parameters."""
+        """Product of the cell's edges, in the units of the parameters."""
         return float(np.prod(self.high - self.low))
 
     def halves(self, along: int) -> Iterator[ParameterCell]:
-        """Both halves along a parameter, by its number."""
+        """Both halves of the cell, cut along the parameter with this index."""
         for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
             end[along] = self.centre[along]
             yield replace(self, **{side: end}, depth=self.depth + 1)
@@ -37,7 +37,9 @@ class ParameterCell:
 
 @dataclass(frozen=True, eq=False)
 class CellProof:
-    """Functions P (2, n, n) of both modes and the dwell [samples] that they prove over a cell."""
+    """Matrices P (2, n, n) of both modes, and the dwell time [samples] that they prove over a
+    cell.
+    """
 
     cell: ParameterCell
     P: RealArray

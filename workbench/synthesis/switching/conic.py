@@ -1,4 +1,4 @@
-"""Dwell times by linear matrix inequalities, for every conic solver."""
+"""Dwell times by linear matrix inequalities, with any conic solver."""
 
 from __future__ import annotations
 
@@ -24,20 +24,23 @@ from workbench.synthesis.switching.dwell_search import (
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
 LMI_ACCURACY = 1e-5
-"""Finest accuracy asked of solvers; P is sought well inside the inequalities."""
+"""Finest accuracy asked of solvers. It suffices, because P satisfies the inequalities with a
+margin.
+"""
 MOST_TURNS, TURNING_RATIO = 2, 1.01
-"""Most changes to the coordinates of the P found, and the largest ratio of V for which such a
-change is tried. A margin that is small compared with P is lost in the accuracy of a solver; in
-coordinates in which P is near 1 it shows."""
+"""Largest number of changes of coordinates, and the largest ratio of V for which one is tried. The
+new coordinates make the P found last close to 1. In other coordinates the margin may be small
+compared with P, and then the solver's inaccuracy hides it.
+"""
 EIGENVALUE_FLOOR = 1e-6
 """Eigenvalues of P are raised to this share of the largest one."""
 LEAST_MARGIN = 1e-9
-"""The inequalities count as infeasible if their margin is smaller, for P of trace n."""
+"""The inequalities count as infeasible if their margin is below this, for P with mean trace n."""
 
 
 @conic_method(SwitchedStability, optimal=False, accuracy=AccuracyRange(finest=LMI_ACCURACY))
 def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) -> Claim:
-    """Bisection over the dwell time with a feasibility problem for each."""
+    """Bisection over the dwell time, with a feasibility problem for each dwell time."""
     options = replace(context.options, tolerance=max(context.options.accuracy, LMI_ACCURACY))
     units = coordinates(program)
     sure, said = True, program.destabilising[1]
@@ -63,14 +66,15 @@ def _feasible(
     options: Options,
     context: Context,
 ) -> tuple[Dwell | None, str, bool]:
-    """A proof P for a dwell time, with all inequalities recomputed; None where none was found.
+    """Matrices P that prove a dwell time, with all inequalities recomputed; None where none was
+    found.
 
     Also returns a message, and whether the solver is sure of the result.
     """
     stays = [first_stays(program.stays(mode, samples)) for mode in program.modes]
     turns = 0
     for _ in range(MOST_CUTS):
-        P, margin, outcome, said = _program(program, stays, L, solver, options, context)
+        P, margin, outcome, said = _largest_margin(program, stays, L, solver, options, context)
         if P is None:
             return None, said, False
         found = Dwell(samples, np.stack([L @ _positive(Q) @ L.T for Q in P]))
@@ -95,7 +99,7 @@ def _feasible(
     return None, f"{said}; some stay's inequality failed in each of {MOST_CUTS} rounds", False
 
 
-def _program(
+def _largest_margin(
     program: SwitchedStability,
     stays: list[list[int]],
     L: RealArray,
@@ -103,7 +107,7 @@ def _program(
     options: Options,
     context: Context,
 ) -> tuple[list[RealArray] | None, float, Outcome, str]:
-    """P, in coordinates L' x, with the largest margin of the inequalities at some stays.
+    """Matrices P, in coordinates L' x, that maximise the margin of the inequalities for some stays.
 
     Returns P (None without a solution), the margin, the outcome and a message.
     """
@@ -117,9 +121,9 @@ def _program(
         held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
         for i, mode in enumerate(modes):
             if mode.longest is None:
-                held += [_falls(one, P[i], P[i], margin) for one in congruent(mode.decaying, L)]
+                held += [_decrease(one, P[i], P[i], margin) for one in congruent(mode.decaying, L)]
             held += [
-                _falls(one, P[j], P[i], margin)
+                _decrease(one, P[j], P[i], margin)
                 for stay in stays[i]
                 for one in congruent(mode.over(stay), L)
                 for j in range(len(modes))
@@ -132,7 +136,7 @@ def _program(
     return [symmetric(Q.value) for Q in P], float(margin.value), outcome, said
 
 
-def _falls(A: RealArray, P: Any, Q: Any, margin: Any) -> Any:
+def _decrease(A: RealArray, P: Any, Q: Any, margin: Any) -> Any:
     """The inequality A' P A <= Q with a margin, symmetric by construction."""
     left = A.T @ P @ A
     return Q - (left + left.T) / 2 >> margin * np.eye(len(A))

@@ -1,8 +1,8 @@
-"""Controllers switched with their integrator handed over, as modes of one bank of states.
+"""Switching between controllers that hand over their integrator, as modes with common states.
 
-u = z + C_i f + D_i e,  z' = a z + b_i e: z is the integrator, or the slowest state, of whichever
-controller is in force, and keeps its value when that changes; f are the fast states of every
-controller and filter, which run all the time. So u keeps its slow part at a switch.
+u = z + C_i f + D_i e, z' = a z + b_i e: z is the integrator, or the slowest state, of the active
+controller. At a switch z keeps its value, and so does the slow part of u. f are the fast states of
+all controllers and filters; they run all the time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from workbench.heavy_types import StateSpace
 from workbench.synthesis.switching.loops import ControllerMode, Modes
 
 SLOW_POLE_TOLERANCE = 1e-6
-"""Difference of two slow poles that count as the same, relative to their distance from 1."""
+"""Largest difference of two slow poles that count as equal, relative to their distance from 1."""
 SLOW_POLE_ROUNDING = 1e-15
 """Absolute rounding of a slow pole near 1, added to that difference."""
 
@@ -35,16 +35,17 @@ class SplitController(NamedTuple):
 
 
 def split_slowest(K: StateSpace) -> SplitController:
-    """A sampled controller with its slowest state, scaled to reach u with gain 1, taken out.
+    """Split a sampled controller into its slowest state and the rest; that state enters u with gain
+    1.
 
-    K: one input and output, its slowest pole real and not coupled with others, as `discretised`
-    leaves it. Raises InputError otherwise.
+    K has one input and one output. Its slowest pole is real, and its state is not coupled with
+    others: `discretised` gives such controllers. Raises InputError otherwise.
     """
     A = K.A
     slow = int(np.argmin(abs(np.diag(A) - 1.0)))
     fast = [i for i in range(len(A)) if i != slow]
     if abs(A[slow, fast]).max(initial=0.0) + abs(A[fast, slow]).max(initial=0.0) > 0.0:
-        raise InputError("the controller's slowest pole is not parted from its others")
+        raise InputError("the controller's slowest state is coupled with its other states")
     gain = float(K.C[0, slow])
     inner = A[np.ix_(fast, fast)]
     return SplitController(
@@ -54,7 +55,7 @@ def split_slowest(K: StateSpace) -> SplitController:
 
 
 def unswitched(K: StateSpace) -> Modes:
-    """Modes of a sampled controller that goes on as it is while the measurement has a defect.
+    """Modes of a sampled controller that does not change while the measurement has a defect.
 
     Examples
     --------
@@ -66,12 +67,12 @@ def unswitched(K: StateSpace) -> Modes:
     >>> bool(np.array_equal(clean.A, defect.A))
     True
     """
-    alone = _alone(split_slowest(K))
+    alone = _mode_of(split_slowest(K))
     return alone, alone
 
 
 def measurement_dropped(K: StateSpace) -> Modes:
-    """Modes of a sampled controller whose input is set to zero during a defect; its states run.
+    """Modes of a sampled controller whose input is zero during a defect, while its states go on.
 
     Examples
     --------
@@ -82,14 +83,15 @@ def measurement_dropped(K: StateSpace) -> Modes:
     >>> bool(clean.B.any()), bool(defect.B.any())
     (True, False)
     """
-    alone = _alone(split_slowest(K))
+    alone = _mode_of(split_slowest(K))
     return alone, ControllerMode(alone.A, 0 * alone.B, alone.C, 0 * alone.D)
 
 
 def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
-    """Modes of a sampled controller whose input passes F during a defect: K, then K F.
+    """Modes of a sampled controller whose input passes through a filter F during a defect: K and K
+    F.
 
-    F: sampled, one input and output; it is fed all the time.
+    F is sampled, with one input and one output. It receives the measured error all the time.
 
     Examples
     --------
@@ -100,7 +102,7 @@ def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
     >>> clean.A.shape  # the controller's state and that of the filter
     (2, 2)
     """
-    alone = _alone(split_slowest(K))
+    alone = _mode_of(split_slowest(K))
     n, both = len(alone.A), block_diag(alone.A, F.A)
     wide = np.hstack([alone.C, np.zeros((1, F.nstates))])
     clean = ControllerMode(both, np.vstack([alone.B, F.B]), wide, alone.D)
@@ -115,9 +117,9 @@ def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
 
 
 def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
-    """Modes of a sampled controller K in whose place another one stands during a defect.
+    """Modes of a sampled controller K that another controller replaces during a defect.
 
-    Raises InputError where they have different slowest poles.
+    Raises InputError where the two have different slowest poles.
 
     Examples
     --------
@@ -137,7 +139,7 @@ def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
             "over if they are the same"
         )
     one = np.array([[1.0]])
-    alone = _alone(first)
+    alone = _mode_of(first)
     both = block_diag(alone.A, A2)
     none_1, none_2 = np.zeros_like(C), np.zeros_like(C2)
     clean = ControllerMode(both, np.vstack([alone.B, B2]), np.hstack([one, C, none_2]), alone.D)
@@ -145,7 +147,7 @@ def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
     return clean, ControllerMode(both, slow, np.hstack([one, none_1, C2]), np.array([[D2]]))
 
 
-def _alone(K: SplitController) -> ControllerMode:
+def _mode_of(K: SplitController) -> ControllerMode:
     one = np.array([[1.0]])
     whole, enter = block_diag(K.a, K.A), np.vstack([[[K.b]], K.B])
     return ControllerMode(whole, enter, np.hstack([one, K.C]), np.array([[K.D]]))

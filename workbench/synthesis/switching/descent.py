@@ -1,9 +1,10 @@
 """Dwell times by descent over factors of the quadratic functions, without a conic solver.
 
-With P_i = R_i' R_i every inequality A' P_j A < P_i says that R_j A R_i^-1 has norms below 1. The
-largest of their logarithms is not convex in R, but smooth once a p-norm replaces the maximum over
-singular values and inequalities, with a gradient in closed form. (Factors in place of positive
-definite matrices: S. Burer, R. Monteiro, Mathematical Programming 95 (2003) 329-357.)
+With P_i = R_i' R_i every inequality A' P_j A < P_i says that the norm of R_j A R_i^-1 is below 1.
+The largest logarithm of these norms is not convex in R. It becomes smooth, with a gradient in
+closed form, when a p-norm replaces the maximum over singular values and inequalities. (Factors in
+place of positive definite matrices: S. Burer, R. Monteiro, Mathematical Programming 95 (2003)
+329-357.)
 """
 
 from __future__ import annotations
@@ -30,17 +31,19 @@ from workbench.synthesis.switching.dwell_search import (
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
 NORM_POWERS = (4, 16, 64, 256, 1024)
-"""Powers of the p-norms that replace the maximum, one after the other."""
+"""Powers p of the p-norms that replace the maximum, used one after the other."""
 MOST_STEPS = 400
-"""Most quasi-Newton steps with each power."""
+"""Largest number of quasi-Newton steps with each power."""
 ENOUGH = -1e-6
-"""Largest logarithm, at most this, at which all inequalities hold and the descent ends."""
+"""The descent ends when the largest logarithm is at most this: all inequalities then hold."""
 LEAST_DECAY = 1e-9
-"""Smallest logarithm of a decay by which those of its inequality are divided."""
+"""Least unit by which the logarithms of a decay inequality are divided."""
 
 
 class Inequalities(NamedTuple):
-    """R_next A R_own^-1 of norms below 1: A (K, n, n), modes (K,) and units of logarithms (K,)."""
+    """Inequalities |R_next A R_own^-1| < 1: A (K, n, n), modes (K,), units of the logarithms
+    (K,).
+    """
 
     A: RealArray
     own: np.ndarray
@@ -58,9 +61,10 @@ class _EnoughError(Exception):
 
 @method(SwitchedStability, "descent", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _descent(program: SwitchedStability, context: Context) -> Claim:
-    """Bisection over the dwell time; factors of P by quasi-Newton steps on a p-norm of all ratios.
+    """Bisection over the dwell time; quasi-Newton steps on a p-norm of all ratios give P.
 
-    The problem in the factors is not convex: a dwell time may be missed, never wrongly proven.
+    The problem in the factors is not convex. So the descent may miss a dwell time, but it never
+    proves a wrong one.
     """
     L = coordinates(program)
 
@@ -68,7 +72,7 @@ def _descent(program: SwitchedStability, context: Context) -> Claim:
         stays = [first_stays(program.stays(mode, samples)) for mode in program.modes]
         R = np.stack([np.eye(program.states)] * len(program.modes))
         for _ in range(MOST_CUTS):
-            R, worst = _lowered(_inequalities(program, stays, L), R)
+            R, worst = _minimised_ratio(_inequalities(program, stays, L), R)
             if worst >= 0.0:
                 return None
             found = Dwell(samples, np.stack([symmetric(L @ (Q.T @ Q) @ L.T) for Q in R]))
@@ -89,10 +93,10 @@ def _descent(program: SwitchedStability, context: Context) -> Claim:
 
 
 def _inequalities(program: SwitchedStability, stays: list[list[int]], L: RealArray) -> Inequalities:
-    """The inequalities at some stays of each mode, in coordinates L' x.
+    """The inequalities for some stays of each mode, in coordinates L' x.
 
-    The logarithms of a mode's decay over one sample count in units of the least decay that any P
-    can give, those of the entries in units of 1.
+    Each logarithm is divided by a unit. For the decay of a mode over one sample the unit is the
+    decay of its spectral radius, which no P can exceed. For the step to the next mode it is 1.
     """
     A, own, after, unit = [], [], [], []
     for i, mode in enumerate(program.modes):
@@ -111,8 +115,10 @@ def _inequalities(program: SwitchedStability, stays: list[list[int]], L: RealArr
     return Inequalities(np.stack(A), np.array(own), np.array(after), np.array(unit))
 
 
-def _lowered(held: Inequalities, R: RealArray) -> tuple[RealArray, float]:
-    """Factors (modes, n, n), upper triangular, and the largest logarithm of a ratio at them."""
+def _minimised_ratio(held: Inequalities, R: RealArray) -> tuple[RealArray, float]:
+    """Upper triangular factors (modes, n, n) after the descent, and the largest logarithm of a
+    ratio.
+    """
     from scipy.optimize import minimize
 
     rows, columns = np.triu_indices(R.shape[1])
@@ -125,7 +131,7 @@ def _lowered(held: Inequalities, R: RealArray) -> tuple[RealArray, float]:
 
     def cost(vector: RealArray, power: int) -> tuple[float, RealArray]:
         try:
-            value, gradient, worst = _smoothed(held, factors(vector), power)
+            value, gradient, worst = _p_norm(held, factors(vector), power)
         except np.linalg.LinAlgError:
             return math.inf, np.zeros_like(vector)
         if worst <= ENOUGH:
@@ -140,11 +146,13 @@ def _lowered(held: Inequalities, R: RealArray) -> tuple[RealArray, float]:
             vector = found.x
     except _EnoughError as enough:
         vector = enough.vector
-    return factors(vector), _smoothed(held, factors(vector), NORM_POWERS[-1])[2]
+    return factors(vector), _p_norm(held, factors(vector), NORM_POWERS[-1])[2]
 
 
-def _smoothed(held: Inequalities, R: RealArray, power: int) -> tuple[float, RealArray, float]:
-    """The p-norm of all ratios as a logarithm, its gradient (modes, n, n), and the largest one."""
+def _p_norm(held: Inequalities, R: RealArray, power: int) -> tuple[float, RealArray, float]:
+    """Logarithm of the p-norm of all ratios, its gradient (modes, n, n), and the largest
+    logarithm.
+    """
     inverse = np.linalg.inv(R)
     right = held.A @ inverse[held.own]
     X = R[held.next] @ right
@@ -154,7 +162,7 @@ def _smoothed(held: Inequalities, R: RealArray, power: int) -> tuple[float, Real
     share = np.exp(power * (levels - worst))
     total = share.sum()
     slope = 2.0 * share / total / held.unit[:, None] / np.maximum(sizes, np.finfo(float).tiny)
-    towards = (left * slope[:, None, :]) @ rows  # by the entries of X
+    towards = (left * slope[:, None, :]) @ rows  # derivative by the entries of X
     gradient = np.zeros_like(R)
     np.add.at(gradient, held.next, towards @ right.mT)
     np.add.at(gradient, held.own, -X.mT @ towards @ inverse[held.own].mT)

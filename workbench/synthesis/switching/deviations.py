@@ -1,15 +1,16 @@
 """Largest error of a switched loop over every sequence of measurement defects.
 
-The disturbance is w = Re(a exp(j omega t)), at any phase. Before the first defect the loop is in
-its steady motion, x = Re(X exp(j omega t)). A defect adds a deviation d from there,
+The disturbance is w = Re(a exp(j omega t)), with any phase. Before the first defect the loop is in
+its steady motion x = Re(X exp(j omega t)). A defect adds a deviation d from this motion,
 
     d[k + 1] = A_o d[k] + q exp(j omega t_k) + B_o v[k]    in the defect, q = (A_o - A_c) X + ...
     d[k + 1] = A_c d[k]                                    after it,
 
-with v what the defect falsely adds to the filtered disturbance, |v| <= F. The deviation of one
-defect is computed exactly; that of all earlier ones at its start is bounded by V_i = x' P_i x:
+where v is the false signal that the defect adds to the filtered disturbance, |v| <= F. The
+deviation due to one defect is computed exactly. The deviation that all earlier defects leave at its
+start is bounded by V_i = x' P_i x:
 
-    r = g_c b / (1 - g_o g_c),    b the largest deviation of one defect in V_c^(1/2),
+    r = g_c b / (1 - g_o g_c), b the largest V_c^(1/2) after one defect,
 
 g_o and g_c being the largest factors of V^(1/2) over a defect and over the distance to the next.
 """
@@ -29,32 +30,35 @@ from workbench.synthesis.switching.loops import SwitchedLoop
 
 NDArrayInt = NDArray[np.int64]
 HORIZON = 2000
-"""Samples after a defect that are followed one by one in bounds; V_c bounds the rest."""
+"""Number of samples after a defect that are computed one by one in bounds. V_c bounds later ones.
+"""
 SIMULATED = 400
-"""Samples after a defect at which the simulated error is read."""
+"""Number of samples after a defect at which the simulated error is evaluated."""
 OUTWARD = 1.0 + 1e-9
-"""Factor on a bound that covers the rounding of its computation."""
+"""Factor that enlarges a bound to cover the rounding errors of its computation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
-    """Errors of a switched loop for defects of 1 ... N samples, N = longest.
+    """Errors of a switched loop for defects of 1 ... N samples, where N is `longest`.
 
     Parameters
     ----------
     loop
-        Stable in its clean mode.
+        The loop; it must be stable in its clean mode.
     amplitude, omega
-        Amplitudes of the disturbance and its angular frequencies [rad/s] (F,), one at a time.
+        Amplitudes of the disturbance and its angular frequencies [rad/s] (F,). Only one of these
+        sines acts at a time.
     longest
-        Samples of the longest defect.
+        Length of the longest defect [samples].
     false
-        F, the largest |v|, in the unit of the amplitudes.
+        The bound F on |v|, in the unit of the amplitudes.
 
     Raises
     ------
     InputError
-        Frequencies and amplitudes of other shapes; no defect; a negative F.
+        Frequencies and amplitudes have different shapes; the longest defect has no sample; F is
+        negative.
 
     Examples
     --------
@@ -99,7 +103,7 @@ class Deviations:
 
     @cached_property
     def turn(self) -> ComplexArray:
-        """Factor on the disturbance's phasor over a sample (F,)."""
+        """Factor by which the phasor of the disturbance turns in one sample (F,)."""
         return np.asarray(np.exp(1j * self.omega * self.loop.period))
 
     @cached_property
@@ -120,7 +124,9 @@ class Deviations:
 
     @cached_property
     def forced(self) -> ComplexArray:
-        """d after 0 ... N samples of a defect (N + 1, F, n), the disturbance at phase 0 before."""
+        """Phasor of d after 0 ... N samples of a defect (N + 1, F, n); the disturbance starts at
+        phase 0.
+        """
         (A_c, B_c), (A_o, B_o) = self.loop.clean, self.loop.defect
         measured = self.amplitude * self.loop.filter(self.omega)
         q = self.steady @ (A_o - A_c).T + measured[:, None] * (B_o - B_c)[:, 0]
@@ -131,7 +137,9 @@ class Deviations:
 
     @cached_property
     def kicks(self) -> RealArray:
-        """A_o^j B_o (N, n), j = 0 ...: the deviation that a unit of v leaves j samples later."""
+        """A_o^j B_o for j = 0 ... N - 1 (N, n): deviation that v = 1 in one sample causes j samples
+        later.
+        """
         A, B = self.loop.defect
         found = [B[:, 0]]
         for _ in range(self.longest - 1):
@@ -140,16 +148,17 @@ class Deviations:
 
     @cached_property
     def rows(self) -> RealArray:
-        """output A_c^k (HORIZON + 1, n)."""
+        """Rows output A_c^k for k = 0 ... HORIZON (HORIZON + 1, n)."""
         found = [self.loop.output[0]]
         for _ in range(HORIZON):
             found.append(found[-1] @ self.loop.clean[0])
         return np.array(found)
 
     def single(self, root: RealArray) -> RealArray:
-        """Largest error of one defect of 1 ... n samples (N,), disturbance and v at their worst.
+        """Largest error with one defect of 1 ... n samples (N,), for the worst phase and the worst
+        v.
 
-        root (n, n): P_c = root root' bounds the error after the horizon.
+        root (n, n) is a factor of P_c = root root', which bounds the error after the horizon.
         """
         output, steps = self.loop.output[0], np.arange(self.longest + 1)
         phase = self.turn ** steps[:, None]
@@ -163,16 +172,18 @@ class Deviations:
             swing = self.steady_error * ahead * phase[n] - self.rows @ self.forced[n].T
             after[n - 1] = (abs(swing).max(axis=1) + left[:, n - 1]).max()
         end = np.linalg.matrix_power(self.loop.clean[0], HORIZON)
-        tail = abs(self.steady_error).max() + self.reach(root) * self._sizes(root, end)
+        tail = abs(self.steady_error).max() + self.reach(root) * self._size_after_defect(root, end)
         own = np.maximum(np.maximum.accumulate(during)[1:], np.maximum(after, tail))
         return np.asarray(np.maximum.accumulate(own))
 
     def reach(self, root: RealArray) -> float:
-        """Largest |output x| for x' P x = 1, P = root root'."""
+        """Largest |output x| over all x with x' P x = 1, where P = root root'."""
         return float(np.linalg.norm(np.linalg.solve(root, self.loop.output[0])))
 
-    def _sizes(self, root: RealArray, after: RealArray) -> RealArray:
-        """V^(1/2) of the deviation after a defect of 1 ... N samples and a transition (N,)."""
+    def _size_after_defect(self, root: RealArray, after: RealArray) -> RealArray:
+        """Bound on V^(1/2) of the deviation after a defect of 1 ... N samples and then a transition
+        (N,).
+        """
         y = self.forced[1:] @ (root.T @ after).T
         # the largest |Re(y exp(j phase))| over all phases
         square = (abs(y) ** 2).sum(axis=-1) + abs((y**2).sum(axis=-1))
@@ -181,16 +192,19 @@ class Deviations:
         return np.asarray(disturbed + false)
 
     def proven(self, P: RealArray, distances: NDArrayInt) -> RealArray:
-        """Bounds of the error (N, distances), for defects up to n samples, that far apart or more.
+        """Bounds on the error (N, distances) for defects of at most n samples with these least
+        distances.
 
-        P (2, n, n): functions of the clean and the defect mode, as `SwitchedStability` gives
-        them; distances [samples]. Infinite where these functions do not bound the error.
+        P (2, n, n) are the matrices of the clean and the defect mode, as `SwitchedStability` gives
+        them; distances are in samples. The bound is infinite where P do not bound the error.
         """
         root_c, root_o = (np.linalg.cholesky(each) for each in P)
         A_c, A_o = self.loop.clean[0], self.loop.defect[0]
-        g_o = np.maximum.accumulate(_factors(A_o, root_o, root_c, range(1, self.longest + 1)))
-        g_c = _factors(A_c, root_c, root_o, distances)
-        b = np.maximum.accumulate(self._sizes(root_c, np.eye(len(A_c))))
+        g_o = np.maximum.accumulate(
+            _growth_over_stays(A_o, root_o, root_c, range(1, self.longest + 1))
+        )
+        g_c = _growth_over_stays(A_c, root_c, root_o, distances)
+        b = np.maximum.accumulate(self._size_after_defect(root_c, np.eye(len(A_c))))
         output, seen = self.loop.output[0], []
         for _ in range(self.longest):
             seen.append(np.linalg.norm(np.linalg.solve(root_o, output)))
@@ -199,16 +213,18 @@ class Deviations:
         product = g_o[:, None] * g_c
         with np.errstate(divide="ignore"):
             r = np.where(product < 1.0, g_c * b[:, None] / (1.0 - product), np.inf)
-        if _factors(A_c, root_c, root_c, [1])[0] > 1.0:  # then longer distances may be worse
+        if (
+            _growth_over_stays(A_c, root_c, root_c, [1])[0] > 1.0
+        ):  # a longer distance may then be worse
             r[:] = np.inf
         bound: RealArray = OUTWARD * (self.single(root_c)[:, None] + reach[:, None] * r)
         return bound
 
     def simulated(self, samples: int, distance: int, count: int) -> float:
-        """Largest error of `count` equal defects at equal distances, at the worst phase.
+        """Largest error with `count` equal defects at equal distances, for the worst phase.
 
-        samples: of each defect; distance: samples from its end to the next. v is one period of a
-        sine over each defect, of amplitude F.
+        Each defect has `samples` samples; `distance` is the number of samples from its end to the
+        next defect. v is one period of a sine with amplitude F over each defect.
         """
         (A_c, _), (A_o, B_o) = self.loop.clean, self.loop.defect
         v = self.false * np.sin(2 * np.pi * (np.arange(samples) + 0.5) / samples)
@@ -222,7 +238,7 @@ class Deviations:
         d, false = np.zeros_like(self.steady), np.zeros(len(A_o))
         start, worst = np.ones_like(self.turn), 0.0
         for _ in range(count):
-            # (samples + 1, F, n): the deviation that was there, and the one this defect adds
+            # (samples + 1, F, n): deviation left by earlier defects, plus that of this defect
             path = np.einsum("kij,fj->kfi", during, d) + self.forced[: samples + 1] * start[:, None]
             other = during @ false + swing
             error = self.steady_error * start * ahead - path @ output
@@ -236,10 +252,12 @@ class Deviations:
         return worst
 
 
-def _factors(
+def _growth_over_stays(
     A: RealArray, root: RealArray, after: RealArray, stays: NDArrayInt | Sequence[int]
 ) -> RealArray:
-    """Largest factors of V^(1/2) over stays in a mode, from its own V to the next mode's."""
+    """Largest ratio of the next mode's V^(1/2) after a stay to a mode's own V^(1/2) before it, by
+    stay.
+    """
     back = np.linalg.inv(root.T)
     return np.array(
         [np.linalg.norm(after.T @ np.linalg.matrix_power(A, int(n)) @ back, 2) for n in stays]

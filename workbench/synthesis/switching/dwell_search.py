@@ -1,4 +1,4 @@
-"""The search for the shortest dwell time, whatever proves one: trials, stays, coordinates."""
+"""Search for the shortest dwell time, common to all methods that prove one dwell time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from workbench.executor import Context
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
 MOST_CUTS = 12
-"""Most rounds in which stays with violated inequalities are added."""
+"""Largest number of rounds that add stays with violated inequalities."""
 FIRST_STAYS = 5
-"""Number of stays of a mode whose inequalities are stated at first."""
+"""Number of stays of each mode whose inequalities are stated in the first round."""
 
 
 def shortest_proven(
     program: SwitchedStability, proven: Callable[[int], Dwell | None], context: Context
 ) -> Dwell | None:
-    """The shortest dwell time that a function of samples proves; None where it proves none.
+    """The shortest dwell time that `proven` proves; None where it proves none.
 
-    Dwell times that a periodic switching makes unstable are not tried. Steps are doubled up to the
-    first one proven, and the interval is then halved.
+    Dwell times that a periodic switching makes unstable are not tried. The step is doubled until a
+    dwell time is proven; then the interval is halved again and again.
     """
     failed, step = program.destabilising[0], 1
 
@@ -56,13 +56,13 @@ def coordinates(program: SwitchedStability) -> RealArray:
 
         sum (A^k)' Q A^k,    k = 0, 1, ..., longest,
 
-    where Q holds the squares of the units that balance sum |A|. A single mode would leave open the
+    where Q holds the squares of the units that balance sum |A|. One mode alone would not fix the
     scale of states that only another mode uses.
     """
     every = np.concatenate([mode.A for mode in program.modes])
     _, (units, _) = matrix_balance(abs(every).sum(axis=0), permute=False, separate=True)
     sums = [
-        _summed(A / units[:, None] * units, mode.longest)
+        _sum_of_powers(A / units[:, None] * units, mode.longest)
         for mode in program.modes
         for A in (mode.A if mode.longest else mode.decaying)
     ]
@@ -70,7 +70,7 @@ def coordinates(program: SwitchedStability) -> RealArray:
     return np.asarray(root / units[:, None], dtype=float)
 
 
-def _summed(A: RealArray, longest: int | None) -> RealArray:
+def _sum_of_powers(A: RealArray, longest: int | None) -> RealArray:
     """Sum of (A^k)' A^k for k = 0, ..., longest; for a stable A without a longest stay, all k."""
     if longest is None:
         return np.asarray(solve_discrete_lyapunov(A.T, np.eye(len(A))))
@@ -90,7 +90,7 @@ def first_stays(stays: range) -> list[int]:
 def added_stays(
     program: SwitchedStability, samples: int, stays: list[list[int]], ratios: list[RealArray]
 ) -> bool:
-    """Add the stay of each mode with the worst violated inequality; whether any was added."""
+    """Add to each mode the stay whose inequality is violated most. True if a stay was added."""
     added = False
     for mode, own, ratio in zip(program.modes, stays, ratios, strict=True):
         worst = program.stays(mode, samples)[int(np.argmax(ratio))]

@@ -4,8 +4,8 @@ With w the disturbance, y the plant's output and H the filter through which both
 
     e = k H (w - y)    measured error,        u = C x_K + D e,    x_K' = A x_K + B e,
 
-where A, B, C, D of the controllers change with the mode, clean or defect, and their states do not:
-all controllers run all the time, see `controllers`.
+where A, B, C, D of the controllers depend on the mode, clean or defect. Their states are the same
+in both modes: all controllers run all the time (see `controllers`).
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.sampling import sampled
 
 FilterResponse = Callable[[RealArray], ComplexArray]
-"""Response (F,) of the measurement's filter H at omega [rad/s] (F,)."""
+"""Function: omega [rad/s] (F,) -> response (F,) of the measurement filter H."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledPlant:
-    """A plant and its measurement's filter, u held over a period: x' = A x + B u.
+    """A plant with its measurement filter, sampled with u held over a period: x' = A x + B u.
 
-    A (n, n), B (n, 1); output (1, n): the state's share in y; measured (1, n): in H y. gain: k of
-    the measured error. period [s]. filter: response of H.
+    A is (n, n), B (n, 1). The plant's output is y = output x, and the filtered output is H y =
+    measured x, both rows (1, n). `gain` is the factor k of the measured error, `period` the
+    sampling period [s], and `filter` the response of H.
 
     Examples
     --------
@@ -77,15 +78,15 @@ class ControllerMode:
 
 
 Modes = tuple[ControllerMode, ControllerMode]
-"""While the measurement is clean, and while it has a defect."""
+"""The mode while the measurement is clean, and the mode while it has a defect."""
 
 
 @dataclass(frozen=True, eq=False)
 class SwitchedLoop:
-    """Both modes of a loop: x[k + 1] = A_i x[k] + B_i H w[k], error w - output x.
+    """Both modes of a loop: x[k + 1] = A_i x[k] + B_i H w[k], with the error w - output x.
 
-    clean, defect: A_i (n, n) and B_i (n, 1) of each mode. output (1, n). period [s]. filter:
-    response of H.
+    `clean` and `defect` hold A_i (n, n) and B_i (n, 1) of each mode. `output` is (1, n), `period`
+    the sampling period [s], and `filter` the response of H.
 
     Examples
     --------
@@ -114,7 +115,7 @@ class SwitchedLoop:
 
 
 def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
-    """The loop of a plant and of controllers in two modes, closed with negative feedback.
+    """The loop of a plant and a controller with two modes, closed with negative feedback.
 
     Examples
     --------
@@ -140,7 +141,7 @@ def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
 
 
 def transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
-    """A of the loop (n + m, n + m) in one mode, states of the plant first."""
+    """Matrix A of the loop (n + m, n + m) in one mode; the plant's states come first."""
     read = plant.gain * plant.measured
     return np.block(
         [[plant.A - plant.B @ mode.D @ read, plant.B @ mode.C], [-mode.B @ read, mode.A]]
@@ -148,15 +149,15 @@ def transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
 
 
 def disturbance_input(plant: SampledPlant, mode: ControllerMode) -> RealArray:
-    """B of the loop (n + m, 1) in one mode, from the disturbance behind the filter, H w."""
+    """Matrix B of the loop (n + m, 1) in one mode, for the filtered disturbance H w as input."""
     return plant.gain * np.vstack([plant.B @ mode.D, mode.B])
 
 
 def closed_transition(G: StateSpace, K: StateSpace, delay: float) -> RealArray:
-    """Transition (n, n) over a sample of G behind a hold, and of K in negative feedback.
+    """Transition matrix (n, n) over a sample: G behind a hold, with K in negative feedback.
 
-    G: continuous, strictly proper; K: sampled, its dt is the period [s]; delay: samples by which u
-    is late.
+    G is continuous and strictly proper. K is sampled; its dt is the period [s]. `delay` is the
+    delay of u [samples].
 
     Examples
     --------

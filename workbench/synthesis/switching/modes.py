@@ -25,19 +25,19 @@ class Mode:
         Transition matrix over one sample (n, n), or (V, n, n) for V plants. The plant stays the
         same while the modes change.
     shortest
-        Shortest stay [samples]; None: it is sought.
+        Shortest stay [samples]; None if it is sought.
     longest
-        Longest stay [samples]; None: no limit.
+        Longest stay [samples]; None for no limit.
     rate
-        V^(1/2) must fall by this factor in every sample, and rate^(n - 1) A replaces A^n, so that
-        the proof holds for the convex hull of the A. None: the powers of each A are used.
+        Factor by which V^(1/2) must fall in every sample. rate^(n - 1) A then replaces A^n, and the
+        proof holds for the convex hull of the matrices A. None uses the powers of each A.
 
     Raises
     ------
     InputError
-        A matrix is not square or not finite; stays are not whole and positive, or in the wrong
-        order; a sought mode has a longest stay; or the rate is not between 0 and 1, or belongs to a
-        mode with a longest stay.
+        A matrix is not square or not finite; stays are not positive whole numbers, or are in the
+        wrong order; a mode whose shortest stay is sought has a longest stay; or the rate is not
+        between 0 and 1, or belongs to a mode with a longest stay.
 
     Examples
     --------
@@ -67,12 +67,12 @@ class Mode:
         if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest is None):
             raise InputError(
                 f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest}; a rate must "
-                "be above 0, below 1, and of a mode without a longest stay"
+                "lie between 0 and 1, and the mode must have no longest stay"
             )
 
     @property
     def decaying(self) -> RealArray:
-        """A / rate (V, n, n), under which V must fall; A where there is no rate."""
+        """A / rate (V, n, n), for which V must decrease; A where there is no rate."""
         return self.A / (self.rate or 1.0)
 
     def over(self, stay: int) -> RealArray:
@@ -126,8 +126,8 @@ def check_modes(modes: Any) -> None:
         if mode.A.shape != first.A.shape:
             raise InputError(
                 f"modes {first.name!r} and {mode.name!r} have A of shapes {first.A.shape} and "
-                f"{mode.A.shape}; all must have the same plants and states, those that a mode does "
-                "not use among them"
+                f"{mode.A.shape}; all must have the same plants and states, and also those "
+                "that a mode does not use"
             )
 
 

@@ -1,7 +1,7 @@
 """Periodic switchings of two modes that make a switched system unstable.
 
-With stays n and m, x grows if A^n B^m has a spectral radius above 1. In coordinates in which every
-sample of A shrinks x, a norm of A^n B^m below 1 excludes most pairs; all others are tried.
+With stays n and m, x grows if A^n B^m has a spectral radius above 1. Coordinates are chosen in
+which the norm of A is below 1. Pairs with |A^n| |B^m| < 1 cannot be unstable; all others are tried.
 """
 
 from __future__ import annotations
@@ -17,33 +17,38 @@ from workbench.arrays import RealArray
 from workbench.synthesis.switching.modes import Mode
 
 GROWTH_MARGIN = 1e-9
-"""Least excess of a spectral radius over 1 that counts as growth."""
+"""Smallest excess of a spectral radius over 1 that counts as growth."""
 MOST_STAYS = 2000
-"""Most stays of a mode that are tried; of more, a logarithmic selection."""
+"""Largest number of stays of a mode that are tried. More stays are thinned out on a logarithmic
+scale.
+"""
 PAIRS_AT_ONCE = 20_000
 """Number of products whose eigenvalues are computed together."""
 
 
 def longest_unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:
-    """The longest dwell [samples] that a periodic switching makes unstable, and the other's stay.
+    """Longest dwell time of `sought` with an unstable periodic switching, and the stay in `other`.
 
-    Both modes keep the dwell where both are sought. (0, 0) where no pair of stays is unstable.
+    Both are in samples. Where both modes are sought, both stays are at least the dwell time. (0, 0)
+    where no pair of stays is unstable.
     """
     plants = zip(sought.A, other.A, strict=True)
-    return max(_of_plant(A, B, other, limit) for A, B in plants)
+    return max(_longest_unstable_of_plant(A, B, other, limit) for A, B in plants)
 
 
-def _of_plant(A: RealArray, B: RealArray, other: Mode, limit: int) -> tuple[int, int]:
-    A, B = _contracting(A, B)
+def _longest_unstable_of_plant(
+    A: RealArray, B: RealArray, other: Mode, limit: int
+) -> tuple[int, int]:
+    A, B = _contracting_coordinates(A, B)
     both = other.shortest is None
     if other.longest is None:
-        m = np.arange(other.shortest or 1, _until_small(B, limit) + 1)
+        m = np.arange(other.shortest or 1, _contraction_stay(B, limit) + 1)
     else:
         m = np.arange(other.shortest or 1, other.longest + 1)
-    m = _selected(m)
+    m = _thinned_stays(m)
     second = _powers(B, m)
     sizes = np.linalg.norm(second, 2, axis=(1, 2))
-    n = _selected(np.arange(1, _until_below(A, 1.0 / sizes.max(initial=1.0), limit) + 1))
+    n = _thinned_stays(np.arange(1, _first_power_below(A, 1.0 / sizes.max(initial=1.0), limit) + 1))
     first = _powers(A, n)
     rows, columns = np.nonzero(np.linalg.norm(first, 2, axis=(1, 2))[:, None] * sizes >= 1.0)
     dwell = np.minimum(n[rows], m[columns]) if both else n[rows]
@@ -58,26 +63,26 @@ def _of_plant(A: RealArray, B: RealArray, other: Mode, limit: int) -> tuple[int,
     return 0, 0
 
 
-def _contracting(A: RealArray, B: RealArray) -> tuple[RealArray, RealArray]:
-    """A, stable, and B in coordinates in which the norm of A is below 1."""
+def _contracting_coordinates(A: RealArray, B: RealArray) -> tuple[RealArray, RealArray]:
+    """A stable A and a B, in coordinates in which the norm of A is below 1."""
     _, (units, _) = matrix_balance(abs(A) + abs(B), permute=False, separate=True)
     A, B = (each / units[:, None] * units for each in (A, B))
     R = np.linalg.cholesky(solve_discrete_lyapunov(A.T, np.eye(len(A)))).T
     return tuple(R @ each @ np.linalg.inv(R) for each in (A, B))  # type: ignore[return-value]
 
 
-def _until_below(A: RealArray, level: float, limit: int) -> int:
-    """The first n <= limit with |A^n| < level, where |A| < 1."""
+def _first_power_below(A: RealArray, level: float, limit: int) -> int:
+    """The first n with |A^n| < level, at most `limit`; needs |A| < 1."""
     n, power = 1, A
     while n < limit and np.linalg.norm(power, 2) >= level:
         n, power = n + 1, A @ power
     return n
 
 
-def _until_small(B: RealArray, limit: int) -> int:
-    """A stay from which on |B^m| < 1, or the limit.
+def _contraction_stay(B: RealArray, limit: int) -> int:
+    """A stay k with |B^m| < 1 for all m >= k, at most `limit`.
 
-    Where |B^k| times the largest |B^r|, r <= k, is below 1, so is |B^m| for all m >= k.
+    If |B^k| times the largest |B^r|, r <= k, is below 1, then |B^m| < 1 for all m >= k.
     """
     power, largest = B, 1.0
     for m in range(1, limit):
@@ -89,8 +94,8 @@ def _until_small(B: RealArray, limit: int) -> int:
     return limit
 
 
-def _selected(stays: NDArray[np.int64]) -> NDArray[np.int64]:
-    """All of the stays, or `MOST_STAYS` on a logarithmic scale."""
+def _thinned_stays(stays: NDArray[np.int64]) -> NDArray[np.int64]:
+    """All stays, or about `MOST_STAYS` of them, spread on a logarithmic scale."""
     if len(stays) <= MOST_STAYS:
         return stays
     chosen = np.geomspace(stays[0], stays[-1], MOST_STAYS).round().astype(np.int64)

@@ -41,12 +41,13 @@ from workbench.synthesis.switching.modes import Mode, check_modes, is_whole
 from workbench.synthesis.switching.periodic import longest_unstable
 
 FALL_MARGIN = 1e-9
-"""Least relative fall of V, which balls prove."""
+"""Least relative decrease of V, which is proven by ball arithmetic."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Dwell(ProgramAnswer):
-    """Shortest stay ``samples`` of the sought modes, and the ``P`` (modes, n, n) that prove it.
+    """Shortest stay ``samples`` of the sought modes, and the matrices ``P`` (modes, n, n) that
+    prove it.
 
     Examples
     --------
@@ -68,8 +69,9 @@ class Dwell(ProgramAnswer):
 class SwitchedStability(Program):
     """The shortest stay in the sought modes for which any switching is stable.
 
-    One family of P proves stability for all plants. The result is a bound: shorter stays may be
-    stable too, down to ``destabilising``, which some periodic switching makes unstable.
+    The same matrices P prove stability for all plants. The result is an upper bound: shorter stays
+    may be stable too. ``destabilising`` is a lower bound: some periodic switching makes it
+    unstable.
 
     Parameters
     ----------
@@ -81,8 +83,9 @@ class SwitchedStability(Program):
     Raises
     ------
     InputError
-        There are fewer modes; no mode is sought; modes differ in plants or states; the limit is not
-        positive; a mode without a longest stay is unstable; or a plant does not reach a rate.
+        There is only one mode; no mode has a sought stay; modes differ in plants or states; the
+        limit is not positive; a mode without a longest stay is unstable; or the rate of a mode is
+        not above the spectral radius of each plant.
 
     Examples
     --------
@@ -138,12 +141,15 @@ class SwitchedStability(Program):
         return int(self.modes[0].A.shape[-1])
 
     def stays(self, mode: Mode, samples: int) -> range:
-        """Stays of a mode with inequalities of their own, if the sought dwell is ``samples``."""
+        """Stays of a mode that have an inequality of their own, if the sought dwell time is
+        ``samples``.
+        """
         shortest = samples if mode.shortest is None else mode.shortest
         return range(shortest, (mode.longest or shortest) + 1)
 
     def ratios(self, answer: Dwell, i: int) -> tuple[RealArray, float]:
-        """Bounds of V at the next entry over V_i (stays,), and of V_i after a sample over V_i.
+        """Bounds on V at the next entry over V_i (stays,), and on V_i after a sample over V_i
+        before it.
 
         The second is 0 for a mode with a longest stay, where V_i need not fall in every sample.
         """
@@ -162,9 +168,9 @@ class SwitchedStability(Program):
 
     @cached_property
     def destabilising(self) -> tuple[int, str]:
-        """The longest dwell [samples] that a periodic switching found makes unstable, and a text.
+        """Longest dwell time [samples] found with an unstable periodic switching, and a text.
 
-        The text says which switching; the dwell is 0 where none was found.
+        The text describes the switching. The dwell time is 0 where none was found.
         """
         best, which = 0, ""
         for i, one in enumerate(self.modes):
@@ -189,7 +195,9 @@ class SwitchedStability(Program):
         return float(answer.samples)
 
     def objective_scale(self, answer: Dwell) -> float:
-        """The shortest dwell time [samples] that no periodic switching found excludes."""
+        """The shortest dwell time [samples] that is not excluded by an unstable periodic
+        switching.
+        """
         return float(self.destabilising[0] + 1)
 
     # --- checks -------------------------------------------------------------------------------
@@ -238,7 +246,7 @@ class SwitchedStability(Program):
         return [*super().deep_opinion(answer), *exact_products(*self._allowed(answer))]
 
     def _allowed(self, answer: Dwell) -> tuple[list[RealArray], list[int], list[int | None]]:
-        """Transitions of the modes, and the shortest and longest stays in each."""
+        """Transition matrices of the modes, and the shortest and the longest stay in each."""
         shortest = [answer.samples if m.shortest is None else m.shortest for m in self.modes]
         return [m.A for m in self.modes], shortest, [m.longest for m in self.modes]
 

@@ -1,6 +1,6 @@
-"""Each controller of a switched loop by itself, with each plant: margins, decay, robust stability.
+"""Margins, decay and robust stability of each controller of a switched loop alone, for each plant.
 
-Closed with negative feedback, in continuous time, sampled, and sampled with a delay.
+Loops are closed with negative feedback: in continuous time, sampled, and sampled with a delay.
 """
 
 from __future__ import annotations
@@ -24,18 +24,20 @@ if TYPE_CHECKING:
     from workbench.uncertainty import GeneralisedPlant
 
 SAMPLINGS = ("continuous", "sampled", "delayed")
-"""Loops that are judged: "sampled" behind a hold, "delayed" with the computer's delay beside it."""
+"""Loops that are judged: "sampled" has a hold, "delayed" a hold and the computer's delay."""
 PADE_ORDER = 3
-"""Order of the rational delay; its phase is exact to 1e-6 rad up to omega delay = 0.5."""
+"""Order of the Pade approximation of the delay. Its phase is exact to 1e-6 rad up to omega delay =
+0.5.
+"""
 MU_TOLERANCE = 1e-2
-"""Relative width of the intervals of mu."""
+"""Relative width of the certified intervals of mu."""
 
 
 class MarginsOfPlants(NamedTuple):
-    """Gain margins [dB], phase margins [deg] and growth rates [1/s] of loops.
+    """Gain margins [dB], phase margins [deg] and growth rates [1/s] of closed loops.
 
-    Each is (controllers, SAMPLINGS, plants). Margins are NaN where the loop is unstable, that is,
-    where the growth rate is not negative.
+    Each array is (controllers, SAMPLINGS, plants). Margins are NaN where the loop is unstable, that
+    is, where its growth rate is not negative.
     """
 
     gain_db: RealArray
@@ -50,16 +52,16 @@ class SingleLoops:
     Parameters
     ----------
     controllers, plants
-        Continuous systems with one input and one output; the plants strictly proper.
+        Continuous systems with one input and one output. The plants are strictly proper.
     discrete
         The controllers as a computer runs them, under the same names; their dt is the period [s].
     delay
-        Turn-around of the computer [samples].
+        Computation delay [samples].
 
     Raises
     ------
     InputError
-        Other names of the discrete controllers.
+        The discrete controllers have other names than the controllers.
 
     Examples
     --------
@@ -82,7 +84,7 @@ class SingleLoops:
     def __post_init__(self) -> None:
         if list(self.discrete) != list(self.controllers):
             raise InputError(
-                f"discrete controllers {list(self.discrete)}; need those named "
+                f"discrete controllers {list(self.discrete)}; need the names "
                 f"{list(self.controllers)}"
             )
 
@@ -95,7 +97,7 @@ class SingleLoops:
         return sampled(G, K.dt, self.delay if sampling == "delayed" else 0.0) * K
 
     def growth(self, controller: str, plant: str, sampling: str) -> float:
-        """Growth rate [1/s] of the slowest decaying motion of a closed loop; negative if stable."""
+        """Growth rate [1/s] of the slowest motion of a closed loop; negative for a stable loop."""
         G = self.plants[plant]
         if sampling == "continuous":
             L = G * self.controllers[controller]
@@ -119,11 +121,12 @@ class SingleLoops:
         return MarginsOfPlants(gains, phases, growths)
 
     def robust(self, uncertain: GeneralisedPlant, context: Context) -> RealArray:
-        """Certified mu of robust stability (controllers, 2, 2): without and with delay; its bounds.
+        """Certified bounds on mu of robust stability (controllers, 2, 2): without and with delay,
+        lower and upper.
 
-        uncertain: continuous generalised plant that every controller is closed with. The delay is
-        that of hold and computer, half a period and `delay`, as a rational approximation. Infinite
-        where the nominal loop is unstable.
+        `uncertain` is the continuous generalised plant that is closed with every controller. The
+        delay is half a period for the hold plus the computer's `delay`, as a rational
+        approximation. Bounds are infinite where the nominal loop is unstable.
         """
         import control
 
@@ -136,6 +139,6 @@ class SingleLoops:
 
 
 def _mu(uncertain: GeneralisedPlant, K: StateSpace) -> tuple[float, float]:
-    """Bounds of the peak; infinite where the nominal loop is unstable already."""
+    """Bounds on the peak of mu; infinite where the nominal loop is unstable."""
     peak = conditions(uncertain, K, tolerance=MU_TOLERANCE).robust_stability
     return (math.inf, math.inf) if peak is None else (peak.lower, peak.upper)

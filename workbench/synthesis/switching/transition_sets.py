@@ -1,7 +1,8 @@
-"""Sets of transition matrices: bounds of quadratic functions over a set, and sets of held plants.
+"""Sets of transition matrices: bounds on quadratic functions over a set, and sets of plants with
+hold.
 
 A set is {sum w_v A_v + R: w_v >= 0, sum w_v = 1, |R| <= S entry by entry}: the convex hull of
-vertices plus a remainder. Since a norm is convex, a vertex attains its largest value over the hull.
+vertices, plus a remainder. Since a norm is convex, its largest value over the hull is at a vertex.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from workbench.certify.quadratic_forms import BITS, QuadraticForm, power
 from workbench.errors import InputError
 
 LARGEST_EXPONENT = 500.0
-"""Largest norm of a matrix whose exponential is computed: others overflow."""
+"""Largest norm of a matrix whose exponential is computed. Larger ones may overflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class TransitionSet:
     """A set with ``vertices`` A_v (V, n, n) and ``remainder`` S (n, n).
 
-    Raises InputError for other sizes, entries that are not finite, and a negative remainder.
+    Raises InputError for wrong shapes, entries that are not finite, and a negative remainder.
     """
 
     vertices: RealArray
@@ -46,7 +47,7 @@ class TransitionSet:
             raise InputError("the remainder bounds magnitudes; it must not be negative")
 
     def ratio(self, P: RealArray, Q: RealArray) -> float:
-        """Upper bound of the ratio of (A x)' Q (A x) to x' P x over the set and all x.
+        """Upper bound on (A x)' Q (A x) / x' P x over all A in the set and all x.
 
         Raises InputError unless P and Q are positive definite.
         """
@@ -61,9 +62,9 @@ class TransitionSet:
 def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionSet:
     """A set that contains exp(h (M_0 + sum d_i M_i)) for all |d_i| <= 1.
 
-    Its vertices are those of the linear part, and its remainder bounds the rest. With
-    M = [A B; 0 0] it describes a plant whose inputs are held over h. Let X = h M_0 and
-    Y = h sum d_i M_i, and let L be the part of the exponential that is linear in Y. Then
+    The vertices of the set are those of the part linear in d, and its remainder bounds the rest.
+    With M = [A B; 0 0] the set describes a plant whose inputs are held for the time h. Let X = h
+    M_0 and Y = h sum d_i M_i, and let L be the part of the exponential that is linear in Y. Then
 
         |exp(X + Y) - exp(X) - L(X, Y)| <= exp(|X| + |Y|) - exp(|X|) - L(|X|, |Y|)
 
@@ -109,7 +110,9 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
 
 
 def _derivative(X: Any, Y: Any) -> Any:
-    """Derivative of the exponential at balls X in the direction Y: a block of exp([X Y; 0 X])."""
+    """Derivative of the matrix exponential at X in the direction Y, in ball arithmetic: a block of
+    exp([X Y; 0 X]).
+    """
     n = X.nrows()
     rows = [[*X.tolist()[i], *Y.tolist()[i]] for i in range(n)]
     rows += [[*([0] * n), *X.tolist()[i]] for i in range(n)]

@@ -1,1 +1,1 @@
-"""An algebra of uncertain systems."""
+"""Arithmetic and connection of uncertain systems."""

@@ -1,4 +1,4 @@
-"""Figures of many members of an uncertain system."""
+"""Figures with many members of an uncertain system."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 
 POINTS = 400
-"""Frequencies of a curve, beside those at resonances of the nominal."""
+"""Number of frequencies of a curve, in addition to those at resonances of the nominal."""
 
 
 def bundle(nominal: StateSpace, members: Sequence[StateSpace]) -> Figure:
-    """Gain over frequency, of several channels the largest, of the nominal and of members."""
+    """Gain over frequency of the nominal and of members; the largest gain for several channels."""
     omega = frequencies_of(nominal)
     omega = np.union1d(omega, np.geomspace(omega[0], omega[-1], POINTS))
     if nominal.dt:

@@ -1,4 +1,4 @@
-"""A system closed by values of its perturbation, with all states kept."""
+"""A system closed with values of its perturbation; all states are kept."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from workbench.uncertainty.algebra.elements import Element
 
 
 class IllPosedError(InputError):
-    """Values of uncertain elements at which a system divides by zero."""
+    """A system divides by zero at some values of its uncertain elements."""
 
 
 def closed_above(
     whole: StateSpace, deltas: Sequence[tuple[Any, int, Element]], values: Mapping[str, Any]
 ) -> StateSpace:
-    """F_u(whole, Delta) with the delta of each element, a number or dynamics, so many times.
+    """F_u(whole, Delta), where the delta of each element, a number or dynamics, occurs `times`
+    times.
 
-    Raises InputError for a loop that overflows doubles, IllPosedError for one that is singular;
-    ``values`` are what they call it.
+    Raises InputError for a loop that overflows doubles, and IllPosedError for a singular one;
+    ``values`` is the text for the values in the message.
     """
     import control
 
@@ -46,7 +47,9 @@ def closed_above(
 
 
 def _repeated(delta: StateSpace, times: int, size: int) -> StateSpace:
-    """Dynamics that occur several times, for channels (channel, occurrence) padded to `size`."""
+    """Dynamics that occur several times, with channels ordered (channel, occurrence), padded to
+    `size`.
+    """
     one = np.eye(times)
     B, C = np.zeros((delta.nstates, size)), np.zeros((size, delta.nstates))
     D = np.zeros((size, size))

@@ -1,4 +1,4 @@
-"""Systems with uncertain coefficients: matrices of states, and transfer functions."""
+"""Systems with uncertain coefficients: state-space matrices and transfer functions."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from workbench.uncertainty.algebra.system import UncertainSystem, combined_eleme
 def ss(*args: Any, **kwargs: Any) -> UncertainSystem:
     """A state-space system whose matrices have uncertain entries.
 
-    ``ss(A, B, C, D)``, with the sampling time [s] after them or as ``dt=``: each is an array of
-    numbers, an uncertain matrix, or a list of rows of numbers and uncertain numbers. Repetitions of
-    elements are reduced as far as `UncertainSystem.reduced` does. ``ss(system)`` takes a system of
-    any kind. Keywords name the system and its signals, as those of `control.ss` do.
+    ``ss(A, B, C, D)`` may have the sampling time [s] as fifth argument or as ``dt=``. Each matrix
+    is an array of numbers, an uncertain matrix, or a list of rows of numbers and uncertain numbers.
+    Repetitions of elements are reduced as by `UncertainSystem.reduced`. ``ss(system)`` takes a
+    system of any kind. Keywords name the system and its signals, as those of `control.ss` do.
 
     Examples
     --------
@@ -45,13 +45,13 @@ def ss(*args: Any, **kwargs: Any) -> UncertainSystem:
 
 
 def tf(*args: Any, **kwargs: Any) -> Any:
-    """A transfer function whose coefficients, the highest power first, may be uncertain.
+    """A transfer function with coefficients that may be uncertain, highest power first.
 
-    ``tf(num, den)``, with the sampling time [s] after them or as ``dt=``. Each coefficient enters
-    the realisation once, so that bounds of what it does are tight. Of several inputs and outputs,
-    num and den are lists of rows of polynomials. ``tf(system)`` takes a system of any kind, and
-    ``tf([[G, H]])`` an array of them. ``tf("s")`` and ``tf("z")`` are python-control's own.
-    Keywords name the system and its signals, as those of `control.tf` do.
+    ``tf(num, den)`` may have the sampling time [s] as third argument or as ``dt=``. Each
+    coefficient enters the realisation only once, so that bounds on its effect are tight. For
+    several inputs and outputs, num and den are lists of rows of polynomials. ``tf(system)`` takes a
+    system of any kind, and ``tf([[G, H]])`` an array of them. ``tf("s")`` and ``tf("z")`` are
+    python-control's own. Keywords name the system and its signals, as those of `control.tf` do.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def tf(*args: Any, **kwargs: Any) -> Any:
         (only,) = call.given
         if isinstance(only, str):
             if only not in ("s", "z"):
-                raise InputError(f'tf was given {only!r}; of texts it takes "s" and "z"')
+                raise InputError(f'tf was given {only!r}; the texts that it takes are "s" and "z"')
             with python_controls_errors():
                 return control.tf(only, **kwargs)
         return named(_converted(call, kwargs), call.naming)
@@ -80,7 +80,7 @@ def tf(*args: Any, **kwargs: Any) -> Any:
     if not _has_rows(num):
         return named(_fraction(num, den, call.dt), call.naming)
     if not _has_rows(den) or [len(row) for row in num] != [len(row) for row in den]:
-        raise InputError("num has rows of polynomials; den needs as many in rows as long")
+        raise InputError("num has rows of polynomials; den needs as many rows of the same lengths")
     rows = [
         [_fraction(above, below, call.dt) for above, below in zip(*pair, strict=True)]
         for pair in zip(num, den, strict=True)
@@ -89,7 +89,7 @@ def tf(*args: Any, **kwargs: Any) -> Any:
 
 
 def _converted(call: Call, kwargs: Mapping[str, Any]) -> UncertainSystem:
-    """A system that is given as a whole, or as an array of systems."""
+    """The system, if a call gives a whole system or an array of systems."""
     (given,) = call.given
     rows = isinstance(given, list | tuple) or (
         isinstance(given, np.ndarray) and given.dtype.hasobject
@@ -103,7 +103,7 @@ def _converted(call: Call, kwargs: Mapping[str, Any]) -> UncertainSystem:
 
 
 def _has_rows(given: Any) -> bool:
-    """Whether it is a list of rows of polynomials, as of several inputs and outputs."""
+    """Whether `given` is a list of rows of polynomials, for several inputs and outputs."""
     for _ in range(2):
         if not isinstance(given, list | tuple | np.ndarray) or not len(given):
             return False
@@ -113,20 +113,22 @@ def _has_rows(given: Any) -> bool:
 
 def _state_space(A: Any, B: Any, C: Any, D: Any, dt: float | None) -> UncertainSystem:
     if all(isinstance(part, list | tuple) and not any(part) for part in (A, B, C)):
-        direct = _matrix(D, "D")  # as python-control's ss([], [], [], D): a static system
+        direct = _matrix(D, "D")  # a static system, as python-control's ss([], [], [], D)
         return replace(direct, dt=dt or direct.dt)
     parts = [_matrix(given, name) for given, name in ((A, "A"), (B, "B"), (C, "C"), (D, "D"))]
     states = parts[0].noutputs
     if parts[0].ninputs != states:
         raise InputError(f"A has shape {parts[0].value.shape}; it must be square")
-    if parts[3].value.shape == (1, 1) and _is_zero(parts[3]):  # as of python-control, for no D
+    if parts[3].value.shape == (1, 1) and _is_zero(
+        parts[3]
+    ):  # as in python-control, D is then zero
         parts[3] = uncertain(np.zeros((parts[2].noutputs, parts[1].ninputs)))
     whole = matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
     return _with_states(lift(whole), states, combined_elements(parts), dt)
 
 
 def _fraction(num: Any, den: Any, dt: float | None) -> UncertainSystem:
-    """A transfer function of one input and one output."""
+    """A transfer function with one input and one output."""
     above = [_number(one, "num") for one in _coefficients(num, "num")]
     below = [_number(one, "den") for one in _coefficients(den, "den")]
     while below and _is_zero(below[0]):
@@ -145,7 +147,7 @@ def _fraction(num: Any, den: Any, dt: float | None) -> UncertainSystem:
     b = [uncertain(0.0)] * (order + 1 - len(above)) + above
     if not order:
         return b[0] / below[0]
-    # a_n y = x_1 + b_n u and x_i' = x_(i+1) + b_(n-i) u - a_(n-i) y: each coefficient stands once.
+    # a_n y = x_1 + b_n u and x_i' = x_(i+1) + b_(n-i) u - a_(n-i) y: each coefficient occurs once.
     first = [*np.eye(order)[0], b[0].value]
     chain = [[*row, one.value] for row, one in zip(np.eye(order, k=1), b[1:], strict=True)]
     output = lift(matrix([first])) / below[0].value
@@ -157,13 +159,13 @@ def _fraction(num: Any, den: Any, dt: float | None) -> UncertainSystem:
 def _with_states(
     whole: LFT, states: int, elements: dict[str, Element], dt: float | None
 ) -> UncertainSystem:
-    """The system of [A B; C D] with so many states, its repetitions of elements reduced."""
+    """The system of [A B; C D] with `states` states and reduced repetitions of elements."""
     value = LFT(whole.M, whole.names + (INTEGRATOR,) * states)
     return UncertainSystem(value, elements, dt)._used().reduced()
 
 
 def _matrix(given: Any, name: str) -> UncertainSystem:
-    """An uncertain matrix from what people write for one."""
+    """An uncertain matrix from an array, an uncertain matrix or a list of rows."""
     if isinstance(given, UncertainSystem):
         return _constant(given, name)
     if not isinstance(given, list | tuple):
@@ -175,7 +177,9 @@ def _matrix(given: Any, name: str) -> UncertainSystem:
     rows = [as_list(row, f"a row of {name}") for row in given]
     parts = [[_number(entry, name) for entry in row] for row in rows]
     if len({len(row) for row in parts}) != 1:
-        raise InputError(f"{name} has rows of lengths {[len(row) for row in parts]}; one is needed")
+        raise InputError(
+            f"{name} has rows of lengths {[len(row) for row in parts]}; they must be equal"
+        )
     value = matrix([[entry.value for entry in row] for row in parts])
     flat = [entry for row in parts for entry in row]
     return UncertainSystem(value, combined_elements(flat))

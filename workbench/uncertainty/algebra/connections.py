@@ -1,4 +1,4 @@
-"""Connections of uncertain systems: beside each other, in blocks, and in a loop."""
+"""Connections of uncertain systems: in parallel, in series, in blocks, and in a loop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from workbench.uncertainty.algebra.system import (
 
 
 def append(*sys: Any, **kwargs: Any) -> UncertainSystem:
-    """Systems beside each other: the inputs and outputs of the first, then of the second, ...
+    """Block diagonal system: the inputs and outputs of the first system, then of the second, ...
 
     Keywords name the result and its signals, as those of `control.append` do.
 
@@ -41,7 +41,7 @@ def append(*sys: Any, **kwargs: Any) -> UncertainSystem:
 
 
 def series(*sys: Any, **kwargs: Any) -> UncertainSystem:
-    """Systems one after the other, the first one first: series(G, H) is H G.
+    """Systems in series; the first one comes first, so series(G, H) is H G.
 
     Keywords name the result and its signals, as those of `control.series` do.
 
@@ -61,17 +61,18 @@ def series(*sys: Any, **kwargs: Any) -> UncertainSystem:
 
 
 def _systems(given: tuple[Any, ...], function: str) -> list[UncertainSystem]:
-    """At least one system."""
+    """The given systems; raises InputError if there are none."""
     if not given:
         raise InputError(f"{function} needs at least one system")
     return [with_channels(one, f"system {k}") for k, one in enumerate(given, start=1)]
 
 
 def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
-    """A system of blocks as `numpy.block` puts arrays together: [[a, b], [c, d]].
+    """A system composed of blocks as in `numpy.block`: [[a, b], [c, d]].
 
-    Blocks of a row have the same outputs, those of a column the same inputs. Each is a system or a
-    model of any kind, a number or an array; no element occurs more often than in the blocks.
+    Blocks of a row have the same outputs, and blocks of a column the same inputs. Each block is a
+    system or a model of any kind, a number or an array. No element occurs more often than in the
+    blocks.
 
     Raises InputError for rows of different lengths, sizes or sampling times that do not fit.
 
@@ -85,7 +86,9 @@ def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
     given = [as_list(row, f"row {i}") for i, row in enumerate(as_list(rows, "rows"), start=1)]
     lengths = {len(row) for row in given}
     if len(lengths) != 1 or not lengths.pop():
-        raise InputError(f"rows have {[len(row) for row in given]} blocks; they need the same")
+        raise InputError(
+            f"rows have {[len(row) for row in given]} blocks; they need the same number"
+        )
     parts = [
         [with_channels(one, f"block {i}, {j}") for j, one in enumerate(row, start=1)]
         for i, row in enumerate(given, start=1)
@@ -108,7 +111,7 @@ def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
 
 
 def feedback(sys1: Any, sys2: Any = 1, sign: int = -1, **kwargs: Any) -> UncertainSystem:
-    """The loop y = sys1 (u + sign sys2 y); no element occurs more often than before.
+    """The loop y = sys1 (u + sign sys2 y); no element occurs more often than in sys1 and sys2.
 
     Keywords name the result and its signals, as those of `control.feedback` do.
 
@@ -143,7 +146,7 @@ def feedback(sys1: Any, sys2: Any = 1, sign: int = -1, **kwargs: Any) -> Uncerta
 def not_well_posed(
     first: str, one: UncertainSystem, second: str, other: UncertainSystem
 ) -> InputError:
-    """The refusal of a loop of two systems by name, whose direct terms make it singular."""
+    """The error for a loop of two named systems that is singular because of their direct terms."""
     direct = (str(each.value.blocks[3].tolist()) for each in (one, other))
     return InputError(
         "the loop is not well posed: it is singular through the direct terms of its parts at the "

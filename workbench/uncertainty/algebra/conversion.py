@@ -1,4 +1,4 @@
-"""Uncertainty models and parametric models as LFTs in named elements."""
+"""Conversion of uncertainty models and parametric models to LFTs in named elements."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 
 
 def pulled_out(part: UncertainPart) -> tuple[LFT, dict[str, Element], float | None]:
-    """The LFT of a model, its blocks as elements of their names, and its sampling time.
+    """The LFT of a model, its blocks as named elements, and its sampling time.
 
-    Parameters keep their ranges; the scalars of an `UncertaintyModel` are normalised, and are its
-    own: those of two models are two perturbations, though both are called "complex".
+    Parameters keep their ranges. The scalars of an `UncertaintyModel` are normalised and belong to
+    this model: two models have two different perturbations, even if both are called "complex".
     """
     system, structure = part.system, part.structure
     ranges = {one.name: one for one in getattr(part, "parameters", ())}
@@ -50,7 +50,7 @@ def pulled_out(part: UncertainPart) -> tuple[LFT, dict[str, Element], float | No
         elements[name] = element
     n = system.nstates
     outputs, inputs = system.noutputs, system.ninputs
-    M = np.zeros((n + outputs + 1, n + inputs + 1))  # the last row and column pad
+    M = np.zeros((n + outputs + 1, n + inputs + 1))  # the last row and column are padding
     M[:-1, :-1] = np.block([[system.A, system.B], [system.C, system.D]])
     ordered_rows = [
         *range(n),

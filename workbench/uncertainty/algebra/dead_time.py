@@ -1,11 +1,12 @@
-"""Known dead time in a system's LFT: its channels pulled out, closed, and summed up in series.
+"""Known dead time in a system's LFT: extracting its channels, closing them, and adding delays in
+series.
 
 A dead time T is a channel whose scalar is exp(-s T) exactly. Its rational approximation is
-all-pass: exp(-s T) = P(s) (1 + e(s)) with the diagonal Pade approximation P of order n, where
-|e(j w)| = 2 |sin(theta / 2)| and theta is the difference of the two phases. With P = Q(-s) / Q(s)
-and x = w T the slope of theta is c^2 x^(2n) / |Q(j x)|^2, c = n! / (2n)! (which follows from
-Q(s) exp(s) - Q(-s) = O(s^(2n+1)): the slope is a ratio of even polynomials whose numerator can have
-its top power only). As |Q(j x)| >= Q(0) = 1,
+all-pass: exp(-s T) = P(s) (1 + e(s)) with the diagonal Pade approximation P of order n, where |e(j
+w)| = 2 |sin(theta / 2)| and theta is the difference of the two phases. With P = Q(-s) / Q(s) and x
+= w T the slope of theta is c^2 x^(2n) / |Q(j x)|^2, c = n! / (2n)! (this follows from Q(s) exp(s) -
+Q(-s) = O(s^(2n+1)): the slope is a ratio of even polynomials, and its numerator can contain only
+the highest power). Since |Q(j x)| >= Q(0) = 1,
 
     |e| <= min(2, c^2 x^(2n+1) / (2n+1)) <= 2 min(1, (x / a)^k) <= |W(j x)|,   k <= 2n + 1,
     W = 2 sqrt(2) (s/a)^k / B(s/a),   a = (2 (2n+1) / c^2)^(1 / (2n+1)),
@@ -35,7 +36,7 @@ from workbench.uncertainty.algebra.lft import LFT, diagonal, linked
 
 @dataclass(frozen=True)
 class DeadTime(Element):
-    """A known delay [s], exp(-s delay): nothing about it is uncertain."""
+    """A known delay [s], exp(-s delay), without uncertainty."""
 
     delay: float
 
@@ -57,7 +58,7 @@ class DeadTime(Element):
 
     @property
     def refusal(self) -> str:
-        """What is told where a system with states is needed."""
+        """The error for a function that needs a system with states."""
         return (
             f"the dead time {self.name} of {self.delay:g} s has no state-space system; "
             "`loop_margins`, `robust_stability` and `response` take it as it is, and "
@@ -66,14 +67,14 @@ class DeadTime(Element):
 
 
 def dead_times(elements: Mapping[str, Element]) -> dict[str, DeadTime]:
-    """Those of the elements that are known delays, by name."""
+    """The elements that are known delays, by name."""
     return {name: one for name, one in elements.items() if isinstance(one, DeadTime)}
 
 
 def need_no_dead_time(elements: Mapping[str, Element], function: str, proven: str) -> None:
-    """Raise InputError, with the call that answers, where a function's system has known delays.
+    """Raise InputError if a function's system has known delays; the message gives the call to use.
 
-    ``proven`` says what of the answer to that call holds with the dead time itself.
+    ``proven`` says which part of the answer to that call holds for the dead time itself.
     """
     late = dead_times(elements)
     if not late:
@@ -87,7 +88,9 @@ def need_no_dead_time(elements: Mapping[str, Element], function: str, proven: st
 
 
 def channels_pulled_out(lft: LFT, names: Sequence[str]) -> tuple[LFT, tuple[str, ...]]:
-    """Channels of these names as the first outputs and inputs; and the name of each of them."""
+    """The LFT with the channels of these names as first outputs and inputs, and the name of each
+    channel.
+    """
     out = [k for k, name in enumerate(lft.names) if name in names]
     kept = [k for k in range(len(lft.names)) if k not in out]
     r = len(lft.names)
@@ -98,7 +101,7 @@ def channels_pulled_out(lft: LFT, names: Sequence[str]) -> tuple[LFT, tuple[str,
 
 
 def closed_with(pulled: LFT, parts: Sequence[LFT]) -> LFT:
-    """An LFT whose first outputs are led back to its first inputs, each through a part."""
+    """An LFT whose first outputs are fed back to its first inputs, each through a part."""
     d = len(parts)
     p, m = pulled.shape[0] - d, pulled.shape[1] - d
     whole = diagonal(pulled, *parts)  # outputs (z, y, w), inputs (w, u, z)
@@ -115,7 +118,9 @@ def closed_with(pulled: LFT, parts: Sequence[LFT]) -> LFT:
 
 
 def closed_response(found: Array, delays: Sequence[float], omega: ArrayLike) -> Array:
-    """Responses (F, p, m) of (F, d + p, d + m) whose first d channels return after delays [s]."""
+    """Responses (F, p, m) from `found` (F, d + p, d + m), whose first d channels are closed with
+    delays [s].
+    """
     d = len(delays)
     turns = np.exp(-1j * np.multiply.outer(np.atleast_1d(np.asarray(omega, dtype=float)), delays))
     loop = np.eye(d) - turns[:, :, None] * found[:, :d, :d]
@@ -125,9 +130,9 @@ def closed_response(found: Array, delays: Sequence[float], omega: ArrayLike) -> 
 
 
 def total_delay(lft: LFT, times: Mapping[str, float]) -> Fraction | None:
-    """The dead time [s] of every path from the inputs to the outputs; None where paths differ.
+    """The dead time [s] common to all paths from the inputs to the outputs; None if paths differ.
 
-    Channels of names in ``times`` are delayed; a path that leads back to where it was must not be.
+    Channels with names in ``times`` are delayed. A closed path must not contain a delay.
     """
     r = len(lft.names)
     follows = [np.flatnonzero(column) for column in lft.M.T]
@@ -137,7 +142,7 @@ def total_delay(lft: LFT, times: Mapping[str, float]) -> Fraction | None:
     waiting = [(int(k), Fraction(0)) for u in range(r, lft.M.shape[1]) for k in follows[u]]
     while waiting:
         k, late = waiting.pop()
-        k = min(k, r)  # all outputs are one place
+        k = min(k, r)  # all outputs count as one node
         if k < r and k not in seen:
             continue
         if k in arrived:
@@ -151,16 +156,18 @@ def total_delay(lft: LFT, times: Mapping[str, float]) -> Fraction | None:
 
 
 def _leading_to_outputs(lft: LFT) -> list[int]:
-    """Channels from which a path leads to an output."""
+    """Mask of the channels from which a path leads to an output."""
     r = len(lft.names)
     found = [k for k in range(r) if lft.M[r:, k].any()]
-    for k in found:  # grows as it goes
+    for k in found:  # the list grows during the loop
         found += [int(j) for j in np.flatnonzero(lft.M[k, :r]) if j not in found]
     return found
 
 
 def pade(delay: float, order: int) -> StateSpace:
-    """P: all-pass, of so many states; its realisation has entries of like sizes."""
+    """The Pade approximation P: all-pass, with `order` states; entries of its realisation have
+    similar sizes.
+    """
     import control
 
     n = order
@@ -172,14 +179,14 @@ def pade(delay: float, order: int) -> StateSpace:
 
 
 def pade_corner(order: int) -> float:
-    """a, the frequency times the delay at which the bound of the error reaches 2."""
+    """The constant a: frequency times delay at which the bound on the error reaches 2."""
     n = order
     square = (math.factorial(n) / math.factorial(2 * n)) ** 2
     return float((2.0 * (2 * n + 1) / square) ** (1.0 / (2 * n + 1)))
 
 
 def pade_error(delay: float, order: int) -> StateSpace:
-    """W: its magnitude is at least the relative error of P, at every frequency."""
+    """The weight W: its magnitude is at least the relative error of P at every frequency."""
     import control
 
     poles = np.exp(1j * math.pi * (2 * np.arange(order) + order + 1) / (2 * order))
@@ -190,7 +197,7 @@ def pade_error(delay: float, order: int) -> StateSpace:
 
 
 def _in_time(function: Any, unit: float) -> StateSpace:
-    """A transfer function in units of time as a system in seconds."""
+    """A transfer function in another unit of time, converted to a system in seconds."""
     import control
 
     one = control.ss(function)

@@ -1,4 +1,4 @@
-"""Uncertain delays: in analysis a disk that covers them, in samples the delays themselves."""
+"""Uncertain delays: analysis uses a disk that covers them, samples use the delays themselves."""
 
 from __future__ import annotations
 
@@ -19,26 +19,29 @@ from workbench.systems.conversion import as_system
 from workbench.uncertainty.algebra.elements import Element
 
 PADE_ORDER = 8
-"""Order of the rational delays in samples: their phase errs by less than 0.01 rad up to omega tau =
-7."""
+"""Order of the Pade approximation of delays in samples. Its phase error is below 0.01 rad up to
+omega tau = 7.
+"""
 NO_DELAY = 1e-9
-"""Share of the largest delay up to which a delay counts as none."""
+"""A delay below this share of the largest delay counts as zero."""
 SHORTEST_DELAY, LONGEST_DELAY = 1e-100, 1e100
-"""Largest delays [s] that a cover has: the coefficients of others go beyond doubles."""
+"""Smallest and largest upper limit of a delay [s] for which there is a cover. Coefficients for
+others overflow or underflow.
+"""
 COVER_ZEROS = (1 / 2.363, 2 * 0.838)
-"""Time over the delay, and twice the damping, of the numerator of the cover."""
+"""Time constant relative to the delay, and twice the damping, of the cover's numerator."""
 COVER_POLES = (1 / 2.363, 2 * 0.685)
-"""The same of its denominator."""
+"""Time constant relative to the delay, and twice the damping, of the cover's denominator."""
 
 
 @dataclass(frozen=True)
 class DelayElement(Element):
-    """exp(-s tau) as 1 + W delta, for tau from low to high [s].
+    """The delay exp(-s tau), tau from low to high [s], represented as 1 + W delta.
 
-    |W| is at least |exp(-j omega tau) - 1| and at most 2.1 % above the largest of them for tau up
-    to high (Z.-Q. Wang, P. Lundstrom, S. Skogestad, Representation of uncertain time delays in the
-    H-infinity framework, Int. J. Control 59 (1994) 627-638). Delta may have any phase, so the set
-    is larger than that of the delays.
+    |W| is at least |exp(-j omega tau) - 1| for all tau up to high, and at most 2.1 % above the
+    largest of these (Z.-Q. Wang, P. Lundstrom, S. Skogestad, Representation of uncertain time
+    delays in the H-infinity framework, Int. J. Control 59 (1994) 627-638). Delta may have any
+    phase, so the set is larger than the set of delays.
     """
 
     low: float
@@ -53,7 +56,7 @@ class DelayElement(Element):
 
     @property
     def cover(self) -> StateSpace:
-        """W."""
+        """The weight W."""
         import control
 
         above, below = _polynomials()
@@ -61,7 +64,7 @@ class DelayElement(Element):
         return control.ss(control.tf((above * scale)[::-1], (below * scale)[::-1]))
 
     def shortened(self, high: float) -> StateSpace:
-        """What delta is multiplied by, so that the set has delays up to another `high` only."""
+        """Factor on delta with which the set contains only delays up to a smaller `high`."""
         import control
 
         above, below = _polynomials()
@@ -71,7 +74,9 @@ class DelayElement(Element):
         return control.ss(control.tf(high / self.high * num[::-1], den[::-1]))
 
     def delta(self, value: Any) -> Any:
-        """(exp(-s tau) - 1) / W for a delay tau, made rational; a system as it is."""
+        """The rational approximation of (exp(-s tau) - 1) / W for a delay tau; a system is returned
+        unchanged.
+        """
         import control
 
         if not isinstance(value, numbers.Number):
@@ -81,7 +86,7 @@ class DelayElement(Element):
         tau = float(value)  # type: ignore[arg-type]
         if tau <= NO_DELAY * self.high:
             return 0.0
-        # In time over tau: (num - den) / s / den of the delay, times s / W.
+        # With time relative to tau: (num - den) / s / den of the delay, times s / W.
         den = _pade()
         k = np.arange(len(den))
         odd = np.where(k % 2 == 1, -2.0 * den, 0.0)[1:]
@@ -99,7 +104,9 @@ class DelayElement(Element):
 
 
 def _polynomials() -> tuple[RealArray, RealArray]:
-    """Numerator and denominator of W in s times the largest delay, lowest power first."""
+    """Numerator and denominator of W as polynomials in s times the largest delay, lowest power
+    first.
+    """
     (a, b), (c, d) = COVER_ZEROS, COVER_POLES
     above = polynomial.polymul([0.0, 1.0], [1.0, b * a, a * a])
     below = polynomial.polymul([1.0, 0.5], [1.0, d * c, c * c])

@@ -1,7 +1,7 @@
-"""What is uncertain: real and complex scalars in a range, and dynamics of bounded gain.
+"""Uncertain elements: real and complex scalars in a range, and dynamics with bounded gain.
 
-Each element is a normalised perturbation of size at most 1, and its channels of an LFT have names
-of their own: a scalar has one name, a block of dynamics (r, c) one for each of max(r, c) channels.
+Each element stands for a normalised perturbation of size at most 1. Its channels in an LFT have
+names: a scalar has one name, and a block of dynamics (r, c) has one for each of max(r, c) channels.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from workbench.systems.conversion import as_system
 
 @dataclass(frozen=True)
 class Element(ABC):
-    """An uncertain element; two with one name must be equal.
+    """An uncertain element; two elements with the same name must be equal.
 
-    ``owner`` is the model that the element belongs to. It tells elements of equal default names
-    apart: "complex" of one model is another element than "complex" of another model.
+    ``owner`` is the model to which the element belongs. It distinguishes elements with equal
+    default names: "complex" of one model and "complex" of another model are different elements.
     """
 
     name: str
@@ -40,19 +40,21 @@ class Element(ABC):
     @property
     @abstractmethod
     def channels(self) -> tuple[str, ...]:
-        """Names of its channels in an LFT."""
+        """Names of the element's channels in an LFT."""
 
     @abstractmethod
     def block(self, occurrences: int) -> Block:
-        """Its block of the structure, where it occurs so many times."""
+        """The element's block in the structure, if it occurs `occurrences` times."""
 
     @abstractmethod
     def delta(self, value: Any) -> Any:
-        """The normalised perturbation of a value; raises InputError for what is none."""
+        """The normalised perturbation for a value; raises InputError for anything that is no
+        value.
+        """
 
     @abstractmethod
     def value(self, delta: Any) -> Any:
-        """The value of a normalised perturbation, as people write it."""
+        """The value that belongs to a normalised perturbation, in the element's own units."""
 
     @abstractmethod
     def sample(self, rng: np.random.Generator, speed: float) -> Any:
@@ -72,15 +74,15 @@ class RealElement(Element):
 
     @property
     def bend(self) -> float:
-        """c; 0 where the nominal is in the middle."""
+        """The number c; 0 if the nominal is in the middle of the range."""
         up, down = self.high - self.nominal, self.nominal - self.low
         return (up - down) / (up + down)
 
     @property
     def slope(self) -> float:
-        """a."""
+        """The number a."""
         up, down = self.high - self.nominal, self.nominal - self.low
-        return up * (2.0 * (down / (up + down)))  # the product of both may over- or underflow
+        return up * (2.0 * (down / (up + down)))  # the product of both may overflow or underflow
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -97,7 +99,7 @@ class RealElement(Element):
         if below <= 0:
             raise InputError(
                 f"{self.name} = {value:g} lies so far beyond its range from {self.low:g} to "
-                f"{self.high:g} that no perturbation stands for it"
+                f"{self.high:g} that no perturbation represents it"
             )
         return away / below
 
@@ -124,7 +126,7 @@ class ComplexElement(Element):
         return Complex(occurrences, self.name)
 
     def delta(self, value: Any) -> Any:
-        if not isinstance(value, numbers.Number):  # dynamics that have this value at a frequency
+        if not isinstance(value, numbers.Number):  # dynamics with this value at a frequency
             return (as_system(value, self.name) - self.nominal) * (1.0 / self.radius)
         number = complex(value)  # type: ignore[call-overload]
         if not np.isfinite(number):
@@ -180,7 +182,7 @@ class DynamicElement(Element):
         return delta
 
     def sample(self, rng: np.random.Generator, speed: float) -> StateSpace:
-        """A gain times an all-pass of first order, in random directions."""
+        """Random dynamics: a gain times a first-order all-pass, in random directions."""
         import control
 
         left, right = (self._direction(rng, size) for size in (self.outputs, self.inputs))

@@ -1,12 +1,12 @@
-"""Scalars on which the value of an LFT does not depend, as p and q in p q - q p.
+"""Scalars on which the value of an LFT does not depend, such as p and q in p q - q p.
 
-With Delta and Delta0, which differ in one scalar alone, the values differ by
+For Delta and Delta0 that differ in one scalar only, the values differ by
 
     M21 (I - Delta M11)^-1 (Delta - Delta0) (I - M11 Delta0)^-1 M12.
 
-The same product of sizes bounds the sum of the sizes of its terms. Products and sums of doubles are
-rounded, so a difference within rounding of its terms is none. A rational function that is not
-constant has equal values at random points with a probability of 0.
+The same product with magnitudes bounds the sum of the magnitudes of its terms. Since products and
+sums of doubles are rounded, a difference within the rounding of its terms counts as zero. A
+rational function that is not constant has equal values at random points with probability 0.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from workbench.arrays import EPS
 from workbench.uncertainty.algebra.lft import LFT
 
 POINTS = 3
-"""Random points at which values are compared."""
+"""Number of random points at which values are compared."""
 ROUNDINGS = 4
-"""Multiple of the relative rounding error of each channel on the way of a term."""
+"""Multiple of the relative rounding error allowed for each channel through which a term passes."""
 
 
 def cancelling_names(lft: LFT, candidates: Collection[str], *, of_loops: bool = False) -> list[str]:
-    """Those candidates on which the value does not depend, each other scalar being arbitrary.
+    """The candidates on which the value does not depend, whatever the values of all other scalars
+    are.
 
-    ``of_loops``: on which det(I - M11 Delta) does not depend either, so that they move no pole.
+    With ``of_loops``, det(I - M11 Delta) does not depend on them either, so that they move no pole.
     """
     r = len(lft.names)
     if len(set(lft.names)) == r or not np.isfinite(lft.M).all():
-        return []  # nothing occurs twice, so that nothing cancels
+        return []  # no scalar occurs twice, so nothing can cancel
     M11, M12, M21, _ = lft.blocks
     sizes = np.abs(M11)
     radius = 0.5 / max(float(np.abs(np.linalg.eigvals(sizes)).max()), 0.5)
@@ -52,7 +53,7 @@ def cancelling_names(lft: LFT, candidates: Collection[str], *, of_loops: bool = 
             fixed = (np.abs(moved) <= share * radius * left[:, own] @ right[own]).all()
             if fixed and of_loops:
                 back = np.linalg.solve(loop, M11)[np.ix_(own, own)] * delta[own]
-                size = around[np.ix_(own, own)]  # of the terms of `back`
+                size = around[np.ix_(own, own)]  # rounding of the terms of `back`
                 apart = abs(np.linalg.det(np.eye(len(back)) - back) - 1.0)
                 fixed = apart <= share * size.sum() * np.prod(1.0 + size.sum(axis=1))
             if not fixed:

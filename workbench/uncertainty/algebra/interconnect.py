@@ -31,7 +31,7 @@ LEFT_OPEN = {
     **dict.fromkeys(("inplist", "outlist", "params", "ignore_inputs", "ignore_outputs")),
     **{"check_unused": True, "add_unused": False, "warn_duplicate": None, "debug": False},
 }
-"""Settings of python-control's wiring as they are where nobody gives them."""
+"""Default values of the settings of python-control's wiring."""
 
 
 def interconnect(
@@ -48,36 +48,36 @@ def interconnect(
     debug: bool = False,
     **kwargs: Any,
 ) -> UncertainSystem:
-    """Connect uncertain systems, as `control.interconnect` connects others.
+    """Connect uncertain systems, as `control.interconnect` connects certain ones.
 
-    By names alone, a signal is driven in one place, a system's output, a sum or an input of the
-    whole, and read in any number of places; what is read and not driven is an error. An element
-    that occurs in several systems is one element.
+    With names only, each signal has one source: a system's output, a sum or an input of the whole.
+    It may be read in any number of places. A signal that is read but has no source is an error. An
+    element that occurs in several systems is one and the same element.
 
     Parameters
     ----------
     syslist
-        Systems whose signals have names, such as ``tf(..., inputs="u", outputs="y")`` or those of
-        python-control; or (system, input names, output names), the system anything that stands for
-        one.
+        Systems whose signals have names, such as ``tf(..., inputs="u", outputs="y")`` or systems of
+        python-control; or tuples (system, input names, output names), where the system may be
+        anything that can be converted to one.
     connections
         Summing junctions by name, such as {"e": "r - y"}; or python-control's list of connections.
-        None: signals of one name are connected.
+        With None, signals with the same name are connected.
     inplist, outlist, params, check_unused, add_unused, ignore_inputs, ignore_outputs, \
 warn_duplicate, debug
-        As of `control.interconnect`. Any of them, or a list of connections, leaves the wiring to
-        python-control, with its rules and warnings.
+        As in `control.interconnect`. If any of them, or a list of connections, is given,
+        python-control does the wiring, with its own rules and warnings.
     **kwargs
-        ``inputs`` and ``outputs``, names of the signals that come in and go out; ``name``; and
-        what else `control.interconnect` takes.
+        ``inputs`` and ``outputs``, the names of the external signals; ``name``; and the other
+        keywords of `control.interconnect`.
 
     Raises
     ------
     UnknownNameError
-        A signal that is read but driven by nothing.
+        A signal is read but has no source.
     InputError
-        A signal driven twice, an input that nothing reads, names that do not fit their system, or a
-        loop without dynamics that is singular; or what python-control refuses.
+        A signal has two sources; nothing reads an input; names do not fit their system; a loop
+        without dynamics is singular; or python-control raises an error.
 
     Examples
     --------
@@ -110,7 +110,7 @@ warn_duplicate, debug
 
 
 def _labelled(given: Any, name: str, needed: bool) -> UncertainSystem:
-    """A system with the names of its signals; raises InputError where `needed` ones are missing."""
+    """A system with the names of its signals; raises InputError if `needed` names are missing."""
     labels: SignalNames | None
     if isinstance(given, tuple):
         if len(given) != 3:
@@ -151,10 +151,10 @@ def _junctions(sums: Mapping[str, str]) -> list[UncertainSystem]:
 def _by_names(
     parts: list[UncertainSystem], *, inputs: Any = None, outputs: Any = None, **naming: Any
 ) -> UncertainSystem:
-    """SignalNames of one name are one signal."""
+    """Connect all signals with the same name."""
     if inputs is None or outputs is None:
         raise InputError(
-            "interconnect needs inputs= and outputs=, the names of what goes in and out"
+            "interconnect needs inputs= and outputs=, the names of the external signals"
         )
     if not parts:
         raise InputError("there is nothing to connect: give systems or sums")
@@ -185,7 +185,9 @@ def _by_names(
 def _by_python_control(
     parts: list[UncertainSystem], connections: Any, rules: Mapping[str, Any], kwargs: Any
 ) -> UncertainSystem:
-    """Systems of python-control with the same signals are connected, and say which goes where."""
+    """Let python-control connect systems with the same signals, and read the connections from its
+    result.
+    """
     import control
 
     systems = [stand_in(part, **_naming(part)) for part in parts]
@@ -199,7 +201,7 @@ def _by_python_control(
 
 
 def _naming(part: UncertainSystem) -> dict[str, Any]:
-    """Keywords of python-control for the names of a system."""
+    """Keywords of python-control for the names of a system and its signals."""
     if part.signals is None:
         return {}
     named = {"name": part.signals.name} if part.signals.name else {}
@@ -213,9 +215,10 @@ def _connected(
     leaves: RealArray,
     through: RealArray,
 ) -> UncertainSystem:
-    """All inputs are links y + enters w, for all outputs y; what goes out is leaves y + through w.
+    """All inputs are links y + enters w, where y are all outputs. The external outputs are leaves y
+    + through w.
 
-    Raises InputError where a loop without dynamics is singular.
+    Raises InputError if a loop without dynamics is singular.
     """
     whole = diagonal(*(part.value for part in parts))
     if singular(np.eye(len(links)) - links @ whole.blocks[3]):

@@ -25,7 +25,7 @@ INTEGRATOR = "1/s"
 """Name of the scalar whose channels are the states of a system."""
 
 SINGULAR_DETERMINANT = 1e-13
-"""Value of det(I - M11 Delta) below which a model counts as singular; at the nominal it is 1."""
+"""A model counts as singular if det(I - M11 Delta) is below this; at the nominal it is 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class LFT:
     M: Array
     names: tuple[str, ...] = ()
 
-    # NumPy's arrays then leave arithmetic with an LFT to this class.
+    # NumPy arrays then use this class's operators.
     __array_ufunc__: ClassVar[None] = None
 
     @property
@@ -62,7 +62,7 @@ class LFT:
     def __call__(self, values: Mapping[str, ArrayLike]) -> Array:
         """Value (..., m, n) at given scalars (...), by name.
 
-        Raises InputError where I - M11 Delta is singular; the message says for which values.
+        Raises InputError if I - M11 Delta is singular; the message says for which values.
         """
         M11, M12, M21, M22 = self.blocks
         if not self.names:
@@ -148,7 +148,7 @@ class LFT:
 
 
 def scalar(name: str, nominal: float, deviation: float) -> LFT:
-    """The LFT nominal + deviation * delta, with the delta of that name."""
+    """The LFT nominal + deviation * delta, where delta is the scalar with this name."""
     return LFT(np.array([[0.0, 1.0], [deviation, nominal]]), (name,))
 
 
@@ -167,8 +167,8 @@ def lift(value: Any) -> LFT:
         )
     if array.dtype == object and not array.ndim and array[()] is value:
         raise InputError(
-            f"{type(value).__name__} is no number, matrix or uncertain value; systems are put "
-            "together by `block`"
+            f"{type(value).__name__} is no number, matrix or uncertain value; use `block` to put "
+            "systems together"
         )
     array = np.atleast_2d(array)
     if array.dtype != object:
@@ -181,8 +181,8 @@ def lift(value: Any) -> LFT:
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:
     """Matrix from rows of blocks, each a number, a matrix or an LFT.
 
-    The result is an LFT if one of the blocks is, else an array of floats. Raises InputError where
-    the shapes of the blocks do not fit together.
+    The result is an LFT if one of the blocks is an LFT, and otherwise an array of floats. Raises
+    InputError if the shapes of the blocks do not fit together.
 
     Examples
     --------
@@ -198,7 +198,7 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 def left_divide(a: Any, b: Any) -> Any:
     """a^-1 b for matrices of numbers or LFTs; an LFT if one of them contains an LFT.
 
-    Raises InputError where `a` is not square, or singular at the nominal values.
+    Raises InputError if `a` is not square, or is singular at the nominal values.
 
     Examples
     --------
@@ -213,7 +213,7 @@ def left_divide(a: Any, b: Any) -> Any:
 
 
 def inverse(a: Any) -> Any:
-    """a^-1 of a square matrix of numbers or LFTs; raises InputError as `left_divide`.
+    """a^-1 of a square matrix of numbers or LFTs; raises InputError like `left_divide`.
 
     Examples
     --------
@@ -265,7 +265,7 @@ def _reciprocal(value: LFT) -> LFT:
 
 
 def _spread(value: LFT, shape: tuple[int, int]) -> LFT:
-    """A scalar broadcast to a matrix of equal entries; matrices stay as they are."""
+    """A scalar becomes a matrix of equal entries; matrices are returned unchanged."""
     if value.shape != (1, 1) or shape == (1, 1):
         return value
     return np.ones((shape[0], 1)) @ value @ np.ones((1, shape[1]))
@@ -277,7 +277,7 @@ def _stack(rows: Sequence[Sequence[LFT]]) -> LFT:
 
 
 def _join(parts: Sequence[LFT], axis: int) -> LFT:
-    """Matrix of the parts placed beside (axis 1) or below (axis 0) each other."""
+    """Matrix of the parts, side by side (axis 1) or one below the other (axis 0)."""
     common = {part.shape[1 - axis] for part in parts}
     if len(common) != 1:
         shapes = ", ".join(str(part.shape) for part in parts)
@@ -299,9 +299,9 @@ def _any_lft(values: Iterable[Any]) -> bool:
 
 
 def linked(whole: LFT, links: RealArray, enters: RealArray, leaves: RealArray) -> LFT:
-    """Outputs y of an LFT led back to its inputs, v = links y + enters w; gives leaves y.
+    """The LFT from w to leaves y, where outputs y return to inputs v = links y + enters w.
 
-    I - links M22 must be regular. No name is repeated.
+    I - links M22 must be regular. Channels are not duplicated.
     """
     m11, m12, m21, m22 = whole.blocks
     loop = np.eye(len(links)) - links @ m22
@@ -315,11 +315,13 @@ def linked(whole: LFT, links: RealArray, enters: RealArray, leaves: RealArray) -
 
 
 def lft_series(a: LFT, b: LFT) -> LFT:
-    """The product in series; one of a single input and output multiplies each entry."""
+    """The product in series; a factor with one input and one output multiplies each entry."""
     scalar = (1, 1) in (a.shape, b.shape) and a.shape[1] != b.shape[0]
     return a * b if scalar else a @ b
 
 
 def lft_quotient(a: LFT, b: LFT) -> LFT:
-    """a / b. A scalar's reciprocal stands in front, where the rows of a matrix share it."""
+    """The quotient a / b. The reciprocal of a scalar comes first, so that all rows of a matrix
+    share it.
+    """
     return inverse(b) @ a if a.shape == b.shape == (1, 1) else lft_series(a, inverse(b))

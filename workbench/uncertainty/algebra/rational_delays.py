@@ -1,4 +1,4 @@
-"""Systems with known dead time as rational ones: exactly, where it is in series; else nearly."""
+"""Rational systems for systems with known dead time: exact if it is in series, else approximate."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from workbench.uncertainty.algebra.uncertain_elements import dynamics
 
 
 def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
-    """The system with known dead time as a Pade approximation and an uncertain bound of its error.
+    """The system with known dead time replaced by a Pade approximation and an uncertain error.
 
-    exp(-s T) = P (1 + W delta), where P is the diagonal Pade approximation and the dynamics delta,
-    of a gain of at most 1, keep the name of the dead time. |W| is at least the relative error of P
-    at every frequency: 2 sqrt(2) (omega T / a)^order at low ones, with a = 10.1 for order 6. So
-    whatever is proven for all of the set is proven with the dead time itself. A factor on the size
-    of the uncertainty counts that of the error, too.
+    exp(-s T) = P (1 + W delta), where P is the diagonal Pade approximation. The dynamics delta have
+    a gain of at most 1 and the name of the dead time. |W| is at least the relative error of P at
+    every frequency; at low frequencies it is 2 sqrt(2) (omega T / a)^order, with a = 10.1 for order
+    6. So everything proven for the whole set also holds for the dead time itself. A factor on the
+    size of the uncertainty also scales this error.
 
     Parameters
     ----------
     system
-        An `UncertainSystem` with known dead time; one without it is given back.
+        An `UncertainSystem` with known dead time; a system without it is returned unchanged.
     order
-        Order of P and of W; a higher one is exact up to higher frequencies.
+        Order of P and of W; with a higher order P is accurate up to higher frequencies.
 
     Raises
     ------
     InputError
-        The order is no count, or the loop is singular through its direct terms.
+        The order is not a positive integer, or the loop is singular because of its direct terms.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
 
 
 def rational_part(system: UncertainSystem) -> tuple[Fraction | None, UncertainSystem]:
-    """T and R, where the nominal system is R exp(-s T); T is None where it is no such product."""
+    """T and R if the nominal system is R exp(-s T); T is None if it is no such product."""
     late = dead_time.dead_times(system.elements)
     nominal = nominal_but_late(system).value
     total = dead_time.total_delay(nominal, {name: one.delay for name, one in late.items()})
@@ -69,7 +69,7 @@ def rational_part(system: UncertainSystem) -> tuple[Fraction | None, UncertainSy
 
 
 def nominal_but_late(system: UncertainSystem) -> UncertainSystem:
-    """The system with known dead time as it is and all else nominal."""
+    """The system with its known dead time, and all uncertain elements at their nominal."""
     late = dead_time.dead_times(system.elements)
     others = [name for name in system.elements if name not in late]
     channels = [one for name in others for one in system.elements[name].channels]
@@ -81,7 +81,7 @@ def nominal_but_late(system: UncertainSystem) -> UncertainSystem:
 
 
 def _covered(one: dead_time.DeadTime, order: int) -> UncertainSystem:
-    """P (1 + W delta)."""
+    """The element of a dead time, replaced by P (1 + W delta)."""
     error = dynamics(one.name, 1, 1, dead_time.pade_error(one.delay, order))
     whole: UncertainSystem = uncertain(dead_time.pade(one.delay, order)) * (1.0 + error)
     return whole

@@ -1,6 +1,6 @@
-"""Reduction of an LFT: the same value with fewer channels, so with fewer repetitions.
+"""Reduction of an LFT: the same value with fewer channels, that is, fewer repetitions of scalars.
 
-Seen from one scalar delta, with all other channels as inputs and outputs, the matrix of an LFT is a
+If all channels but those of one scalar delta count as inputs and outputs, the matrix of an LFT is a
 state-space realisation with delta in place of 1/s. Its uncontrollable and unobservable parts can be
 removed without changing the value. This is done for one scalar after another until none has fewer
 channels (Lambrechts, Terlouw, Bennani and Steinbuch, Parametric uncertainty modeling using LFTs,
@@ -24,23 +24,25 @@ Triple = tuple[Array, Array, Array]
 RANK_TOLERANCES = (1e-8, 1e-10, 1e-12)
 """Singular values, relative to the norm of their matrix, that count as zero in the rank decisions.
 
-They are tried in turn until one keeps the value: rounding errors grow along the staircase, so that
+They are tried in turn until the value stays the same. Rounding errors grow along the staircase, so
 no single tolerance suits all models.
 """
 VALUE_TOLERANCE = 1e-12
 """Largest change of the value, relative to the contribution of the scalar's channels."""
 INTEGRATOR_FREQUENCY = 1e-12
-"""Natural frequency, relative to the norm of the state matrix, up to which it counts as zero."""
+"""A natural frequency below this, relative to the norm of the state matrix, counts as zero."""
 SUM_ROUNDING = 1e-14
-"""Size of a sum, relative to its terms, that is a rounding error (a tenth of the limit applied)."""
+"""A sum smaller than this, relative to its terms, is a rounding error (a tenth of the limit
+applied).
+"""
 
 
 def reduced(lft: LFT, keep: Collection[str] = ()) -> LFT:
-    """LFT of the same value with fewer repetitions of every scalar except those in `keep`.
+    """An LFT with the same value and fewer repetitions of every scalar except those in `keep`.
 
-    The value stays the same to rounding. The channels of each scalar stand together, in the order
-    of first appearance. No single scalar can have fewer channels while the others stay as they are;
-    another realisation may have fewer in total, for instance of p q - q p.
+    The value stays the same up to rounding. The channels of each scalar are adjacent, in the order
+    of first appearance. No single scalar could have fewer channels with the others unchanged, but
+    another realisation may have fewer in total, for example for p q - q p.
     """
     order = list(dict.fromkeys(lft.names))
     while True:
@@ -54,7 +56,7 @@ def reduced(lft: LFT, keep: Collection[str] = ()) -> LFT:
 
 
 def without_channels(lft: LFT, names: Collection[str]) -> LFT:
-    """The LFT with some of its scalars 0."""
+    """The LFT with some of its scalars set to 0."""
     keep = [name not in names for name in lft.names]
     rows, columns = (np.append(keep, np.ones(size, dtype=bool)) for size in lft.shape)
     left = tuple(name for name, there in zip(lft.names, keep, strict=True) if there)
@@ -77,7 +79,7 @@ def _last(lft: LFT, name: str) -> LFT:
 
 
 def _minimal(lft: LFT, name: str) -> LFT:
-    """The LFT with the channels of one scalar, which must be last, as a minimal realisation."""
+    """The LFT with a minimal number of channels for one scalar, whose channels must be the last."""
     end = len(lft.names)
     start = end - lft.names.count(name)
     rows, columns = balancing(lft.M, end)
@@ -90,7 +92,7 @@ def _minimal(lft: LFT, name: str) -> LFT:
     for tolerance in RANK_TOLERANCES:
         a, b, c = _controllable(A, B, C, tolerance)
         a, c, b = (matrix.T for matrix in _controllable(a.T, c.T, b.T, tolerance))
-        if _same((A, B, C), (a, b, c), _radii(A) if name == INTEGRATOR else np.ones(1)):
+        if _is_same_value((A, B, C), (a, b, c), _radii(A) if name == INTEGRATOR else np.ones(1)):
             A, B, C = a, b, c
             break
 
@@ -101,7 +103,7 @@ def _minimal(lft: LFT, name: str) -> LFT:
             [D[start:, :start], C[start:], D[start:, start:]],
         ]
     )
-    # The new channels stay scaled; the scaling of all others is undone.
+    # The new channels remain scaled; the scaling of all others is undone.
     r = start + len(A)
     small[:start] /= rows[:start, None]
     small[r:] /= rows[end:, None]
@@ -111,7 +113,8 @@ def _minimal(lft: LFT, name: str) -> LFT:
 
 
 def _radii(A: Array) -> Array:
-    """Radii |1/s| of the circles for `_same`: at a state matrix's natural frequencies, and 1.
+    """Radii |1/s| of the circles for `_is_same_value`: those of a state matrix's natural
+    frequencies, and 1.
 
     Frequencies near zero belong to integrators and are left out.
     """
@@ -120,9 +123,9 @@ def _radii(A: Array) -> Array:
     return 1.0 / np.append(frequencies[frequencies > near_zero], 1.0)
 
 
-def _same(one: Triple, other: Triple, radii: Array) -> bool:
+def _is_same_value(one: Triple, other: Triple, radii: Array) -> bool:
     """Whether two realisations have the same value on the circles |delta| = radius."""
-    angles = 2 * np.pi * (np.arange(16) + 0.5) / 16  # no point is real: a pole may be there
+    angles = 2 * np.pi * (np.arange(16) + 0.5) / 16  # no point is real, since a pole may be real
     points = np.outer(radii, np.exp(1j * angles))[..., None, None]
 
     def value(A: Array, B: Array, C: Array) -> Array:
@@ -133,7 +136,7 @@ def _same(one: Triple, other: Triple, radii: Array) -> bool:
 
     _, B, C = one
     expected = value(*one)
-    terms = largest(abs(C) @ abs(B) * points)  # without cancellation between channels
+    terms = largest(abs(C) @ abs(B) * points)  # magnitude without cancellation between channels
     change = largest(value(*other) - expected)
     return bool((change <= VALUE_TOLERANCE * np.maximum(largest(expected), terms)).all())
 
@@ -144,7 +147,7 @@ def _controllable(A: Array, B: Array, C: Array, tolerance: float) -> Triple:
     latest = Q
     while latest.shape[1] and Q.shape[1] < len(A):
         latest = A @ latest
-        for _ in range(2):  # the second time removes what rounding left
+        for _ in range(2):  # the second pass removes rounding errors of the first
             latest = latest - Q @ (Q.T @ latest)
         latest = _range(latest, tolerance * float(np.linalg.norm(A)))
         Q = np.hstack([Q, latest])

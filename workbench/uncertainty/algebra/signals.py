@@ -1,4 +1,4 @@
-"""Names of a system and of its signals, as keywords of python-control give them."""
+"""Names of a system and of its signals from keywords of python-control."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAMING = ("name", "inputs", "outputs", "input_prefix", "output_prefix")
 class Call:
     """Arguments of a function that has python-control's signature (*args, **kwargs).
 
-    ``given`` are those before the sampling time ``dt`` [s], which is 0 where nobody gave it, and
+    ``given`` are the arguments before the sampling time ``dt`` [s], which is 0 by default.
     ``naming`` are the keywords that name the system and its signals.
     """
 
@@ -33,14 +33,14 @@ class Call:
 def call_of(
     function: str, args: tuple[Any, ...], kwargs: Mapping[str, Any], *, before_dt: int
 ) -> Call:
-    """The arguments of a call; raises InputError for keywords that say nothing here.
+    """The arguments of a call; raises InputError for keywords that are not used here.
 
-    States of an uncertain system are those that its reduction leaves, so they have no names.
+    The states of an uncertain system result from its reduction, so they have no names.
     """
     dt = kwargs.get("dt", 0.0)
     if len(args) == before_dt + 1:
         if "dt" in kwargs:
-            raise InputError(f"{function} was given dt twice, by its place and as dt=")
+            raise InputError(f"{function} was given dt twice, by position and as dt=")
         args, dt = args[:-1], args[-1]
     need_naming(function, {name: value for name, value in kwargs.items() if name != "dt"})
     return Call(args, dt, {name: value for name, value in kwargs.items() if name in NAMING})
@@ -51,25 +51,25 @@ def need_naming(function: str, kwargs: Mapping[str, Any]) -> None:
     for name in kwargs:
         if name not in NAMING:
             raise InputError(
-                f"{function} has no use for {name}=; of keywords it takes {', '.join(NAMING)}"
+                f"{function} has no use for {name}=; the keywords it takes are {', '.join(NAMING)}"
             )
 
 
 def named(system: UncertainSystem, naming: Mapping[str, Any]) -> UncertainSystem:
-    """The system with the names that keywords of python-control give it; without any, as it was."""
+    """The system with names from keywords of python-control; unchanged without keywords."""
     if not naming:
         return system
     return system.with_signals(signals_of(stand_in(system, **naming)))
 
 
 def signals_of(system: Any) -> SignalNames:
-    """The names that a system of python-control has; its numbers, such as sys[3], are none."""
+    """The names that a python-control system has; automatic names such as sys[3] do not count."""
     name = "" if system.name.startswith("sys[") else system.name
     return SignalNames(name, tuple(system.input_labels), tuple(system.output_labels))
 
 
 def stand_in(system: UncertainSystem, **naming: Any) -> StateSpace:
-    """A system of python-control with as many signals, all gains zero, that has the names."""
+    """A python-control system with the same signals and names, whose gains are all zero."""
     import control
 
     for kind, count in (("inputs", system.ninputs), ("outputs", system.noutputs)):
@@ -85,7 +85,7 @@ def stand_in(system: UncertainSystem, **naming: Any) -> StateSpace:
 
 @contextmanager
 def python_controls_errors() -> Iterator[None]:
-    """What python-control refuses is an InputError in its words."""
+    """Context in which errors of python-control become InputError with its text."""
     try:
         yield
     except InputError:

@@ -35,19 +35,19 @@ from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse, lft_quot
 from workbench.uncertainty.algebra.reduction import grouped, reduced, without_channels
 
 MOST_MEMBERS = 1_000_000
-"""Largest number of members that are drawn at once."""
+"""Largest number of members that can be drawn at once."""
 MOST_VERTICES = 4096
-"""Largest number of vertices that are listed."""
+"""Largest number of vertices that can be listed."""
 
 
 class Algebraic(UncertainPart):
-    """What can be added, multiplied and divided, with systems, numbers and arrays on either side.
+    """Base of objects with arithmetic, with systems, numbers and arrays on either side.
 
-    ``*`` is the product of systems in series; one of a single input and output multiplies each
-    entry.
+    ``*`` is the product of systems in series; a factor with one input and one output multiplies
+    each entry.
     """
 
-    # NumPy's arrays and python-control's systems then leave the arithmetic to this class.
+    # NumPy arrays and python-control systems then use this class's operators.
     __array_ufunc__: ClassVar[None] = None
     __array_priority__: ClassVar[float] = 100.0
 
@@ -93,7 +93,7 @@ class Algebraic(UncertainPart):
 
 @dataclass(frozen=True)
 class SignalNames:
-    """The name of a system, "" for none, and the names of its inputs and outputs."""
+    """The name of a system ("" without a name), and the names of its inputs and outputs."""
 
     name: str
     inputs: tuple[str, ...]
@@ -102,15 +102,15 @@ class SignalNames:
 
 @dataclass(frozen=True, eq=False)
 class UncertainSystem(Algebraic):
-    """A system with uncertain elements; a constant one is an uncertain number or matrix.
+    """A system with uncertain elements. A constant one is an uncertain number or matrix.
 
     `+ - * / **` and `@` work with other uncertain systems, with python-control's state-space
     systems and transfer functions, with uncertainty models, numbers and arrays, on either side.
-    `feedback` repeats no element.
+    `feedback` does not repeat elements.
 
-    ``value`` is its LFT and ``elements`` are what is uncertain, by name; ``dt`` is the sampling
-    time [s], 0 for continuous time, None for a constant. ``signals`` are names for `interconnect`,
-    None where nobody gave any.
+    ``value`` is the system's LFT, and ``elements`` are the uncertain elements by name. ``dt`` is
+    the sampling time [s], 0 for continuous time, None for a constant. ``signals`` are the names for
+    `interconnect`; None if no names were given.
     """
 
     value: LFT
@@ -140,21 +140,21 @@ class UncertainSystem(Algebraic):
 
     @property
     def name(self) -> str:
-        """Its name, "" where nobody gave one."""
+        """Name of the system; "" if none was given."""
         return self.signals.name if self.signals else ""
 
     @property
     def input_labels(self) -> list[str]:
-        """Names of the inputs, u[0], u[1], ... where nobody gave any."""
+        """Names of the inputs; by default u[0], u[1], ..."""
         return list(self.signals.inputs if self.signals else _numbered("u", self.ninputs))
 
     @property
     def output_labels(self) -> list[str]:
-        """Names of the outputs, y[0], y[1], ... where nobody gave any."""
+        """Names of the outputs; by default y[0], y[1], ..."""
         return list(self.signals.outputs if self.signals else _numbered("y", self.noutputs))
 
     def with_signals(self, signals: SignalNames | None) -> UncertainSystem:
-        """The same system with names of its signals."""
+        """The same system with other names of its signals."""
         return replace(self, signals=signals)
 
     def __repr__(self) -> str:
@@ -180,12 +180,12 @@ class UncertainSystem(Algebraic):
 
     @property
     def lti(self) -> StateSpace:
-        """The nominal."""
+        """The nominal system."""
         return self.nominal
 
     @cached_property
     def _grouped(self) -> LFT:
-        """The LFT with the states first and then the channels of each element together."""
+        """The LFT with the states first, followed by the channels of each element."""
         channels = [name for one in self.elements.values() for name in one.channels]
         return grouped(self.value, [INTEGRATOR, *channels])
 
@@ -193,8 +193,8 @@ class UncertainSystem(Algebraic):
     def structure(self) -> Structure:
         """Blocks of the perturbation, one for each element, in the order of the elements.
 
-        Raises InputError where there is none, or a block of dynamics of several channels occurs
-        more than once.
+        Raises InputError if there is no element, or if a block of dynamics with several channels
+        occurs more than once.
         """
         counts = self.value.repetitions()
         return Structure(one.block(counts[one.channels[0]]) for one in self.elements.values())
@@ -229,9 +229,9 @@ class UncertainSystem(Algebraic):
     # --- members of the set -----------------------------------------------------------------------
 
     def at(self, **values: Any) -> StateSpace:
-        """The system at values of elements by name; those that are not given are nominal.
+        """The system at values of elements by name; elements without a value are nominal.
 
-        A value outside the range of its element is taken too.
+        A value may also lie outside the range of its element.
 
         Raises
         ------
@@ -255,7 +255,9 @@ class UncertainSystem(Algebraic):
         return closed_above(realisation(parts, self.dt or 0.0), deltas, values)
 
     def vertices(self) -> list[StateSpace]:
-        """The systems at all ends of the real parameters, the others nominal."""
+        """The systems at all vertices of the real parameters' ranges; other elements are
+        nominal.
+        """
         real = [one for one in self.elements.values() if isinstance(one, RealElement)]
         if 2 ** len(real) > MOST_VERTICES:
             raise InputError(f"{len(real)} real parameters have more than {MOST_VERTICES} vertices")
@@ -264,7 +266,9 @@ class UncertainSystem(Algebraic):
         return [self.at(**dict(zip(names, values, strict=True))) for values in ends]
 
     def sample(self, count: int, seed: int | Sequence[int] = 0) -> list[StateSpace]:
-        """Random members: parameters uniform in their range, dynamics all-pass of random gain."""
+        """Random members: parameters are uniform in their ranges, dynamics are all-passes with
+        random gains.
+        """
         need_count("count", count, MOST_MEMBERS)
         rng = np.random.default_rng(seed)
         sizes = pole_sizes(self.nominal)
@@ -278,7 +282,7 @@ class UncertainSystem(Algebraic):
     def response(self, omega: ArrayLike) -> Array:
         """Nominal frequency response (F, outputs, inputs) at `omega` [rad/s] (F,).
 
-        Known dead time counts as it is, exp(-j omega T).
+        Known dead time is included exactly, as exp(-j omega T).
         """
         late = dead_time.dead_times(self.elements)
         if not late:
@@ -290,7 +294,8 @@ class UncertainSystem(Algebraic):
         return dead_time.closed_response(found, [late[name].delay for name in names], omega)
 
     def plot(self, samples: int = 30, seed: int = 0) -> Figure:
-        """Gain over frequency (of several channels the largest) of random members and the nominal.
+        """Gain over frequency of random members and the nominal; the largest gain for several
+        channels.
 
         Samples prove nothing; `workbench.mu.worst_case_gain` does.
         """
@@ -298,28 +303,30 @@ class UncertainSystem(Algebraic):
 
     @cached_property
     def cancelling(self) -> list[str]:
-        """Elements on which no coefficient depends, as on k and j in k * j - j * k, by name."""
+        """Names of elements on which no coefficient depends, such as k and j in k * j - j * k."""
         n, M = self.nstates, self._grouped.M
-        # The states become the last inputs and outputs.
+        # The states become additional inputs and outputs, at the end.
         lft = LFT(np.roll(M, -n, (0, 1)), self._grouped.names[n:])
         scalars = self._scalars
         return [scalars[channel] for channel in cancelling_names(lft, list(scalars))]
 
     @cached_property
     def without_effect(self) -> list[str]:
-        """Elements that move neither a pole nor the response, as d in L * d - L * d, by name."""
+        """Names of elements that change neither a pole nor the response, such as d in L * d - L *
+        d.
+        """
         scalars = self._scalars
         found = cancelling_names(self._grouped, list(scalars), of_loops=True)
         return list(dict.fromkeys([*self.cancelling, *(scalars[channel] for channel in found)]))
 
     @property
     def _scalars(self) -> dict[str, str]:
-        """Names of elements of one channel, by its name."""
+        """Names of elements with one channel, by the channel's name."""
         every = self.elements.items()
         return {one.channels[0]: name for name, one in every if len(one.channels) == 1}
 
     def reduced(self) -> UncertainSystem:
-        """The same system with fewer repetitions of its elements, and with all its states."""
+        """The same system with fewer repetitions of its elements; all states are kept."""
         kept = [INTEGRATOR]
         for one in self.elements.values():
             exact = len(one.channels) > 1 or isinstance(one, dead_time.DeadTime)
@@ -358,23 +365,23 @@ class UncertainSystem(Algebraic):
         return replace(self, value=value, signals=None)._used()
 
     def inverse(self) -> UncertainSystem:
-        """The inverse; raises InputError where its direct term is singular at the nominal."""
+        """The inverse; raises InputError if the direct term is singular at the nominal."""
         return replace(self, value=inverse(self.value), signals=None)
 
     def _used(self) -> UncertainSystem:
-        """Without elements that no channel is left of."""
+        """The system without elements that have no channels any more."""
         left = set(self.value.names)
         used = {name: one for name, one in self.elements.items() if left & set(one.channels)}
         return replace(self, elements=used)
 
 
 def _numbered(prefix: str, count: int) -> list[str]:
-    """Names of signals that nobody gave, as python-control numbers them."""
+    """Default names of signals, numbered as in python-control."""
     return [f"{prefix}[{k}]" for k in range(count)]
 
 
 def uncertain(given: Any, name: str = "the system") -> UncertainSystem:
-    """What arithmetic takes, as an uncertain system: of a nominal one without elements.
+    """Any operand of the arithmetic as an uncertain system; a certain system has no elements.
 
     Raises InputError for anything else; `name` is what messages call it.
     """
@@ -396,7 +403,7 @@ def uncertain(given: Any, name: str = "the system") -> UncertainSystem:
 
 
 def with_channels(given: Any, name: str) -> UncertainSystem:
-    """As `uncertain`; raises InputError where there are no inputs or no outputs to connect."""
+    """As `uncertain`; raises InputError if there are no inputs or no outputs to connect."""
     found = uncertain(given, name)
     if not all(found.value.shape):
         raise InputError(
@@ -407,7 +414,7 @@ def with_channels(given: Any, name: str) -> UncertainSystem:
 
 
 def combined_elements(parts: list[UncertainSystem]) -> dict[str, Element]:
-    """Elements of several systems; raises InputError where two of one name differ."""
+    """Elements of several systems; raises InputError if two with the same name differ."""
     found: dict[str, Element] = {}
     for part in parts:
         for name, element in part.elements.items():
@@ -420,11 +427,11 @@ def combined_elements(parts: list[UncertainSystem]) -> dict[str, Element]:
 
 
 def common_time(parts: list[UncertainSystem]) -> float | None:
-    """Sampling time of several systems; raises InputError where they differ."""
+    """Common sampling time of several systems; raises InputError if they differ."""
     times = {part.dt for part in parts if part.dt is not None}
     if len(times) > 1:
         raise InputError(
-            f"systems with sampling times {sorted(times)} s do not go together (0 is continuous "
+            f"systems with sampling times {sorted(times)} s cannot be combined (0 is continuous "
             "time): discretise the continuous ones, or bring the others back by continuous_time"
         )
     return times.pop() if times else None

@@ -31,18 +31,19 @@ def real(
     Parameters
     ----------
     name
-        A name such as "k"; whatever has the same name is the same parameter.
+        A name such as "k"; elements with the same name are the same parameter.
     nominal
-        Its nominal value, which may be 0.
+        The nominal value, which may be 0.
     percent, plus_minus
-        Its range: so many percent of the nominal, or so much, to either side.
+        The range on each side of the nominal: a percentage of it, or an amount.
     low, high
-        Or its ends, the nominal between them and not necessarily in the middle.
+        Alternatively the ends of the range. The nominal lies between them, not necessarily in the
+        middle.
 
     Raises
     ------
     InputError
-        No range or more than one; or the nominal is not inside.
+        No range is given, or more than one; or the nominal is not inside the range.
     """
     need_numbers(nominal=nominal)
     if not math.isfinite(nominal):
@@ -55,7 +56,7 @@ def real(
         plus_minus = abs(nominal) * percent / 100.0
         if not plus_minus:
             raise InputError(
-                f"{name} has nominal 0, of which no percent is a range: give low, high"
+                f"{name} has nominal 0, for which a percentage gives no range: give low, high"
             )
     if plus_minus is not None:
         need_positive(plus_minus, "plus_minus")
@@ -90,21 +91,21 @@ def complex_scalar(name: str, nominal: float, radius: float) -> UncertainSystem:
 
 
 def dynamics(name: str, inputs: int, outputs: int, bound: Any = 1.0) -> UncertainSystem:
-    """Unknown stable linear dynamics, of which only a bound of the gain is known.
+    """Unknown stable linear dynamics with a known bound on the gain.
 
     Parameters
     ----------
     inputs, outputs
-        Its numbers of channels.
+        Numbers of inputs and outputs.
     bound
-        Its largest singular value over frequency: a number, or a stable system W of one input and
-        one output, whose magnitude it is.
+        Bound on the largest singular value at every frequency: a number, or the magnitude of a
+        stable system W with one input and one output.
     """
     need_count("inputs", inputs)
     need_count("outputs", outputs)
     element = DynamicElement(name, int(outputs), int(inputs))
     size = len(element.channels)
-    # Channel k reads input k and drives output k, as far as there are so many.
+    # Channel k reads input k and drives output k, if these exist.
     M = np.zeros((size + outputs, size + inputs))
     M[:inputs, size:] = np.eye(inputs)
     M[size:, :outputs] = np.eye(outputs)
@@ -128,17 +129,17 @@ def dynamics(name: str, inputs: int, outputs: int, bound: Any = 1.0) -> Uncertai
 def delay(name: str, low: float, high: float) -> UncertainSystem:
     """A delay exp(-s tau), tau from low to high [s], in continuous time.
 
-    With low equal to high it is known dead time: `workbench.mu.loop_margins`,
-    `workbench.mu.robust_stability` and ``response`` take it as it is, whatever needs states refuses
-    it by name, and `without_dead_time` replaces it by a Pade approximation and a bound of its
-    error.
+    If low equals high, it is known dead time. `workbench.mu.loop_margins`,
+    `workbench.mu.robust_stability` and ``response`` use it exactly. Functions that need states
+    refuse it with an error that has its name. `without_dead_time` replaces it by a Pade
+    approximation and a bound on the error.
 
-    An uncertain delay is no fraction of polynomials. In analysis it is 1 + W delta with a W that
-    covers |exp(-j omega tau) - 1| up to `high`, and any delta of gain at most 1: the set has every
-    delay from 0 to high and more, as any phase of delta counts. A margin below 1 is a factor of
-    that delta and no factor of the delay; `workbench.mu.robust_stability` tells in seconds which
-    delays are borne, exactly where nothing else is uncertain. ``at(tau=...)`` and ``sample`` have
-    the delays themselves, by Pade approximations.
+    An uncertain delay is not a rational function. Analysis replaces it by 1 + W delta, where W
+    covers |exp(-j omega tau) - 1| up to `high`, and delta is any dynamics with gain at most 1. This
+    set contains every delay from 0 to high, and more, since delta may have any phase. A margin
+    below 1 is a factor on delta, not on the delay. `workbench.mu.robust_stability` gives in seconds
+    the delays that the loop tolerates, exactly if nothing else is uncertain. ``at(tau=...)`` and
+    ``sample`` use the delays themselves, by Pade approximations.
 
     Raises
     ------
@@ -165,8 +166,8 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
         return UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: known}, 0.0)
     if not SHORTEST_DELAY <= high <= LONGEST_DELAY:
         raise InputError(
-            f"{name}: a delay of {high!r} s, whose cover is beyond doubles; from {SHORTEST_DELAY} "
-            f"to {LONGEST_DELAY} s are covered: take another unit of time"
+            f"{name}: a delay of {high!r} s has no cover in doubles; delays from {SHORTEST_DELAY} "
+            f"to {LONGEST_DELAY} s have one: take another unit of time"
         )
     element = DelayElement(name, float(low), float(high))
     delta = UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: element})

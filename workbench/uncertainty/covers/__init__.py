@@ -1,5 +1,5 @@
 """Nominal and weights that contain measured responses: circles and stadiums.
 
-At each frequency the smallest set about the nominal is known; weights of an order are minimax fits
-above the sizes. Nominal and weights together are a local search.
+At each frequency the smallest set around the nominal is computed. Weights of a given order are
+minimax fits above its sizes. A local search optimises nominal and weights together.
 """

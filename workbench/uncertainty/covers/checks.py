@@ -1,4 +1,6 @@
-"""Checks of a cover at the given frequencies, and of the roots and orders of its functions."""
+"""Checks of a cover at the given frequencies, and checks of the roots and orders of its
+functions.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ from workbench.uncertainty.covers.sets import Form
 from workbench.uncertainty.responses.plants import Responses
 
 REALISED_SUPPORT_TOLERANCE = 1e-6
-"""Largest reach of a response beyond its set in the second opinion, relative to the radius; the
-responses of realisations in double precision are that much worse than those of roots."""
+"""Largest distance of a response beyond its set in the second opinion, relative to the radius.
+Responses of realisations in double precision are less accurate than responses from roots.
+"""
 
 
 def realised_support(
@@ -35,7 +38,7 @@ def realised_support(
 def excess_over_radius(
     systems: dict[str, StateSpace], form: Form, omega: RealArray, values: ComplexArray
 ) -> RealArray:
-    """How far values (F, N) reach beyond the sets of a realised model, over its radii.
+    """Distance of values (F, N) beyond the sets of a realised model, relative to its radii.
 
     ``systems`` are the realisations of G, W_c and, for stadiums, W_r.
     """
@@ -49,7 +52,7 @@ def excess_over_radius(
 
 
 def given_nominal(nominal: Rational, given: Rational, responses: Responses) -> Check:
-    """Check that the nominal is the one that was given."""
+    """Check that the nominal is the given one."""
     response = given.response(responses.axis)
     apart = np.abs(nominal.response(responses.axis) - response)
     apart = apart / np.maximum(np.abs(response), np.finfo(float).tiny)

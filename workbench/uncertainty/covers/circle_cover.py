@@ -1,4 +1,4 @@
-"""Uncertainty models with a complex weight: circles about a nominal (thesis, section 5.3)."""
+"""Uncertainty models with a complex weight: circles around a nominal (thesis, section 5.3)."""
 
 from __future__ import annotations
 

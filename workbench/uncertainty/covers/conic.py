@@ -1,14 +1,15 @@
-"""The numerator of the nominal for the smallest sets over given poles: second-order cone programs.
+"""The numerator of a nominal with given poles and the smallest sets, by second-order cone programs.
 
-Over the poles of the nominal that fits the centres, the nominal N is linear in its numerator. With
-the deviations taken relative to a known nominal N0 (1 for additive models), the mean square size
+With the poles of the nominal that fits the centres, the nominal N is linear in its numerator. If
+deviations are relative to a known nominal N0 (1 for additive models), the mean square size
 
     sum share_f (rho_f^2 + HALF_LENGTH_WEIGHT lambda_f^2),
     |G_fi - N_f - s_fi e_f| <= rho_f |N0_f|,    |s_fi| <= lambda_f |N0_f|,
 
-is convex in N, in the radii rho, the half-lengths lambda and the places s along the directions e of
-the third set; circles have no lambda and no s. N0 is the nominal of the round before, as in the
-iteration of C. Sanathanan and J. Koerner, IEEE Trans. Automatic Control 8 (1963) 56-58.
+is convex in N, in the radii rho, in the half-lengths lambda and in the positions s along the
+directions e of the third set; circles have no lambda and no s. N0 is the nominal of the previous
+round, as in the iteration of C. Sanathanan and J. Koerner, IEEE Trans. Automatic Control 8 (1963)
+56-58.
 """
 
 from __future__ import annotations
@@ -35,18 +36,18 @@ from workbench.uncertainty.covers.weights import fitted
 MOST_FREQUENCIES = 100
 """Largest number of frequencies of the cone program."""
 ROUNDS = 3
-"""Number of nominals to which deviations are relative, one after the other."""
+"""Number of rounds; each one uses deviations relative to the nominal of the round before."""
 
 
 def _given(program: UncertaintyCover) -> str | None:
-    """Why there is no numerator to choose; None where there is one."""
+    """The reason why there is no numerator to choose; None if there is one."""
     return "the nominal is given; take steps or joint" if program.nominal is not None else None
 
 
 @conic_method(CircleCover, cones="second-order", optimal=False, unfit=_given)
 @conic_method(StadiumCover, cones="second-order", optimal=False, unfit=_given)
 def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> Claim:
-    """Numerator of the nominal for small sets by cone programs, over the poles of "steps"."""
+    """Numerator of the nominal for small sets by cone programs, with the poles of "steps"."""
     first = program.first_set(program.points)
     nominal = fitted(nominal_fit(first.center, first, program), context)
     coarse, said = program.thinned(MOST_FREQUENCIES), ""
@@ -64,9 +65,9 @@ def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> 
 def _best_numerator(
     program: UncertaintyCover, near: Rational, context: Context, solver: ConicSolver
 ) -> tuple[Rational, str]:
-    """The nominal with the poles of another one, near to which sizes are measured, and a message.
+    """The nominal with the poles of `near`, where sizes are relative to `near`, and a message.
 
-    Raises SolverError where the solver gives no answer.
+    Raises SolverError if the solver gives no answer.
     """
     import cvxpy as cp
 
@@ -103,7 +104,7 @@ def _best_numerator(
 
 
 def _directions(program: StadiumCover, near: Rational, response: ComplexArray) -> ComplexArray:
-    """Directions (F,) of size 1 of the sets in the plane of the plants."""
+    """Unit directions (F,) of the sets in the plane of the plants."""
     third = program.third_set(program.away(near, program.points))
     turn = np.exp(1j * third.angle)
     relative = program.form == "multiplicative"
@@ -111,7 +112,7 @@ def _directions(program: StadiumCover, near: Rational, response: ComplexArray) -
 
 
 def _beside(points: RealArray, value: Any) -> Any:
-    """Points (F, N) less a value (F,) of every row."""
+    """Points (F, N) less a value (F,) for each row."""
     return points - _beside_row(value, points.shape[1])
 
 

@@ -1,8 +1,8 @@
-"""Covers of response sets: from measured plants to a nominal and uncertainty weights.
+"""Covers of response sets: a nominal and uncertainty weights from measured plants.
 
-The methods of thesis chapter 5, based on circles and on "olympic stadiums", as Programs. The data
-are the responses, the answer is the fitted model with the sets of every step, and the check is
-containment, computed from the data and the model's roots alone.
+These are the methods of thesis chapter 5, based on circles and on "olympic stadiums", as Programs.
+The data are the responses. The answer is the fitted model with the sets of every step. The check is
+containment, computed only from the data and the model's roots.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ from workbench.uncertainty.responses.plants import Responses
 from workbench.uncertainty.responses.regions import estimates, with_regions
 
 HALF_LENGTH_WEIGHT = 0.1
-"""Weight of the squared half-length of a stadium beside its squared radius."""
+"""Weight of the squared half-length of a stadium, compared with its squared radius."""
 RADIUS_ROUNDING = 1e-12
-"""Amount added to radii, relative to the size of the plants; equal plants get this radius."""
+"""Amount added to radii, relative to the size of the plants. It is the radius for equal plants."""
 
 
 @dataclass(frozen=True, eq=False)
 class UncertaintyCover(Program):
-    """Base of the covers by circles and by stadiums.
+    """Base of the covers with circles and with stadiums.
 
     Parameters
     ----------
@@ -67,30 +67,33 @@ class UncertaintyCover(Program):
     order
         Order of the nominal model.
     zeros
-        Largest number of zeros of the nominal; None: as many as poles.
+        Largest number of zeros of the nominal; None for as many as poles.
     complex_order
         Order of the complex weight.
     form
         ``"multiplicative"`` weights, relative to the nominal, or ``"additive"`` ones.
     nominal
-        A given nominal (a SISO system of python-control, or `Rational`), which is then not fitted.
+        A given nominal (a SISO system of python-control, or a `Rational`), which is then not
+        fitted.
     unstable_poles
-        Number of poles that the nominal, as every plant, has right of the imaginary axis.
+        Number of poles right of the imaginary axis, for the nominal and for every plant.
     leave_out
         Number of points that may lie outside at each frequency; the most costly ones are left out.
     confidence
-        Probability with which each disc about an estimate holds the true response; the cover
-        contains these discs. None: the responses themselves.
+        Probability with which each disc around an estimate contains the true response. The cover
+        contains these discs; with None it contains the responses themselves.
     windows
-        Parts to draw enlarged: for each caption a range of frequency [Hz].
+        Ranges of frequency [Hz] to draw enlarged, by caption.
     """
 
     responses: Responses
     order: int
-    zeros: Any = None  # an int after construction
+    zeros: Any = None  # it is an int after construction
     complex_order: int = 4
     form: Form = field(default="multiplicative", kw_only=True)
-    nominal: Any = field(default=None, kw_only=True)  # a Rational after construction, if given
+    nominal: Any = field(
+        default=None, kw_only=True
+    )  # it is a Rational after construction, if given
     unstable_poles: int = field(default=0, kw_only=True)
     leave_out: int = field(default=0, kw_only=True)
     confidence: float | None = field(default=None, kw_only=True)
@@ -115,7 +118,7 @@ class UncertaintyCover(Program):
         need_choice(self.form, Form, "form")
         if self.nominal is not None:
             nominal = plane_function(self.nominal, "the given nominal", self.responses.dt)
-            if self.nominal is not nominal:  # else it is that of a cover made before
+            if self.nominal is not nominal:  # otherwise it is that of a cover made before
                 warn_far_frequencies(self.responses.omega, self.nominal)
             object.__setattr__(self, "nominal", nominal)
         object.__setattr__(self, "order", as_count("order", self.order))
@@ -145,10 +148,10 @@ class UncertaintyCover(Program):
                 f"leave_out is {self.leave_out}, but the responses stand for an assumption "
                 f"({self.responses.assumption}), which needs all of them"
             )
-        _ = self.points  # raises if so many points cannot be left out
+        _ = self.points  # raises InputError if so many points cannot be left out
 
     def _need_sides(self, nominal: Rational) -> None:
-        """Raise InputError for a given nominal with other poles right of the axis."""
+        """Raise InputError if a given nominal has another number of poles right of the axis."""
         right = int((nominal.poles.real > 0).sum())
         if (nominal.poles.real == 0).any():
             raise InputError(
@@ -162,7 +165,7 @@ class UncertaintyCover(Program):
 
     @property
     def _most(self) -> dict[str, int]:
-        """Largest orders that the number of frequencies determines, by name."""
+        """Largest orders that can be determined from the number of frequencies, by name."""
         count = self.responses.omega.size
         order = 2 * count - 1 - min(self.zeros, self.order)
         if self.nominal is not None:
@@ -173,26 +176,29 @@ class UncertaintyCover(Program):
 
     @cached_property
     def points(self) -> ComplexArray:
-        """Vertices (F, H) of the hulls of the point sets to cover, without the points left out."""
+        """Vertices (F, H) of the convex hulls of the point sets to cover, without the points left
+        out.
+        """
         return corners(kept(self.responses, self.leave_out, self.shape))
 
     def thinned(self, most: int) -> Self:
-        """The same program with at most so many of the frequencies."""
+        """The same program with at most `most` of the frequencies."""
         return self._of(self.responses.thinned(most))
 
     def refined(self) -> Self:
-        """The same program at further frequencies, at which the known plants' resonances show."""
+        """The same program at further frequencies that show the known plants' resonances."""
         return self._of(self.responses.refined())
 
     def _of(self, responses: Responses) -> Self:
-        """The same program for other responses; for its own, itself with the points it has."""
+        """The same program for other responses; for its own responses, the program itself."""
         return self if responses is self.responses else replace(self, responses=responses)
 
     @property
     def useful_zeros(self) -> int:
-        """Largest number of zeros of a nominal that is small where all known plants are.
+        """Largest number of zeros with which the nominal is as small as all known plants at high
+        frequency.
 
-        With more, a multiplicative deviation would tend to -1 at infinite frequency.
+        With more zeros, a multiplicative deviation would tend to -1 at infinite frequency.
         """
         known = list(self.responses.known_plants.values())
         if self.form == "additive" or len(known) < len(self.responses.plants):
@@ -227,28 +233,28 @@ class UncertaintyCover(Program):
         """Real weight W_r fitted to the third set; None for circles."""
 
     def away(self, nominal: Rational, points: ComplexArray) -> ComplexArray:
-        """Deviations (F, N) of the points from a nominal."""
+        """Deviations (F, N) of the points (F, N) from a nominal."""
         response = nominal.response(self.responses.axis)
         return deviations(points, response, self.form, self.responses)
 
     @cached_property
     def unit(self) -> RealArray:
-        """Unit (F,) in which the method `joint` measures sizes: 1, or the plants' root mean square.
+        """Unit (F,) of sizes in method `joint`: 1, or the plants' root mean square.
 
-        Deviations of a multiplicative model are relative already, so their unit is 1.
+        Deviations of a multiplicative model are already relative, so their unit is 1.
         """
         if self.form == "multiplicative":
             return np.ones(self.responses.omega.size)
         return np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
 
     def away_scale(self, nominal: Rational) -> RealArray:
-        """Size (F,) of plants plus nominal, in the units of the deviations."""
+        """Size (F,) of plants plus nominal, in units of the deviations."""
         size = np.abs(self.points).max(axis=1)
         response = np.abs(nominal.response(self.responses.axis))
         return size / response + 1 if self.form == "multiplicative" else size + response
 
     def realisable(self, nominal: Rational) -> Rational:
-        """Nominal with poles so far left that those of its realisation are stable too."""
+        """Nominal whose poles are far enough left that its realisation is stable too."""
         return nominal if self.nominal is not None else damped(nominal, self.responses.axis)
 
     # --- objective --------------------------------------------------------------------------------
@@ -259,7 +265,8 @@ class UncertaintyCover(Program):
         return float(self.points.size)
 
     def objective(self, answer: CoverSteps) -> float:
-        """Mean over log frequency of radius^2 + HALF_LENGTH_WEIGHT half-length^2 of the model.
+        """Mean over log frequency of radius^2 + HALF_LENGTH_WEIGHT half-length^2 of the model's
+        sets.
 
         Sizes are in the units of `unit`.
         """
@@ -318,17 +325,19 @@ class UncertaintyCover(Program):
     def _between(
         self, check: Callable[[UncertaintyModel, Responses], Check], model: UncertaintyModel
     ) -> list[Check]:
-        """The check of the known plants between the frequencies, where none may lie outside."""
+        """The check that includes the known plants between the frequencies, where none may lie
+        outside.
+        """
         if self.leave_out or not self.responses.known_plants:
             return []
         return [check(model, self.responses)]
 
     @abstractmethod
     def least_radius(self, sets: NarrowestStadium, second: Stadium) -> RealArray:
-        """Lower bound (F,) on the radii of sets about the nominal, from the points alone."""
+        """Lower bound (F,) on the radii of sets around the nominal, from the points only."""
 
     def _set_checks(self, answer: CoverSteps, limit: float) -> list[Check]:
-        """Checks that the sets of each step are the smallest; the third has an angle of its own."""
+        """Checks that the sets of each step are the smallest; the third set has a given angle."""
         nominal, first, second, third = (
             answer.model.nominal, answer.first, answer.second, answer.third
         )  # fmt: skip
@@ -356,7 +365,7 @@ class UncertaintyCover(Program):
         return left_check("nominal stable", "pole", nominal.poles)
 
     def _nominal_check(self, nominal: Rational) -> Check:
-        """Check of the number of zeros or, of a given nominal, that it is the one given."""
+        """Check of the number of zeros; for a given nominal, check that it is the given one."""
         if self.nominal is None:
             return at_most("zeros", "nominal", nominal.zeros.size, self.zeros)
         return given_nominal(nominal, self.nominal, self.responses)
@@ -387,7 +396,7 @@ class UncertaintyCover(Program):
         } | self._noise(answer)
 
     def _noise(self, answer: CoverSteps) -> dict[str, float]:
-        """How much of the sets about the nominal is plant spread, and how much is noise."""
+        """Metrics of the sets around the nominal without noise, which show the share of noise."""
         if self.confidence is None:
             return {}
         nominal, shares = answer.model.nominal, self.responses.shares

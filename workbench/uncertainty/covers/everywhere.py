@@ -1,7 +1,7 @@
-"""Covers that hold at every frequency: those of plants that are known as systems.
+"""Covers that hold at every frequency, for plants that are known as systems.
 
-Responses tell nothing between their frequencies, where a resonance may lie. A plant that is known
-as a system is contained at every frequency, and the certificate says so.
+Responses say nothing between their frequencies, where a resonance may lie. A plant that is known as
+a system is contained at every frequency, and the certificate says so.
 """
 
 from __future__ import annotations
@@ -32,17 +32,22 @@ from workbench.uncertainty.responses.plane import from_plane
 from workbench.uncertainty.responses.plants import Responses
 
 SMALL_EXCESS = 1e-3
-"""Excess of a known plant, relative to the radius, that a larger gain of W_c may make up for;
-larger ones are frequencies that the fit has to know."""
+"""Excess of a known plant, relative to the radius, that may be removed by a larger gain of W_c.
+Frequencies with a larger excess are added to the fit.
+"""
 MOST_ROUNDS = 8
-"""Most fits of W_c, each with the frequencies added at which plants left the sets of the last."""
+"""Largest number of fits of W_c. Each one adds the frequencies at which plants left the previous
+sets.
+"""
 BEYOND_BAND = 1e3
-"""Factor from the first and last frequency to those that stand for 0 and for infinity in a fit."""
+"""Factor from the first and last frequency to the frequencies used for 0 and infinity in a fit."""
 SAMPLED_FREQUENCIES = 1000
-"""Frequencies of the second opinion, evenly spread on a logarithmic scale; more lie about poles."""
+"""Number of frequencies of the second opinion on a logarithmic scale; more are added near poles."""
 
 Share = Callable[[RealArray, RealArray, RealArray], RealArray]
-"""Weight (F,) of an excess of the radius, from frequencies [rad/s], radii and extents (F,)."""
+"""Function: frequencies [rad/s], radii and extents (F,) -> weight (F,) of an excess of the
+radius.
+"""
 
 
 def covering_weight(
@@ -57,7 +62,8 @@ def covering_weight(
     everywhere: bool,
     context: Context,
 ) -> Rational:
-    """Complex weight that covers what a real weight leaves uncovered.
+    """Complex weight that covers the remaining distance of deviations from a real weight's
+    segments.
 
     Parameters
     ----------
@@ -66,19 +72,19 @@ def covering_weight(
     share
         Weight of the excess.
     rounding
-        Amount added to radii, relative to plants plus nominal: the rounding of their responses.
+        Amount added to radii for rounding of responses, relative to plants plus nominal.
     everywhere
-        Whether the known plants are covered at every frequency; else W_c is fitted to the given
-        frequencies, and to straight lines between them.
+        Whether the known plants are covered at every frequency. Otherwise W_c is fitted at the
+        given frequencies, with straight lines between them.
 
     Raises
     ------
     SolverError
-        No weight covers a known plant: its deviation has no bound.
+        No weight covers a known plant, because its deviation is unbounded.
     """
 
     def needed(omega: RealArray, deviations: ComplexArray) -> tuple[RealArray, RealArray]:
-        """Radii and extents (F,) of deviations (F, N), with the rounding errors of these."""
+        """Radii and extents (F,) of deviations (F, N), including their rounding errors."""
         radius = rounded_radius(omega, deviations, nominal, W_r, form, rounding)
         return radius, np.maximum(np.abs(deviations).max(axis=1), radius)
 
@@ -89,7 +95,9 @@ def covering_weight(
         return complex_weight(omega, radius, share(omega, radius, extent), order, context)
 
     def fit(grid: RealArray) -> Rational:
-        """W_c for the radii that the known plants need on a grid, and the others at theirs."""
+        """W_c for the radii that known plants need on a grid, and other plants at their
+        frequencies.
+        """
         G = nominal.response(grid)[:, None]
         known = np.stack([plant.response(grid) for plant in plants], axis=1)
         radii, extents = needed(grid, known / G - 1 if form == "multiplicative" else known - G)
@@ -98,7 +106,7 @@ def covering_weight(
             radii = np.maximum(radii, np.exp(np.interp(log, logs, np.log(radius))))
             extents = np.maximum(extents, np.exp(np.interp(log, logs, np.log(extent))))
         else:
-            at = np.searchsorted(grid, omega)  # what was given may be off by its own rounding
+            at = np.searchsorted(grid, omega)  # the given responses may have rounding errors
             radii[at] = np.maximum(radii[at], radius)
             extents[at] = np.maximum(extents[at], extent)
         return complex_weight(grid, radii, share(grid, radii, extents), order, context)
@@ -124,9 +132,10 @@ def rounded_radius(
     form: Form,
     rounding: float,
 ) -> RealArray:
-    """Radius (F,) that deviations (F, N) need about the real weight, with their rounding errors.
+    """Radius (F,) that deviations (F, N) need around the real weight, including their rounding
+    errors.
 
-    These are relative to the plants, not to the deviations.
+    The rounding errors are relative to the plants, not to the deviations.
     """
     radius = needed_radius(away, None if W_r is None else W_r.response(omega))
     plants = 1.0 if form == "multiplicative" else np.abs(nominal.response(omega))
@@ -141,7 +150,7 @@ def reaching_known(
     Raises
     ------
     SolverError
-        No gain covers a known plant: its deviation has no bound.
+        No gain covers a known plant, because its deviation is unbounded.
     """
     plants = list(responses.known_plants.values())
     if not plants:
@@ -150,7 +159,7 @@ def reaching_known(
     if not np.isfinite(excess.value):
         name, place = list(responses.known_plants)[excess.plant], _place(excess, responses.dt)
         raise SolverError(
-            f"no weight covers plant {name} {place}, where its deviation has no bound: "
+            f"no weight covers plant {name} {place}, where its deviation is unbounded: "
             "the nominal needs as many poles more than zeros as the plants have, and no zero "
             "on the imaginary axis"
         )
@@ -158,7 +167,7 @@ def reaching_known(
 
 
 def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
-    """Check that the known plants of responses lie in a model's sets, at every frequency."""
+    """Check that the known plants of responses lie in a model's sets at every frequency."""
     plants = responses.known_plants
     parts = (list(plants.values()), model.nominal, model.W_c, model.W_r)
     excess = largest_excess(*parts, multiplicative=model.form == "multiplicative")

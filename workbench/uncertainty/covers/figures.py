@@ -17,7 +17,7 @@ from workbench.uncertainty.responses.plants import Responses
 def cover_figures(
     responses: Responses, answer: CoverSteps, windows: Mapping[str, tuple[float, float]]
 ) -> dict[str, Figure]:
-    """Figures of the fitted sets, all and in each window, of the nominal and of the weights."""
+    """Figures of the fitted sets (all, and in each window), of the nominal and of the weights."""
     points, sets = responses.labelled(), answer.model.shapes(responses.omega)
     drawn = {"plane": plane(points, sets, "fitted sets")}
     for caption, (low, high) in windows.items():
@@ -81,7 +81,7 @@ def real_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
         ("third set", answer.third, figures.ORANGE),
     ):
         end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
-        # a segment has two opposite ends: draw the one nearer to the fit
+        # a segment has two opposite ends; draw the one nearer to the fit
         end = np.where((end * fit.conj()).real < 0, -end, end)
         turn = figures.phase(fit) + np.angle(end / fit, deg=True)
         top.plot(responses.frequency, np.abs(end), ":", color=colour, label=name)

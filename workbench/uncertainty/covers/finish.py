@@ -1,6 +1,6 @@
-"""Last step of a cover: a complex weight that covers what the real weight leaves uncovered.
+"""Last step of a cover: a complex weight that covers the remaining distances from the real weight.
 
-Between few frequencies known plants tell more: how narrow a resonance may be, how wide the sets
+Known plants give information between the frequencies: how narrow a resonance is, how wide the sets
 are.
 """
 
@@ -31,7 +31,7 @@ def fitted_cover(
     W_r: Rational | None,
     context: Context,
 ) -> CoverSteps:
-    """The cover with a complex weight that is fitted to the radii it must reach."""
+    """The cover with a complex weight fitted to the radii that it must reach."""
     fine = program if program.leave_out else program.refined()
     W_r = _realisable(W_r, fine)
     W_c = covering_weight(
@@ -52,9 +52,10 @@ def fitted_cover(
 def raised_cover(
     program: UncertaintyCover, fine: UncertaintyCover, first: Circle | Stadium, found: FoundModel
 ) -> CoverSteps:
-    """The cover by a model whose complex weight is raised until it reaches every radius.
+    """The cover from a model whose complex weight is multiplied by a gain until it reaches every
+    radius.
 
-    ``fine`` is the program at all frequencies where these are known.
+    ``fine`` is the program at all frequencies at which the plants are known.
     """
     omega, nominal = fine.responses.axis, program.realisable(found.nominal)
     W_r = _realisable(found.W_r, fine)
@@ -69,7 +70,9 @@ def raised_cover(
 
 
 def _realisable(W_r: Rational | None, fine: UncertaintyCover) -> Rational | None:
-    """The real weight without resonances between the frequencies, its poles off the axis."""
+    """The real weight without resonances between the frequencies, and with its poles off the
+    axis.
+    """
     omega = fine.responses.axis
     return None if W_r is None else damped(resolved(W_r, omega), omega)
 

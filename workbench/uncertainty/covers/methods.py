@@ -1,4 +1,6 @@
-"""Methods of covers: the nominal fitted to centres, or all parts chosen for small sets."""
+"""Methods of covers: the nominal is fitted to centres, or all parts are optimised for small
+sets.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,15 @@ from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import fitted
 
 TRIAL_FREQUENCIES, TRIAL_POWERS = 100, (4, 16)
-"""Largest number of frequencies at which starts are tried, and powers of the norms there."""
+"""Largest number of frequencies at which starts are tried, and the powers of the norms there."""
 FINAL_FREQUENCIES, FINAL_POWERS = 1000, (16, 64, 256)
-"""The same for the search from the smallest of what the starts lead to."""
+"""The same for the search that continues from the smallest models found."""
 CONTINUED = 6
-"""Number of models, the smallest of those tried, that are searched again."""
+"""Number of the smallest models from which the search continues."""
 DRAWN, DRAWN_SPREAD = 4, 0.5
-"""Number of searches from starts drawn about each of these models, and the standard deviation of
-the starts in units of the parameters: where one search ends may hang on the data's last bits."""
+"""Number of searches from random starts around each of these models, and standard deviation of the
+starts in units of the parameters. The end of a single search may depend on the data's last bits.
+"""
 ALIKE = 1e-3
 """Relative difference of sizes below which two models count as the same local optimum."""
 
@@ -51,7 +54,7 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
 @method(CircleCover, "joint", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 @method(StadiumCover, "joint", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
-    """Nominal and weights are chosen together for the least mean square size of the sets."""
+    """Nominal and weights are optimised together for the least mean square size of the sets."""
     warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
     searched = replace(program, zeros=program.useful_zeros)
     tried, said = _tried(_trial(searched), context)
@@ -65,7 +68,9 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
 
 
 def _trial(program: UncertaintyCover) -> UncertaintyCover:
-    """The program at few frequencies; where it has fewer, also at those of known resonances."""
+    """The program at few frequencies; if it has fewer, also at the frequencies of known
+    resonances.
+    """
     few = len(program.responses.omega) < TRIAL_FREQUENCIES
     return (program.refined() if few else program).thinned(TRIAL_FREQUENCIES)
 
@@ -91,7 +96,7 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
 
 
 def _apart(found: list[FoundModel]) -> list[FoundModel]:
-    """Models that are not alike, by rising size."""
+    """Different models, by increasing size."""
     apart: list[FoundModel] = []
     for model in sorted(found, key=lambda model: model.size):
         if not apart or model.size > apart[-1].size * (1 + ALIKE):
@@ -102,13 +107,15 @@ def _apart(found: list[FoundModel]) -> list[FoundModel]:
 def _smallest_cover(
     program: UncertaintyCover, found: list[FoundModel], context: Context
 ) -> CoverSteps:
-    """The smallest cover by the models; by a fitted complex weight where none can be raised."""
+    """The smallest cover from the models with raised gains; with a fitted complex weight if no gain
+    suffices.
+    """
     first, refined = program.first_set(program.points), program.refined()
     fine = program if program.leave_out else refined
     ranked = sorted(found, key=lambda model: model.size)
     best, least = None, float("inf")
     for model in ranked:
-        if least <= model.size:  # a cover is hardly smaller than its model
+        if least <= model.size:  # a cover is hardly ever smaller than its model
             break
         try:
             cover = raised_cover(program, fine, first, model)

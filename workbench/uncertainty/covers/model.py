@@ -1,4 +1,4 @@
-"""Uncertainty models, each a nominal with weights, and the test whether one contains responses.
+"""Uncertainty models (a nominal with weights), and a test whether a model contains responses.
 
     multiplicative   G (1 + W_c delta_c + W_r delta_r)        (eq. 5.15 of the thesis)
     additive         G + W_c delta_c + W_r delta_r
@@ -46,21 +46,21 @@ class UncertaintyModel(Algebraic):
     Parameters
     ----------
     nominal, W_c, W_r
-        Each a SISO system of python-control, or a `Rational`, of a sampled model one of the
-        bilinear plane (see `workbench.uncertainty.responses.plane`). W_r = None gives circles.
+        Each is a SISO system of python-control or a `Rational`; for a sampled model a `Rational` of
+        the bilinear plane (see `workbench.uncertainty.responses.plane`). W_r = None gives circles.
     form
         ``"multiplicative"`` or ``"additive"``.
     dt
-        Sampling time [s]; 0: continuous time; None: that of the nominal.
+        Sampling time [s]; 0 for continuous time, None for that of the nominal.
     tested
-        What was tested of the records that it was identified from, for certificates.
+        Results of tests on the records from which the model was identified, for certificates.
     """
 
     nominal: Any  # all three are Rational after construction
     W_c: Any
     W_r: Any = None
     form: Form = "multiplicative"
-    dt: Any = None  # a float after construction
+    dt: Any = None  # it is a float after construction
     tested: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
@@ -90,14 +90,14 @@ class UncertaintyModel(Algebraic):
 
     @property
     def lti(self) -> StateSpace:
-        """The nominal."""
+        """The nominal system."""
         import control
 
         return control.ss(from_plane(self.nominal, self.dt), inputs="u", outputs="f")
 
     @property
     def structure(self) -> Structure:
-        """Blocks (delta_r, delta_c), in the order of eq. 6.3, or delta_c alone."""
+        """Blocks (delta_r, delta_c), in the order of eq. 6.3, or only delta_c."""
         complex_ = ComplexScalar(1, name="complex")
         if self.W_r is None:
             return Structure((complex_,))
@@ -110,10 +110,11 @@ class UncertaintyModel(Algebraic):
 
     @cached_property
     def system(self) -> StateSpace:
-        """System with inputs (u_r, u_c, u), outputs (y_r, y_c, f), closed by delta_r and delta_c.
+        """System with inputs (u_r, u_c, u) and outputs (y_r, y_c, f), to be closed with delta_r and
+        delta_c.
 
-        Without W_r there are no u_r and y_r. The perturbation acts behind the input u of a
-        multiplicative model, and on the output f of an additive model.
+        Without W_r there are no u_r and y_r. The perturbation acts at the input u of a
+        multiplicative model, and at the output f of an additive model.
         """
         systems = self.systems()
         kinds = [kind for kind in ("r", "c") if f"W_{kind}" in systems]
@@ -180,12 +181,12 @@ class UncertaintyModel(Algebraic):
 
 @dataclass(frozen=True, repr=False)
 class Containment(Answer):
-    """Whether a model contains measured responses.
+    """Answer to the question whether a model contains measured responses.
 
-    ``excess`` (F,) is the largest distance of a point beyond its set, relative to the radius and
-    negative inside; the most distant points are not counted if some may be left out. ``outside``
-    (F,) is the number of points outside, with those. ``where`` names the frequency of the largest
-    excess.
+    ``excess`` (F,) is the largest distance of a point beyond its set, relative to the radius, and
+    negative inside the set. If points may be left out, the most distant ones do not count.
+    ``outside`` (F,) is the number of points outside, including these. ``where`` names the frequency
+    of the largest excess.
 
     Examples
     --------
@@ -218,7 +219,7 @@ class Containment(Answer):
 
     @property
     def value(self) -> float:
-        """As ``worst``."""
+        """The same as ``worst``."""
         return self.worst
 
     def __bool__(self) -> bool:
@@ -227,7 +228,7 @@ class Containment(Answer):
 
 @dataclass(frozen=True, eq=False)
 class ContainmentChecker(Checker):
-    """Checks a `Containment` by the model and the responses."""
+    """Checks a `Containment` with the model and the responses."""
 
     model: UncertaintyModel
     responses: Responses
@@ -254,8 +255,8 @@ class ContainmentChecker(Checker):
 def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) -> Containment:
     """Test whether every response lies in the model's set at its frequency.
 
-    The test uses the roots and the data alone. It is computed in extended precision by code that
-    the construction of covers does not share.
+    The test uses only the roots and the data. It is computed in extended precision by code that the
+    construction of covers does not use.
 
     Parameters
     ----------
@@ -302,7 +303,7 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
 
 
 def _value(rational: Rational, s: np.ndarray) -> np.ndarray:
-    """Value of a function at s, by sums of logarithms so that no product overflows."""
+    """Value of a function at s, by sums of logarithms, so that no product overflows."""
     logs = np.log(s[:, None] - rational.zeros.astype(np.clongdouble)).sum(axis=1)
     logs = logs - np.log(s[:, None] - rational.poles.astype(np.clongdouble)).sum(axis=1)
     value: np.ndarray = rational.gain * np.exp(logs)

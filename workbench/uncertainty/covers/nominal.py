@@ -1,4 +1,4 @@
-"""Nominals of covers: the plants' mean, and the fit to centres or to another response."""
+"""Nominals of covers: the mean of the plants, and a fit to centres or to another response."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ STARTING_MIN_RELATIVE_SIZE = 1e-3
 def mean_response(points: ComplexArray) -> ComplexArray:
     """Geometric mean (F,) of responses (F, N), with phases unwrapped along frequency.
 
-    Where a response is nearly 0, noise decides which way its phase turns: a plant whose phase has
-    left the others' middle by a turn is turned back.
+    If a response is nearly 0, noise decides in which direction its phase turns. A plant whose phase
+    differs from the median of the others by a full turn is turned back.
     """
     phase = np.unwrap(np.angle(points), axis=0)
     middle = np.sort(phase, axis=1)[:, (phase.shape[1] - 1) // 2, None]
@@ -32,19 +32,19 @@ def nominal_fit(
 ) -> ResponseFit:
     """Fit of a nominal to a response (F,).
 
-    It weights the errors as if the size of the sets were their standard deviation: the nominal must
-    be close where the plants lie close together, and need not be at a resonance.
+    Errors are weighted as if the size of the sets were their standard deviation. So the nominal is
+    close where the plants lie close together, but need not be close at a resonance.
     """
     omega, order, zeros = program.responses.axis, program.order, program.zeros
     size = np.maximum(
         sizes.radius + sizes.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
     )
-    # Where plants and their centre are all 0, nothing is asked of the nominal.
+    # If the plants and their centre are all 0, the nominal is free.
     weight = np.divide(np.abs(response), size**2, out=np.zeros_like(size), where=size > 0)
     if not weight.any():
         raise InputError(
-            "the centres of the sets are 0 at every frequency; as a nominal they have no size that "
-            "others could be relative to"
+            "the centres of the sets are 0 at every frequency; deviations cannot be relative to a "
+            "nominal of 0"
         )
     right = program.unstable_poles
     return ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)

@@ -1,6 +1,7 @@
-"""The uncertainty model of one plant from its estimate: discs that hold it at a stated confidence.
+"""The uncertainty model of one plant from its estimate: discs that contain it at a stated
+confidence.
 
-About the estimated response the plants of the estimate's confidence ellipsoid fill a set at every
+The plants of the estimate's confidence ellipsoid fill a set around the estimated response at every
 frequency. A disc contains it, to first order in the errors, and a weight covers the radii of the
 discs. So the true plant lies in the cover with the stated probability, at all frequencies together,
 if the model structure can follow it.
@@ -31,20 +32,21 @@ from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.weights import complex_weight
 
 COVERED_DECADE_POINTS = 100
-"""Frequencies in a decade at which discs are computed, beside those of the data."""
+"""Number of frequencies in a decade at which discs are computed, besides those of the data."""
 
 
 BETWEEN = 8
-"""Frequencies at which a check looks between two that were covered."""
+"""Number of frequencies that a check uses between two covered ones."""
 DRAWN = 400
-"""Models that the second opinion draws from the distribution of the estimates."""
+"""Number of models that the second opinion draws from the distribution of the estimates."""
 DOUBT = 1e-9
-"""Probability that a cover at the stated confidence is refuted by the models drawn."""
+"""Probability that drawn models wrongly refute a cover at the stated confidence."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CoverOfEstimate(Answer, UncertaintyModel):
-    """A model of the plants that an estimate allows; ``value`` is its largest disc over its weight.
+    """A model of the plants that agree with an estimate; ``value`` is the largest ratio of disc to
+    weight.
 
     Examples
     --------
@@ -53,7 +55,7 @@ class CoverOfEstimate(Answer, UncertaintyModel):
 
     @property
     def value(self) -> float:
-        """Largest radius of a disc over the weight's, at most 1."""
+        """Largest ratio of a disc's radius to the weight's, at most 1."""
         return self._checked_by[0].headline_value(self) if self._checked_by else np.nan
 
     def said(self) -> str:
@@ -66,7 +68,7 @@ class CoverOfEstimate(Answer, UncertaintyModel):
 
 @dataclass(frozen=True, eq=False)
 class CoverOfEstimateChecker(Checker):
-    """Checks a `CoverOfEstimate` by the distribution of the estimates, on a finer grid."""
+    """Checks a `CoverOfEstimate` with the distribution of the estimates, on a finer grid."""
 
     uncertainty: ModelUncertainty
     confidence: float
@@ -132,7 +134,7 @@ def cover_of_estimate(
     omega: ArrayLike | None = None,
     options: Options | None = None,
 ) -> CoverOfEstimate:
-    """Cover of one entry of an estimated continuous-time model, by discs at a confidence.
+    """Cover of one entry of an estimated continuous-time model, with discs at a confidence.
 
     Its ``system`` and ``structure`` are the linear fractional transformation that mu synthesis
     takes.
@@ -146,18 +148,19 @@ def cover_of_estimate(
     confidence
         Probability, between 0 and 1, that the true response is in all discs.
     entry
-        Output and input.
+        Indices of output and input.
     form
-        Form of the model, as of `UncertaintyModel`.
+        Form of the model, as in `UncertaintyModel`.
     omega
-        Frequencies (F,) [rad/s] to cover; None: the band of the data.
+        Frequencies (F,) [rad/s] to cover; None for the band of the data.
     options
         Accuracy and time limit of the fit of the weight.
 
     Raises
     ------
     InputError
-        A sampled model, a model with a delay, another entry, or a confidence out of range.
+        The model is sampled or has a delay; the entry does not exist; or the confidence is out of
+        range.
     SolverError
         No weight of that order covers the discs.
 
@@ -203,8 +206,9 @@ def cover_of_estimate(
         radius: RealArray = uncertainty.radius(at, confidence, everywhere=True)[:, i, j]
         return radius / np.abs(nominal.response(at)) if form == "multiplicative" else radius
 
-    # The weight covers straight lines in log-log scale from one frequency to the next. They are
-    # raised by twice what the radii between exceed them, most near a resonance.
+    # The weight covers straight lines in log-log scale from one frequency to the next. The lines
+    # are raised by twice the excess of the radii between the frequencies, which is largest near a
+    # resonance.
     radius, middle = wanted(grid), np.sqrt(grid[1:] * grid[:-1])
     excess = np.max(wanted(middle) / np.sqrt(radius[1:] * radius[:-1]), initial=1.0) - 1.0
     radius = radius * (1.0 + 2.0 * excess)

@@ -1,9 +1,10 @@
-"""Orientation of stadiums, a free choice of the design (thesis, sections 5.4.2 and 5.4.3).
+"""Orientation of stadiums, which is a free choice of the designer (thesis, sections 5.4.2 and
+5.4.3).
 
 An orientation is a function of the frequencies omega (F,) [rad/s] and the deviations (F, N) from
 the nominal; it returns the angles (F,) [rad] of the segments in the frame of the nominal. The
-narrowest stadium has the least uncertainty, but its angle may jump along frequency, which no weight
-can follow, and it need not give the smallest mu for a given controller.
+narrowest stadium has the least uncertainty. But its angle may jump along frequency, and no weight
+can follow a jump. It also need not give the smallest mu for a given controller.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ CANDIDATE_ANGLES = 360
 
 
 def narrowest(omega: RealArray, away: ComplexArray) -> RealArray:
-    """Angles (F,) [rad] of least width, those of the second set.
+    """Angles (F,) [rad] with the least width, as in the second set.
 
     Examples
     --------
@@ -61,16 +62,16 @@ def smooth(weight: float = 0.1) -> Orientation:
 
 
 def limited(limit: float = math.pi / 12, nominal: RealArray | float | None = None) -> Orientation:
-    """Orientation of the third set: the narrowest angle where it is near a nominal angle.
+    """Orientation of the third set: the angle of least width, if it is near a nominal angle.
 
-    Elsewhere the nominal angle is taken.
+    At other frequencies the nominal angle is used.
 
     Parameters
     ----------
     limit
-        Largest difference [rad] between the two angles at which the narrowest one is taken.
+        Largest difference [rad] between the two angles for which the angle of least width is used.
     nominal
-        Nominal orientation [rad], a number or of shape (F,); None: the smooth one.
+        Nominal orientation [rad], a number or an array (F,); None for the smooth one.
 
     Examples
     --------
@@ -143,7 +144,9 @@ def cheapest(cost: Cost, weight: float) -> Orientation:
 def _narrow(
     omega: RealArray, angle: RealArray, radius: RealArray, half_length: RealArray
 ) -> RealArray:
-    """Cost log(radius), constant below a thousandth of the stadium's radius plus half-length."""
+    """Cost log(radius), constant for radii below a thousandth of the stadium's radius plus
+    half-length.
+    """
     size = (radius + half_length).min(axis=1, keepdims=True)
     return np.log(np.maximum(radius, 1e-3 * size) + np.finfo(float).tiny)
 
@@ -152,8 +155,8 @@ def _narrow(
 def _cheapest_path(costs: RealArray, weights: RealArray) -> NDArray[np.int_]:
     """Indices (F,) of least total cost, by Bellman's recursion back from the last frequency.
 
-    A change by so many of the A angles, the shorter way round, costs its square times a weight
-    (F - 1,), beside the ``costs`` (F, A).
+    Besides the ``costs`` (F, A), a change of the angle's index, the shorter way round the circle,
+    costs its square times a weight (F - 1,).
     """
     count, angles = costs.shape
     follow = np.zeros((count, angles), dtype=np.int64)
@@ -178,8 +181,8 @@ def _cheapest_path(costs: RealArray, weights: RealArray) -> NDArray[np.int_]:
 def _followers(ahead: RealArray, weight: float, found: NDArray[np.int_]) -> None:
     """For each index i the j of least ahead[j] + weight * change^2, by the lower envelope.
 
-    The parabolas over i, one for each j and its neighbours round the circle, are entered from left
-    to right (Felzenszwalb and Huttenlocher, Theory of Computing 8, 2012).
+    The parabolas over i, one for each j and its copies round the circle, are inserted from left to
+    right (Felzenszwalb and Huttenlocher, Theory of Computing 8, 2012).
     """
     angles, last = ahead.size, -1
     if weight == 0.0:

@@ -1,4 +1,4 @@
-"""How far the sets of a cover are from the smallest ones, by the points alone."""
+"""Distance of the sets of a cover from the smallest sets, computed from the points only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.geometry.bounds import circle_radius_bound
 
 
 class Named(Protocol):
-    """What names the place of the f-th set."""
+    """Base of objects that name the place of the f-th set."""
 
     def place(self, f: int, /) -> str: ...
 
@@ -26,8 +26,9 @@ def set_off(
 ) -> RealArray:
     """Distance (F,) of the sets from the smallest ones, relative to the least radius ``least``.
 
-    Points beyond a set count, radii off the least, a centre off the given one, and round ends that
-    touch no point. ``rounding`` (F,) is what rounding may take from a radius.
+    The distance is due to points outside a set, radii that differ from the least ones, a centre
+    that differs from the given one, or round ends that touch no point. ``rounding`` (F,) is the
+    possible rounding error of a radius.
     """
     beyond = sets.distance(found).max(axis=-1) - found.radius
     off = np.maximum(beyond, np.abs(found.radius - least))

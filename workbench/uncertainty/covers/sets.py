@@ -73,8 +73,8 @@ def stadiums_about_nominal(away: ComplexArray, angle: RealArray | None = None) -
 def kept(responses: Responses, leave_out: int, kind: Literal["circle", "stadium"]) -> ComplexArray:
     """Point sets (F, N) without the ``leave_out`` points that enlarge their first set most.
 
-    A point left out is replaced by a point that is kept. For circles in general position the choice
-    is optimal: a smaller circle must leave out one of the points that support the present one, so a
+    A kept point replaces each point that is left out. For circles in general position the choice is
+    optimal: a smaller circle must leave out one of the points that support the present one, so a
     tree of supports is searched, with at most 3 branches a level (the LP-type problem with
     violations of Matousek, 1995). For stadiums the same tree is a heuristic, because the narrowest
     width may have more supports.
@@ -100,10 +100,10 @@ def kept(responses: Responses, leave_out: int, kind: Literal["circle", "stadium"
 
 
 def corners(points: ComplexArray) -> ComplexArray:
-    """Vertices (F, H) of the convex hulls of point sets (F, N).
+    """Vertices (F, H) of the convex hulls of the point sets (F, N).
 
-    The vertices of smaller hulls are repeated up to the largest H. Circles and stadiums are convex,
-    so those that contain the vertices contain the sets.
+    Smaller hulls are filled up to the largest H with repeated vertices. Circles and stadiums are
+    convex, so if they contain the vertices, they contain the sets.
     """
     hulls = [convex_hull(row) for row in points]
     most = max(hull.size for hull in hulls)
@@ -111,14 +111,17 @@ def corners(points: ComplexArray) -> ComplexArray:
 
 
 Support = Callable[[ComplexArray], tuple[RealArray, RealArray, int]]
-"""Function of points (F, N): the first set's radius (F,), the distance (F, N) of the points inside
-its boundary, and the largest number of points that can support it."""
+"""Function: points (F, N) -> radius (F,) of the first set, distance (F, N) of the points from its
+boundary, and largest number of points that can support it.
+"""
 
 
 def _searched(
     values: ComplexArray, present: np.ndarray, leave_out: int, measure: Support
 ) -> tuple[ComplexArray, RealArray]:
-    """Point sets (F, N) with the best points left out, and the radii (F,) of their first sets."""
+    """Point sets (F, N) without the points whose omission helps most, and the radii (F,) of their
+    first sets.
+    """
     points = filled(values, present)
     radius, room, count = measure(points)
     if leave_out == 0:
@@ -135,13 +138,13 @@ def _searched(
 
 
 def _circle_support(points: ComplexArray) -> tuple[RealArray, RealArray, int]:
-    """`Support` of the smallest circles."""
+    """`Support` function of the smallest circles."""
     circle: Circle = smallest_circle(points)
     return circle.radius, circle.radius[:, None] - np.abs(points - circle.center[:, None]), 3
 
 
 def _stadium_support(points: ComplexArray) -> tuple[RealArray, RealArray, int]:
-    """`Support` of the narrowest stadiums, by the distance from their straight sides."""
+    """`Support` function of the narrowest stadiums, from the distance to their straight sides."""
     stadium = narrowest_stadium(points)
     away = (points - stadium.center[:, None]) * np.exp(-1j * stadium.angle[:, None])
     return stadium.radius, stadium.radius[:, None] - np.abs(away.imag), 4
@@ -152,7 +155,7 @@ def _nearest(
 ) -> list[np.ndarray]:
     """Indices of the distinct points that touch the boundary: up to ``count`` arrays (F,).
 
-    Where fewer points touch it, the first index is repeated.
+    If fewer points touch it, the first index is repeated.
     """
     rows, found = np.arange(len(points)), [room.argmin(axis=1)]
     for _ in range(min(count, points.shape[1]) - 1):

@@ -1,4 +1,4 @@
-"""Responses that belong to no stable plant: a warning, since a stable cover of them is no use."""
+"""A warning for responses of unstable plants, since a stable cover of these is useless."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.nominal import mean_response
 
 TRIED = (1, 2)
-"""Numbers of poles right of the axis that are tried."""
+"""Tried numbers of poles right of the axis."""
 FAR_BETTER = 0.2
-"""Relative error of a fit over that of the stable one below which the plants seem unstable."""
+"""The plants seem unstable if the error of an unstable fit is below this share of the stable fit's
+error.
+"""
 POOR = 0.1
-"""Relative error of a stable fit from which it is poor."""
+"""A stable fit with a relative error above this is poor."""
 
 
 def warn_of_unstable(program: UncertaintyCover, context: Context) -> None:
@@ -29,14 +31,14 @@ def warn_of_unstable(program: UncertaintyCover, context: Context) -> None:
     omega, mean = program.responses.axis, mean_response(program.responses.points)
 
     def fit(count: int) -> ResponseFit:
-        """The fit with so many poles right of the axis."""
+        """The fit with `count` poles right of the axis."""
         return ResponseFit(omega, mean, program.order, zeros=program.zeros, unstable_poles=count)
 
     def error(count: int) -> float:
-        """Largest relative error of the best fit with so many poles right of the axis."""
+        """Largest relative error of the best fit with `count` poles right of the axis."""
         return worst_error(fit(count), vector_fits(fit(count), context)[0])
 
-    # A refinement only lowers the error.
+    # A refinement can only lower the error.
     if any(worst_error(fit(0), one) < POOR for one in relocated_fits(fit(0), context)):
         return
     stable = error(0)

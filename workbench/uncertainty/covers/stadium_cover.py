@@ -1,4 +1,6 @@
-"""Mixed uncertainty models, with a real weight too: stadiums about a nominal (thesis, 5.4)."""
+"""Mixed uncertainty models with a complex and a real weight: stadiums around a nominal (thesis,
+5.4).
+"""
 
 from __future__ import annotations
 
@@ -32,10 +34,10 @@ class StadiumCover(UncertaintyCover):
     real_order
         Order of the real weight.
     orientation
-        Function of frequencies and deviations that gives the angles of the third set, see
+        Function of frequencies and deviations that returns the angles of the third set; see
         `workbench.uncertainty.covers.orientation`.
     minimum_phase
-        Whether the zeros of the real weight must lie in the left half plane too, as in the thesis.
+        Whether the zeros of the real weight must also lie in the left half plane, as in the thesis.
 
     Examples
     --------

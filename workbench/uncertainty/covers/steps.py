@@ -1,4 +1,4 @@
-"""Answer of a cover: the fitted model and the sets of each step."""
+"""The answer of a cover: the fitted model and the sets of each step."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from workbench.uncertainty.covers.model import UncertaintyModel
 class CoverSteps(ProgramAnswer):
     """The fitted model of a cover, and the sets of each step.
 
-    ``first`` lies in the Nyquist plane; ``second`` and ``third`` are centred on the nominal, in
-    the units of the weights. For circles the third set equals the second.
+    ``first`` lies in the Nyquist plane. ``second`` and ``third`` are centred on the nominal, in
+    units of the weights. For circles the third set equals the second.
 
     Examples
     --------
@@ -44,5 +44,5 @@ class CoverSteps(ProgramAnswer):
 
     @property
     def lti(self) -> UncertaintyModel:
-        """The model, which fits where a system is wanted."""
+        """The model, for functions that need a system."""
         return self.model

@@ -23,7 +23,7 @@ PARTS = {
 def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
     """Dataset of the responses, the sets of every step, the sets of the model, and its roots.
 
-    The responses are there to be looked at, in single precision; the task has them in full.
+    The responses are only for inspection, in single precision; the task has them in full precision.
     """
     model = answer.model
     plane = responses.unit
@@ -71,7 +71,7 @@ def shape(data: xr.Dataset, name: str) -> Stadium:
 
 
 def rational(data: xr.Dataset, name: str) -> Rational | None:
-    """The nominal or a weight, by name; None where the model has none."""
+    """The nominal or a weight, by name; None if the model does not have it."""
     if f"{name}_gain" not in data:
         return None
     return function(data, f"{name}_")

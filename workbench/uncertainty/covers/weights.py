@@ -1,8 +1,9 @@
-"""Weights of an uncertainty model from its sets, with containment by construction.
+"""Weights of an uncertainty model from its sets; containment holds by construction.
 
-The real weight is fitted first, in magnitude and phase. The complex weight makes up for the errors
-of that fit: its magnitude covers, at every frequency, the largest distance of a deviation from the
-fitted segment. (In section 5.4.4 of the thesis the two are fitted separately, without guarantee.)
+The real weight is fitted first, in magnitude and phase. The complex weight compensates for the
+errors of that fit: at every frequency its magnitude covers the largest distance of a deviation from
+the fitted segment. (In section 5.4.4 of the thesis the two are fitted separately, without
+guarantee.)
 """
 
 from __future__ import annotations
@@ -27,23 +28,25 @@ MIN_POLE_DISTANCE = 1e-5
 MIN_POLE_DAMPING = 1e-7
 """Smallest damping ratio of poles."""
 CONSTANT_DECADES = 2
-"""Number of decades below and above the given frequencies over which weights keep their size."""
+"""Number of decades below and above the given frequencies in which weights stay constant."""
 SUFFICIENT_DAMPING = 0.1
-"""Damping ratio above which a pole needs no more damping, however coarse the frequencies are."""
+"""A pole with a damping ratio above this needs no more damping, even for coarse frequencies."""
 LARGEST_LOG_STEP = 0.02
-"""Largest step of log omega at which a cover is fitted, so that no resonance fits between."""
+"""Largest step of log omega in the fit of a cover, so that no resonance lies between the
+frequencies.
+"""
 MAX_GAIN_RAISES = 20
-"""Most increases of the gain of a weight until it covers."""
+"""Largest number of increases of a weight's gain until it covers."""
 GAIN_MARGIN = 1e-9
-"""Relative excess of each increase of the gain over the amount needed."""
+"""Relative excess of each increase of the gain over the needed amount."""
 MIN_RELATIVE_SIZE = 1e-6
-"""Smallest size of a set in the weights of a fit, relative to the largest set."""
+"""Smallest size of a set in the weighting of a fit, relative to the largest set."""
 HALF_LENGTH_SHARE = 2.0
 """Factor of a stadium's half-length in its size, which weights the errors of a fit."""
 
 
 def fitted(program: Program, context: Context) -> Rational:
-    """Answer of a fit with a valid certificate.
+    """The answer of a fit, which must have a valid certificate.
 
     Raises
     ------
@@ -60,9 +63,9 @@ def fitted(program: Program, context: Context) -> Rational:
 def complex_weight(
     omega: RealArray, radius: RealArray, weight: RealArray, order: int, context: Context
 ) -> Rational:
-    """Complex weight W_c (eq. 5.2, 5.15) that covers radii (F,), at the frequencies and between.
+    """Complex weight W_c (eq. 5.2, 5.15) that covers radii (F,) at and between the frequencies.
 
-    Its excess relative to the radius is weighted by ``weight`` (F,).
+    ``weight`` (F,) weights the excess relative to the radius.
     """
     grid, magnitude, counts = _resolved_sizes(omega, radius, weight)
     fit = fitted(MagnitudeFit(grid, magnitude, order, weight=counts, cover=True), context)
@@ -70,13 +73,15 @@ def complex_weight(
 
 
 def reaching(function: Rational, omega: RealArray, radius: RealArray) -> Rational:
-    """The function, raised until it covers radii (F,) at frequencies, between and beyond them."""
+    """The function, times a gain with which it covers radii (F,) at, between and beyond the
+    frequencies.
+    """
     grid, magnitude = _resolved_sizes(omega, radius)
     return raised(resolved(function, grid[CONSTANT_DECADES:-CONSTANT_DECADES]), grid, magnitude)
 
 
 def _resolved_sizes(omega: RealArray, *sizes: RealArray) -> list[RealArray]:
-    """Frequencies that resolve those given, and reach beyond them; and sizes (F,) there."""
+    """Refined frequencies that extend beyond the given ones, and sizes (F,) there."""
     fine = np.unique(np.concatenate([omega, between(omega)]))
     log, logs = np.log(fine), np.log(omega)
     return [beyond(fine), *(lasting(np.exp(np.interp(log, logs, np.log(v)))) for v in sizes)]
@@ -93,7 +98,7 @@ def share_of_size(radius: RealArray, extent: RealArray) -> RealArray:
 
 
 def between(omega: RealArray, step: float = LARGEST_LOG_STEP) -> RealArray:
-    """Frequencies between given ones (F,), so that log omega rises by ``step`` at most."""
+    """Frequencies between the given ones (F,), so that log omega increases by at most ``step``."""
     log, gaps = np.log(omega), np.diff(np.log(omega))
     inside = np.maximum(np.ceil(gaps / step).astype(int) - 1, 0)
     first = np.repeat(np.cumsum(inside) - inside, inside)
@@ -103,7 +108,8 @@ def between(omega: RealArray, step: float = LARGEST_LOG_STEP) -> RealArray:
 
 
 def raised(function: Rational, omega: RealArray, magnitude: RealArray) -> Rational:
-    """The function with its gain raised until it covers magnitudes (F,), between them too.
+    """The function with its gain raised until it covers magnitudes (F,), also between the
+    frequencies.
 
     Raises
     ------
@@ -116,7 +122,7 @@ def raised(function: Rational, omega: RealArray, magnitude: RealArray) -> Ration
             return function
         gain = function.gain * np.exp(-margin) * (1 + GAIN_MARGIN)
         function = Rational(function.zeros, function.poles, gain)
-    raise SolverError(f"the weight misses its cover by {-margin:.3g} still, relative")
+    raise SolverError(f"the weight still misses its cover by {-margin:.3g}, relative")
 
 
 def real_weight(
@@ -124,8 +130,8 @@ def real_weight(
 ) -> Rational:
     """Real weight W_r (eq. 5.15), fitted to segments half_length * exp(j angle) as complex numbers.
 
-    Each segment has two ends; those that turn less along frequency are taken. An error of the fit
-    makes the set wider by as much, so it is weighted in the same way as the excess of a cover.
+    Each segment has two ends; the end whose angle changes less along frequency is taken. An error
+    of the fit widens the set by the same amount, so it is weighted like the excess of a cover.
     """
     end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
     size = sets.radius + HALF_LENGTH_SHARE * sets.half_length
@@ -136,7 +142,7 @@ def real_weight(
 def held(
     omega: RealArray, end: ComplexArray, weight: RealArray, order: int, minimum_phase: bool
 ) -> ResponseFit:
-    """Fit of a weight to ends of segments (F,), with real constants beyond the frequencies."""
+    """Fit of a weight to ends of segments (F,), with real constants outside the frequencies."""
     ends = lasting(end)
     for part in (slice(CONSTANT_DECADES), slice(-CONSTANT_DECADES, None)):
         ends[part] = np.copysign(np.abs(ends[part]), ends[part].real)
@@ -154,14 +160,16 @@ def beyond(omega: RealArray) -> RealArray:
 def lasting(values: np.ndarray) -> np.ndarray:
     """Values (F,) continued as constants at the frequencies of `beyond`.
 
-    Without that a weight could vanish or grow without limit where no response is known, such as at
+    Otherwise a weight could vanish or grow without limit where no response is known, for example at
     zero frequency.
     """
     return np.pad(values, CONSTANT_DECADES, mode="edge")
 
 
 def unwrapped(end: ComplexArray) -> ComplexArray:
-    """Ends (F,) of segments through 0, replaced by the opposite ends where they turn past pi/2."""
+    """Ends (F,) of segments through 0; where the angle would change by more than pi/2, the opposite
+    end is used.
+    """
     steps = (end[1:] * end[:-1].conj()).real < 0
     sign = np.concatenate([[1.0], np.where(steps, -1.0, 1.0)]).cumprod()
     ends: ComplexArray = end * sign
@@ -169,10 +177,10 @@ def unwrapped(end: ComplexArray) -> ComplexArray:
 
 
 def damped(function: Rational, omega: RealArray) -> Rational:
-    """The function with poles so far left that those of its realisation are stable too.
+    """The function with poles far enough left that its realisation is stable too.
 
-    A fit may put poles very near the imaginary axis, as integrators or between the frequencies,
-    where the data do not determine the distance.
+    A fit may place poles very near the imaginary axis, as integrators or between the frequencies,
+    where the data do not determine their distance from the axis.
     """
     return _left_by(
         np.maximum(MIN_POLE_DISTANCE * omega[0], MIN_POLE_DAMPING * np.abs(function.poles)),
@@ -181,7 +189,7 @@ def damped(function: Rational, omega: RealArray) -> Rational:
 
 
 def resolved(function: Rational, omega: RealArray) -> Rational:
-    """The function with enough damping that no resonance falls between the frequencies.
+    """The function with enough damping that no resonance lies between the frequencies.
 
     The damping ratio of each pole becomes at least half the relative distance of the frequencies
     around it; the data do not show a narrower peak.
@@ -193,7 +201,9 @@ def resolved(function: Rational, omega: RealArray) -> Rational:
 
 
 def _left_by(distance: RealArray, function: Rational) -> Rational:
-    """Function with every pole at least so far from the axis, on its side of it."""
+    """The function with every pole at least `distance` from the axis, on the same side as
+    before.
+    """
     poles = function.poles.copy()
     right = poles.real > 0
     poles.real = np.where(

@@ -1,1 +1,1 @@
-"""Covers of sets of matrix responses, each a nominal with weights on both sides of one Delta."""
+"""Covers of sets of matrix responses: a nominal with weights on both sides of one Delta."""

@@ -19,11 +19,11 @@ from workbench.uncertainty.matrix_covers.responses import MatrixResponses
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
 
 REALISED = 1e-6
-"""Largest norm of Delta beyond 1, and distance of a plant, in the second opinion."""
+"""Tolerance of the second opinion: excess of a norm of Delta over 1, and distance of a plant."""
 
 
 def stays_stable(name: str, system: StateSpace) -> Check:
-    """Whether the poles of a system are proven to lie inside the region of stability."""
+    """Check that the poles of a system are proven to lie inside the region of stability."""
     statement = "how far a pole is beyond the boundary of stability, negative"
     return replace(stability_of(system), name=name, statement=statement, where="")
 
@@ -31,7 +31,8 @@ def stays_stable(name: str, system: StateSpace) -> Check:
 def unstable_poles(system: StateSpace) -> int:
     """Number of poles that are not proven to lie inside the region of stability.
 
-    One on its boundary, such as an integrator's, is never proven to, wherever its bits round it.
+    A pole on the boundary, such as an integrator's, is never proven to lie inside, however it is
+    rounded.
     """
     if stability_of(system).holds:
         return 0
@@ -41,7 +42,7 @@ def unstable_poles(system: StateSpace) -> int:
 
 
 def off_shape(response: Array, shape: Shape) -> float:
-    """Largest entry of a weight's response (F, n, n) that is not of its shape, relative."""
+    """Largest relative size of entries of a weight's response (F, n, n) outside its shape."""
     if shape == "full":
         return 0.0
     unit = np.eye(response.shape[-1])
@@ -52,7 +53,9 @@ def off_shape(response: Array, shape: Shape) -> float:
 
 
 def semidefinite(responses: MatrixResponses, X: Array, model: MatrixModel) -> Check:
-    """Containment by the least eigenvalue of [[L, X], [X^*, R]], scaled to a unit diagonal."""
+    """Check of containment by the least eigenvalue of [[L, X], [X^*, R]], scaled to a unit
+    diagonal.
+    """
     W_1, W_2 = (plain_response(W, responses.omega) for W in (model.W_1, model.W_2))
     L, R = W_1 @ ctranspose(W_1), ctranspose(W_2) @ W_2
     L, R = (np.repeat(each[:, None], X.shape[1], axis=1) for each in (L, R))
@@ -66,7 +69,7 @@ def semidefinite(responses: MatrixResponses, X: Array, model: MatrixModel) -> Ch
 
 
 def plants_made(responses: MatrixResponses, deltas: Array, model: MatrixModel) -> Check:
-    """The model, closed by each plant's Delta (F, N, ., .), is the plant."""
+    """Check that the model, closed with each plant's Delta (F, N, ., .), gives the plant."""
     whole, given = plain_response(model.system, responses.omega), responses.values
     made = np.stack([upper_closed(whole, deltas[:, k]) for k in range(deltas.shape[1])], axis=1)
     size = np.maximum(np.linalg.norm(given, axis=(2, 3)), np.finfo(float).tiny)
@@ -76,7 +79,7 @@ def plants_made(responses: MatrixResponses, deltas: Array, model: MatrixModel) -
 
 
 def tried_everywhere(responses: MatrixResponses, deltas: Sequence[StateSpace]) -> Check:
-    """Norms of Delta of known plants at many frequencies."""
+    """Check of the norms of Delta of known plants at many frequencies."""
     peaks = []
     for delta in deltas:
         tried = tried_frequencies(delta.poles(), float(delta.dt or 0.0))

@@ -1,4 +1,4 @@
-"""Covers of sets of matrix responses: from plants and a nominal to weights beside one Delta."""
+"""Covers of sets of matrix responses: weights beside one Delta, from plants and a nominal."""
 
 from __future__ import annotations
 
@@ -51,15 +51,17 @@ from workbench.uncertainty.matrix_sets.sets import CONTAINED, SHAPED, FoundSets,
 from workbench.uncertainty.matrix_sets.shapes import Shape, between_weights
 
 LEAST_GAP = 1e-4
-"""Largest logarithm by which a set that is called the smallest may exceed its proven bound."""
+"""A set counts as the smallest if its log size exceeds the proven bound by at most this."""
 
 KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
-"""Forms of which all plants have as many unstable poles as the nominal."""
+"""Forms for which all plants have as many unstable poles as the nominal."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundCover(ProgramAnswer):
-    """A model, and the smallest sets at each frequency that weights of any order could have."""
+    """A model, and the smallest sets at each frequency that are possible with weights of any
+    order.
+    """
 
     model: MatrixModel
     least: FoundSets
@@ -69,13 +71,13 @@ class FoundCover(ProgramAnswer):
 
     @property
     def lti(self) -> StateSpace:
-        """The nominal."""
+        """The nominal system."""
         return self.model.nominal
 
 
 @dataclass(frozen=True, eq=False)
 class MatrixCover(Program):
-    """Weights W_1 and W_2 of given orders such that a model contains every plant.
+    """Weights W_1 and W_2 of given orders with which a model contains every plant.
 
     Parameters
     ----------
@@ -84,19 +86,19 @@ class MatrixCover(Program):
     nominal
         A system of python-control.
     form
-        Where Delta acts; see `workbench.uncertainty.matrix_covers.forms`.
+        Where Delta acts in the model; see `workbench.uncertainty.matrix_covers.forms`.
     left, right
-        Shapes of W_1 and W_2: ``"full"``, ``"diagonal"`` or ``"scalar"``. A scalar W_2 is 1, as its
-        size is that of W_1.
+        Shapes of W_1 and W_2: ``"full"``, ``"diagonal"`` or ``"scalar"``. A scalar W_2 is 1,
+        because W_1 includes its size.
     left_order, right_order
         Number of poles for each channel of W_1 and of W_2.
     floor
-        As for `MatrixSets`.
+        As in `MatrixSets`.
 
     Raises
     ------
     InputError
-        Other data, or plants that the form does not reach.
+        The data do not have these forms, or the form cannot represent a plant.
 
     Examples
     --------
@@ -153,10 +155,10 @@ class MatrixCover(Program):
                     "at most"
                 )
         self._need_sides()
-        _ = self.sets  # raises for what has no sets
+        _ = self.sets  # raises InputError if there are no sets
 
     def _need_sides(self) -> None:
-        """Raise InputError for a known plant that no stable Delta of the form makes."""
+        """Raise InputError for a known plant that no stable Delta of the form can give."""
         if self.form not in KEEPING_SIDES:
             return
         wanted = unstable_poles(self.nominal)
@@ -182,12 +184,14 @@ class MatrixCover(Program):
 
     @property
     def axis(self) -> RealArray:
-        """Frequencies (F,) of the bilinear plane [rad/s], in which weights are fitted."""
+        """Frequencies (F,) [rad/s] for the fit of weights; for sampled plants those of the bilinear
+        plane.
+        """
         return self.responses.axis
 
     @cached_property
     def deviations(self) -> Array:
-        """X (F, N, ., .) of every plant."""
+        """The matrices X (F, N, ., .) of all plants."""
         return self._residuals(system_response)
 
     def _residuals(self, response: Any) -> Array:
@@ -206,19 +210,21 @@ class MatrixCover(Program):
         return MatrixSets(self.deviations, self.left, self.right, floor=self.floor)
 
     def sets_beside(self, W_2: Array) -> MatrixSets:
-        """The program of the smallest sets with W_2 (F, ., .) given, for what W_1 has to do."""
+        """The program of the smallest sets for a given W_2 (F, ., .), which determines W_1."""
         X = self.covered @ np.linalg.inv(W_2)[:, None]
         return MatrixSets(X, self.left, "scalar", floor=self.floor)
 
     @cached_property
     def covered(self) -> Array:
-        """X of every plant, and the floor: what weights are fitted to."""
+        """The matrices that the weights must cover: X of every plant, and the floor."""
         rows, columns = self.deviations.shape[2:]
         return self.sets.away(np.zeros((len(self.deviations), rows, columns)))
 
     @property
     def everywhere(self) -> bool:
-        """Whether the plants are covered at every frequency: known, stable, and additive."""
+        """Whether the plants are covered at every frequency: they are known and stable, and the
+        form is additive.
+        """
         systems = [*self.responses.known, self.nominal]
         return (
             self.form == "additive"
@@ -227,10 +233,11 @@ class MatrixCover(Program):
         )
 
     def for_fits(self) -> tuple[Self, RealArray]:
-        """The program at the frequencies of a fit, and the shares (F,) of these in the objective.
+        """The program at the frequencies of a fit, and the shares (F,) of these frequencies in the
+        objective.
 
-        Plants that are known at every frequency have further ones, also beyond the given band,
-        where they do not count.
+        For plants that are known at every frequency there are further frequencies. Those outside
+        the given band have the share 0.
         """
         given = self.responses
         if not self.everywhere:
@@ -243,14 +250,14 @@ class MatrixCover(Program):
         return replace(self, responses=responses), shares / shares.sum()
 
     def deltas(self, model: MatrixModel, response: Any = system_response) -> Array:
-        """Delta (F, N, ., .) of every plant."""
+        """The matrices Delta (F, N, ., .) of all plants."""
         omega = self.responses.omega
         X = self.deviations if response is system_response else self._residuals(response)
         W_1, W_2 = response(model.W_1, omega), response(model.W_2, omega)
         return between_weights(W_1, X, W_2)
 
     def known_deltas(self, model: MatrixModel) -> list[StateSpace]:
-        """Delta of every known plant, as systems."""
+        """Delta of every known plant, as a system."""
         left, right = inverse_weight(model.W_1), inverse_weight(model.W_2)
         return [left * (plant - self.nominal) * right for plant in self.responses.known]
 
@@ -269,7 +276,7 @@ class MatrixCover(Program):
         return float(self.responses.shares @ np.log(self.radii(answer.model)))
 
     def objective_scale(self, answer: FoundCover) -> float:
-        """1: differences of logarithms are relative already."""
+        """The scale is 1, since differences of logarithms are already relative."""
         return 1.0
 
     # --- the check --------------------------------------------------------------------------------
@@ -306,7 +313,7 @@ class MatrixCover(Program):
             ]
         least = self.sets.checks(answer.least, tolerance)[0]
         checks.append(replace(least, name="smallest sets"))
-        if self.sets.size == "volume":  # the least mu of a loop is told with its gap
+        if self.sets.size == "volume":  # the least mu of a loop is reported with its gap
             checks.append(self._least_check(answer.least, tolerance))
         return checks
 

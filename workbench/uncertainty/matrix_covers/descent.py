@@ -1,12 +1,12 @@
-"""Diagonal weights by descent, or by a population, over their poles and zeros.
+"""Diagonal weights by descent, or by differential evolution, over their poles and zeros.
 
-Each weight is a product of sections s^2 + a s + b and s + c over others like them, with positive
-coefficients: stable, with a stable inverse. The mean logarithm of the radius is a sum of those of
-the weights' sizes; so is what containment adds, the largest log |W_1^-1 X W_2^-1|, of which the
-slope by log |w_i| is -|u_i|^2 and by log |w_j| is -|v_j|^2 with its singular vectors u and v. The
-largest is replaced by a soft one that hardens. With a loop the largest log mu over frequency takes
-the place of most of the radius; its slopes are the other way about, |v_i|^2 and |u_j|^2 of the
-scaled loop.
+Each weight is a quotient of products of sections s^2 + a s + b and s + c with positive
+coefficients, so it is stable and has a stable inverse. The mean logarithm of the radius is a sum of
+the logarithms of the weights' sizes. Containment adds the largest log |W_1^-1 X W_2^-1|. Its slope
+by log |w_i| is -|u_i|^2, and its slope by log |w_j| is -|v_j|^2, where u and v are the singular
+vectors. A soft maximum, which becomes harder, replaces the largest value. With a loop, the largest
+log mu over frequency replaces most of the radius. Its slopes are |v_i|^2 and |u_j|^2 of the scaled
+loop, with the opposite roles of u and v.
 """
 
 from __future__ import annotations
@@ -26,25 +26,26 @@ from workbench.uncertainty.matrix_covers.sections import SideOfWeights
 from workbench.uncertainty.matrix_sets.loop import VOLUME_SHARE, loop_level, scaled_loop
 
 HARDNESS = (30.0, 100.0, 300.0, 1000.0, 3000.0)
-"""Factors of the logarithms in the soft maximum, one after the other."""
+"""Factors of the logarithms in the soft maximum, used one after the other."""
 STEPS = 200
-"""Most steps of the descent at one hardness."""
+"""Largest number of steps of the descent for one hardness."""
 OUTERMOST = 8
-"""Most plants at a frequency that the descent looks at."""
+"""Largest number of plants at each frequency that the descent uses."""
 RANGE = 10.0
 """Largest change of the logarithm of a coefficient in the descent."""
 SPREAD = 2.0
 """Largest change of the logarithm of a coefficient in a population."""
 GENERATIONS, POPULATION = 100, 4
-"""Generations of a population, and its members for each coefficient."""
+"""Number of generations, and number of members of the population for each coefficient."""
 
 
 def descended(
     program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational], context: Context
 ) -> tuple[list[Rational], list[Rational]]:
-    """Weights of the bilinear plane that cost less, from those of the channels.
+    """Weights with a lower cost, as functions of the bilinear plane, by descent from the given
+    channels.
 
-    One weight for all channels stands alone in its list.
+    A list with one weight stands for the same weight in all channels.
     """
     cost = _Cost(program, left, right)
     x = cost.start
@@ -60,7 +61,9 @@ def descended(
 def evolved(
     program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational], context: Context
 ) -> tuple[list[Rational], list[Rational]]:
-    """Weights of the bilinear plane that cost less, by a population about those of the channels."""
+    """Weights with a lower cost, as functions of the bilinear plane, by a population around the
+    given ones.
+    """
     cost = _Cost(program, left, right)
     x = cost.start
     if x.size:
@@ -84,7 +87,9 @@ def evolved(
 
 
 class _Cost:
-    """What weights cost whose coefficients have given logarithms, with its slope."""
+    """The cost of weights as a function of the logarithms of their coefficients, with its
+    gradient.
+    """
 
     def __init__(
         self, program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational]
@@ -107,7 +112,7 @@ class _Cost:
         return left, right
 
     def __call__(self, x: RealArray, hardness: float) -> tuple[float, RealArray]:
-        """The cost with a soft maximum, and its slope."""
+        """The cost with a soft maximum, and its gradient."""
         parts = np.split(x, self.ends)
         found = [side.logs(part) for side, part in zip(self.sides, parts, strict=True)]
         left, right = (np.exp(logs) for logs, _ in found)
@@ -118,7 +123,9 @@ class _Cost:
             np.einsum("fk,fki->fi", soft, np.abs(u[..., 0]) ** 2),
             np.einsum("fk,fki->fi", soft, np.abs(vh[..., 0, :]) ** 2),
         ]
-        raise_ = float(logsumexp(largest) / hardness)  # of W_1, until the model contains the plants
+        raise_ = float(
+            logsumexp(largest) / hardness
+        )  # raise of W_1, until the model contains the plants
         if self.of_loop is None:
             total, share, by_raise, slopes = raise_, 1.0, 1.0, [0.0 * part for part in parts]
         else:
@@ -134,13 +141,15 @@ class _Cost:
 
 
 def _for_channels(grip: RealArray, log: RealArray) -> RealArray:
-    """Slopes (F, n) by the logarithms (F, n) of all channels, or (F, 1) of one for all."""
+    """Slopes (F, n) by the logarithms (F, n) of all channels, or (F, 1) for one weight in all
+    channels.
+    """
     found: RealArray = grip if log.shape == grip.shape else grip.sum(axis=1, keepdims=True)
     return found
 
 
 class _LoopCost:
-    """The largest log mu of the program's loop over the given frequencies, softened."""
+    """The soft maximum of log mu of the program's loop over the given frequencies."""
 
     def __init__(self, program: MatrixCoverForLoop, sides: Sequence[SideOfWeights]) -> None:
         self.loop, self.sides = program.loop_response, sides
@@ -149,7 +158,7 @@ class _LoopCost:
     def __call__(
         self, parts: Sequence[RealArray], raise_: float, hardness: float
     ) -> tuple[float, list[RealArray], float]:
-        """Value, slopes by the parts of the coefficients, and slope by the logarithm of W_1."""
+        """Value, slopes by the coefficients of each part, and slope by the logarithm of W_1."""
         found = [side.logs(part) for side, part in zip(self.sides, parts, strict=True)]
         P, S = (
             _diagonals(np.exp(-log - more), size)
@@ -168,13 +177,15 @@ class _LoopCost:
 
 
 def _diagonals(values: RealArray, size: int) -> Array:
-    """Diagonal matrices (F, size, size) of values (F, size), or (F, 1) for all."""
+    """Diagonal matrices (F, size, size) from values (F, size), or (F, 1) for all channels."""
     found: Array = np.eye(size) * np.broadcast_to(values, (len(values), size))[:, None]
     return found
 
 
 def _outermost(X: Array, logs: Sequence[RealArray]) -> Array:
-    """Those of X (F, N, p, m) that are largest in weights of these logarithmic sizes (F, .)."""
+    """The matrices of X (F, N, p, m) that are largest relative to weights with these logarithmic
+    sizes (F, .).
+    """
     left, right = (np.exp(each) for each in logs)
     norms = np.linalg.norm(X / left[:, None, :, None] / right[:, None, None], 2, axis=(2, 3))
     order = np.argsort(-norms, axis=1)[:, :OUTERMOST]

@@ -10,7 +10,7 @@ from workbench.heavy_types import Figure
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
 
 MOST_DRAWN = 60
-"""Most plants that are drawn."""
+"""Largest number of plants that are drawn."""
 
 
 def magnitudes_figure(
@@ -19,8 +19,8 @@ def magnitudes_figure(
     """Bode magnitudes, a panel for each output and input, with the band of a model's plants.
 
     ``nominal`` (F, p, m) is the nominal's response, ``centre`` and ``radius`` are those of the
-    entries' discs, ``values`` (F, N, p, m) the responses of plants. The band is cut a decade beyond
-    the lines; it reaches that far where the model's plants have no bound.
+    entries' discs, ``values`` (F, N, p, m) the responses of plants. The band is cut one decade
+    beyond the lines. It extends to this cut where the model's plants are unbounded.
     """
     p, m = nominal.shape[1:]
     figure, panels = figures.axes(p, m, size=(3.6 * m + 0.6, 2.5 * p + 1.0), sharex=True)
@@ -53,12 +53,12 @@ def magnitudes_figure(
 
 
 def radius_figure(responses: MatrixResponses, radii: RealArray, least: RealArray) -> Figure:
-    """Mean radius of the model's sets, and the least that any weights could have."""
+    """Mean radius of the model's sets, and the least radius possible with any weights."""
     return _beside_least(responses, radii, least, "geometric mean of the radius")
 
 
 def loop_mu_figure(responses: MatrixResponses, mu: RealArray, least: RealArray) -> Figure:
-    """The loop's mu with the model, and the least that any weights could give."""
+    """The loop's mu with the model, and the least mu possible with any weights."""
     return _beside_least(responses, mu, least, "$\\mu$ of the loop")
 
 

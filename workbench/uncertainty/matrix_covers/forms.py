@@ -1,4 +1,4 @@
-"""Forms of models with one Delta: where it acts, and what it is for a given plant.
+"""Forms of models with one Delta: where Delta acts, and how a plant gives its Delta.
 
 With X = W_1 Delta W_2 and the nominal G0, a model of a form contains the plants
 
@@ -32,7 +32,9 @@ MatrixForm = Literal[
 ]
 
 REACHED = 1e-8
-"""Largest part of a plant that no X of the form gives, relative to the plant."""
+"""Largest relative part of a plant that no X of the form gives and that still counts as
+rounding.
+"""
 
 
 def delta_shape(form: MatrixForm, p: int, m: int) -> tuple[int, int]:
@@ -49,7 +51,7 @@ def delta_shape(form: MatrixForm, p: int, m: int) -> tuple[int, int]:
 
 
 def interconnection(nominal: StateSpace, form: MatrixForm) -> StateSpace:
-    """System from (w, u) to (z, y) that is the model of a form where w = X z."""
+    """System from (w, u) to (z, y); with w = X z it is the model of a form."""
     A, B, C, D = nominal.A, nominal.B, nominal.C, nominal.D
     p, m = D.shape
     n = len(A)
@@ -57,13 +59,13 @@ def interconnection(nominal: StateSpace, form: MatrixForm) -> StateSpace:
     if form == "coprime":
         factors = left_factors(nominal)
         H, root = factors.B[:, m:], np.linalg.inv(factors.D[:, m:])
-        # G0 in the states of its factors, and M^-1 = root - C (s I - A)^-1 H root
+        # G0 in the states of its factors, with M^-1 = root - C (s I - A)^-1 H root
         C = root @ factors.C
         A, B, D = factors.A - H @ C, factors.B[:, :m] - H @ D, root @ factors.D[:, :m]
         B_w, C_z, D_zw = -H @ root, np.vstack([zero((m, n)), -C]), np.vstack([zero((m, p)), -root])
         D_zu, D_yw = np.vstack([Im, -D]), root
     else:
-        before, after = (B, D), (zero((n, p)), Ip)  # X added to the input, to the output
+        before, after = (B, D), (zero((n, p)), Ip)  # X is added to the input, or to the output
         B_w, D_yw = before if form in ("input", "inverse-additive", "inverse-input") else after
         sees_input = form in ("additive", "input", "inverse-input")
         C_z, D_zu = (zero((m, n)), Im) if sees_input else (C, D)
@@ -84,7 +86,7 @@ def interconnection(nominal: StateSpace, form: MatrixForm) -> StateSpace:
 
 
 def left_factors(nominal: StateSpace) -> StateSpace:
-    """[N, M] with G0 = M^-1 N and N N~ + M M~ = I, both stable, on the states of G0."""
+    """Stable [N, M] with G0 = M^-1 N and N N~ + M M~ = I, realised with the states of G0."""
     period = float(nominal.dt or 0.0)
     plane = bilinear_continuous(nominal) if period else nominal
     left = transposed_system(right_factors(transposed_system(plane), "the nominal"))
@@ -94,18 +96,19 @@ def left_factors(nominal: StateSpace) -> StateSpace:
 def residuals(
     values: Array, nominal: Array, form: MatrixForm, factors: Array | None
 ) -> tuple[Array, Array]:
-    """X (F, N, ., .) of plants with responses (F, N, p, m), and what of each plant it leaves out.
+    """X (F, N, ., .) for plants with responses (F, N, p, m), and the part of each plant that X
+    cannot give.
 
     Parameters
     ----------
     nominal
         Responses (F, p, m) of G0.
     factors
-        Responses (F, p, m + p) of [N, M]; for the form "coprime" only.
+        Responses (F, p, m + p) of [N, M]; only for the form "coprime".
 
-    The second array (F, N) is the largest part of a plant that no X gives, relative to the plant:
-    it is not rounding only where G0 or the plant is not square, or singular. Where several X give
-    the plant, the smallest is returned.
+    The second array (F, N) is the largest relative part of a plant that no X gives. It exceeds
+    rounding only if G0 or the plant is not square, or is singular. If several X give the plant, the
+    smallest one is returned.
     """
     G, G0 = values, nominal[:, None]
     m = G.shape[-1]
@@ -131,7 +134,9 @@ def residuals(
 
 
 def need_reached(left: Array, form: MatrixForm, where: list[str], plants: list[str]) -> None:
-    """Raise InputError for plants of which a part is left out, naming plant and frequency."""
+    """Raise InputError for plants that the form cannot give completely; the message names plant and
+    frequency.
+    """
     worst = np.unravel_index(int(np.argmax(left)), left.shape)
     if not left[worst] <= REACHED:
         raise InputError(

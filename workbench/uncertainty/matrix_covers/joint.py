@@ -1,12 +1,13 @@
-"""Both weights of a cover together, over given poles: semidefinite programs one after the other.
+"""Joint optimisation of both weights of a cover over given poles, by successive semidefinite
+programs.
 
-With the weights' squares L = W_1 W_1^~ and R = W_2^~ W_2 linear in unknowns, containment is
+The weights' squares L = W_1 W_1^~ and R = W_2^~ W_2 are linear in unknowns. Containment is
 
     [[L, X_k], [X_k^*, R]] >= 0    at every frequency, for every plant,
 
-which is convex. The logarithm of the volume, m log det L + p log det R, is concave; its slope at
-the weights of the round before is minimised. Only plants near the boundary of the sets are
-constraints; those that come to lie outside are added.
+which is convex. The logarithm of the volume, m log det L + p log det R, is concave; its
+linearisation at the weights of the previous round is minimised. Only plants near the boundary of
+the sets are constraints; plants that then lie outside are added.
 """
 
 from __future__ import annotations
@@ -26,25 +27,28 @@ from workbench.uncertainty.matrix_covers.weights import FittedWeight, thinned
 from workbench.uncertainty.matrix_sets.shapes import between_weights, ctranspose
 
 ROUNDS = 6
-"""Most slopes of the volume."""
+"""Largest number of rounds, each with a new linearisation of the volume."""
 IMPROVEMENT = 2e-3
-"""Least fall of the mean logarithm of the radius for which there is another round."""
+"""Least decrease of the mean logarithm of the radius for another round."""
 NEAR = 0.8
-"""Norm of Delta, relative to the largest at its frequency, from which a plant is a constraint."""
+"""A plant is a constraint if its norm of Delta is at least this share of the largest one at its
+frequency.
+"""
 ADDITIONS = 6
-"""Most times that plants outside are added to the constraints of a round."""
+"""Largest number of times that plants outside are added to the constraints of a round."""
 OUTSIDE = 1e-4
-"""Norm of Delta beyond 1 from which a plant counts as outside."""
+"""A plant counts as outside if its norm of Delta exceeds 1 by this."""
 LASTING = 0.25
-"""Share of the former squares that stays beyond the given frequencies."""
+"""Least share of the previous squares that must remain outside the given frequencies."""
 
 
 def smaller_weights(
     program: MatrixCover, W_1: FittedWeight, W_2: FittedWeight, context: Context
 ) -> tuple[StateSpace, StateSpace]:
-    """Weights of the bilinear plane over the poles of given ones, with smaller sets if possible.
+    """Weights, in the bilinear plane, with the poles of given ones and with smaller sets if
+    possible.
 
-    Raises SolverError where a program has no answer.
+    Raises SolverError if a program has no answer.
     """
     fine, shares = program.for_fits()
     left, right = transposed_system(W_1.system), W_2.system
@@ -68,7 +72,9 @@ def smaller_weights(
 
 
 class _Round:
-    """The program at weights of the round before; ``left`` is the transposed W_1."""
+    """The program linearised at the weights of the previous round; ``left`` is the transposed
+    W_1.
+    """
 
     def __init__(self, program: MatrixCover, left: StateSpace, right: StateSpace) -> None:
         self.program, self.grid = program, beyond(program.axis)
@@ -81,19 +87,23 @@ class _Round:
         self.M = M / self.scale
 
     def near(self) -> np.ndarray:
-        """Which plants (F, N) are near the boundary of the sets."""
+        """Mask of the plants (F, N) near the boundary of the sets."""
         found: np.ndarray = self.norms >= NEAR * self.norms.max(axis=1, keepdims=True)
         return found
 
     def outside(self) -> np.ndarray:
-        """Which plants (F, N) are outside, farther than at the frequencies beside."""
+        """Mask of the plants (F, N) that are outside, and farther outside than at the neighbouring
+        frequencies.
+        """
         beside = np.pad(self.norms, ((1, 1), (0, 0)), constant_values=-np.inf)
         peak = (self.norms >= beside[:-2]) & (self.norms >= beside[2:])
         found: np.ndarray = peak & (self.norms > 1 + OUTSIDE)
         return found
 
     def log_radius(self) -> RealArray:
-        """Logarithm of the mean radius (F,) of the sets, made so large that they contain all."""
+        """Logarithm of the mean radius (F,) of the sets, enlarged so that they contain all
+        plants.
+        """
         logs = [np.linalg.slogdet(W[self.inside])[1] / W.shape[-1] for W in self.W]
         return logs[0] + logs[1] + np.log(self.scale)
 
@@ -104,9 +114,9 @@ class _Round:
         shares: RealArray,
         context: Context,
     ) -> tuple[StateSpace, StateSpace]:
-        """Transposed W_1, and W_2, of the least slope of the volume."""
+        """The transposed W_1, and W_2, that minimise the linearised volume."""
         program = self.program
-        # both in units of the round before, of which the left one takes the scale
+        # both in units of the previous round; the left one includes the scale
         W = self.W[0] * self.scale, self.W[1]
         roots = [np.linalg.inv(each) for each in W]
         left, right = (
@@ -141,7 +151,7 @@ class _Round:
 
 
 def _beside(L: Inequality, R: Inequality, M: Array) -> Inequality:
-    """[[L, M], [M^*, R]], with the unknowns of L before those of R."""
+    """The matrix [[L, M], [M^*, R]], with the unknowns of L before those of R."""
     f, (p, m) = len(M), M.shape[1:]
     a, b = L[0].shape[1], R[0].shape[1]
     coefficients = np.zeros((f, a + b, p + m, p + m), complex)

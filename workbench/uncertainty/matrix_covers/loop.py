@@ -1,4 +1,4 @@
-"""Covers for a loop: weights that make the peak of its mu small, and not the sets."""
+"""Covers for a loop: weights that minimise the peak of its mu instead of the size of the sets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from workbench.uncertainty.matrix_sets.sets import MatrixSets
 
 @dataclass(frozen=True, eq=False)
 class MatrixCoverForLoop(MatrixCover):
-    """A `MatrixCover` that costs a loop the least mu.
+    """A `MatrixCover` with which a loop has the least mu.
 
     Parameters
     ----------
@@ -33,10 +33,11 @@ class MatrixCoverForLoop(MatrixCover):
         A stable uncertain system around `MatrixModel.unweighted(nominal, form)`, such as
         ``W * feedback(1, model * K)``.
     performance
-        Whether the inputs and outputs of the loop count; otherwise its stability alone does.
+        Whether mu is that of robust performance from the loop's inputs to its outputs; otherwise
+        that of robust stability.
 
-    The weights are a local optimum; the sets at each frequency, which have the least mu that
-    weights of any order could have, are a global one.
+    The weights are a local optimum. The sets at each frequency, with the least mu possible for
+    weights of any order, are a global optimum.
 
     Examples
     --------
@@ -65,7 +66,9 @@ class MatrixCoverForLoop(MatrixCover):
 
     @cached_property
     def loop_response(self) -> Array:
-        """Responses (F, ., .) of the loop that X closes; raises InputError for another loop."""
+        """Responses (F, ., .) of the loop that X closes; raises InputError if it is not such a
+        loop.
+        """
         size = delta_shape(self.form, self.nominal.noutputs, self.nominal.ninputs)
         _need_loop(self.loop, size, self.responses.dt)
         response = system_response(self.loop.system, self.responses.omega)
@@ -74,7 +77,7 @@ class MatrixCoverForLoop(MatrixCover):
 
     @cached_property
     def sets(self) -> MatrixSets:
-        """The program of the sets with the least mu of the loop at each frequency."""
+        """The program of the sets for which the loop has the least mu at each frequency."""
         return MatrixSets(
             self.deviations,
             self.left,
@@ -92,7 +95,7 @@ class MatrixCoverForLoop(MatrixCover):
         return MatrixSets(X, self.left, "scalar", size="mu", floor=self.floor, loop=loop)
 
     def without_loop(self) -> MatrixCover:
-        """The program of small sets, for the same plants."""
+        """The program of the smallest sets for the same plants, without the loop."""
         names = [each.name for each in fields(MatrixCover)]
         return MatrixCover(**{name: getattr(self, name) for name in names})
 
@@ -103,7 +106,7 @@ class MatrixCoverForLoop(MatrixCover):
         return loop_level(self.loop_response, *inverses)[0]
 
     def objective(self, answer: FoundCover) -> float:
-        """Logarithm of the largest mu, and VOLUME_SHARE times the mean one of the radius."""
+        """Logarithm of the largest mu, plus VOLUME_SHARE times the mean logarithm of the radius."""
         return float(self.log_mu(answer.model).max()) + VOLUME_SHARE * super().objective(answer)
 
     def metrics(self, answer: FoundCover) -> dict[str, float]:
@@ -118,14 +121,14 @@ class MatrixCoverForLoop(MatrixCover):
 
 
 def _need_loop(given: Any, size: tuple[int, int], dt: float) -> None:
-    """Raise InputError for what is no stable loop that one block of a size closes."""
+    """Raise InputError unless the loop is stable and is closed by one block of the given size."""
     if not isinstance(given, UncertainSystem):
         raise InputError(f"loop must be an uncertain system, not {type(given).__name__}")
     blocks = list(given.structure) if given.elements else []
     fits = len(blocks) == 1 and isinstance(blocks[0], Full)
     if not fits or (blocks[0].rows, blocks[0].columns) != size:
         raise InputError(
-            f"loop must hold one full block of {size[0]} x {size[1]}, that of "
+            f"loop must contain one full block of {size[0]} x {size[1]}, that of "
             f"MatrixModel.unweighted(nominal, form), once; it has {blocks or 'none'}"
         )
     system = given.system

@@ -33,44 +33,48 @@ from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import between_weights, ctranspose
 
 GAIN_MARGIN = 1e-9
-"""Relative excess of a gain over the one needed."""
+"""Relative excess of a gain over the needed one."""
 MOST_RAISES = 8
-"""Most gains that are tried: the proven norm of a scaled system is not just scaled."""
+"""Largest number of tried gains. The proven norm of a scaled system is not exactly the scaled
+norm.
+"""
 
 
 @method(MatrixCover, "steps", optimal=False)
 def _steps(program: MatrixCover, context: Context) -> Claim:
-    """The smallest sets, then W_2 above theirs, then W_1 above the smallest sets with that W_2."""
+    """The smallest sets, then W_2 above theirs, then W_1 for the smallest sets with it."""
     return _improved(program, context, None)
 
 
 def _for_loop(program: MatrixCover) -> str | None:
-    """Why its objective is none of weights alone; None where it is."""
+    """The reason why the objective is not a function of the weights' sizes only; None if it is."""
     for_loop = isinstance(program, MatrixCoverForLoop)
-    return "joint makes sets small, and not the mu of a loop; take descent" if for_loop else None
+    return (
+        "joint minimises the size of sets, not the mu of a loop; take descent" if for_loop else None
+    )
 
 
 @method(MatrixCover, "joint", optimal=False, unfit=_for_loop)
 def _joint(program: MatrixCover, context: Context) -> Claim:
-    """Both weights together over the poles of "steps": semidefinite programs, a local optimum."""
+    """Both weights, with poles from "steps", by semidefinite programs: a local optimum."""
     return _improved(program, context, partial(smaller_weights, program, context=context))
 
 
 def _no_full_weight(program: MatrixCover) -> str | None:
-    """Why its weights have no sections; None where they have."""
+    """The reason why the weights have no sections; None if they have."""
     full = "full" in (program.left, program.right)
-    return "a full weight has no sections to move; take steps or joint" if full else None
+    return "a full weight has no sections to optimise; take steps or joint" if full else None
 
 
 @method(MatrixCover, "descent", optimal=False, unfit=_no_full_weight)
 def _descent(program: MatrixCover, context: Context) -> Claim:
-    """Quasi-Newton descent over poles and zeros of both weights, from those of "steps"."""
+    """Quasi-Newton descent over poles and zeros of both weights, starting from those of "steps"."""
     return _improved(program, context, partial(_moved, program, descended, context))
 
 
 @method(MatrixCover, "evolution", optimal=False, unfit=_no_full_weight)
 def _evolution(program: MatrixCover, context: Context) -> Claim:
-    """A population of poles and zeros of both weights about those of "steps"."""
+    """Differential evolution over poles and zeros of both weights, around those of "steps"."""
     return _improved(program, context, partial(_moved, program, evolved, context))
 
 
@@ -81,18 +85,18 @@ def _moved(
     W_1: FittedWeight,
     W_2: FittedWeight,
 ) -> tuple[StateSpace, StateSpace]:
-    """The weights that a search over their poles and zeros finds."""
+    """The weights found by a search over their poles and zeros."""
     left, right = search(program, W_1.fits, W_2.fits, context)
     rows, columns = program.deviations.shape[2:]
     return diagonal_weight(left, rows).system, diagonal_weight(right, columns).system
 
 
 Improvement = Callable[[FittedWeight, FittedWeight], tuple[StateSpace, StateSpace]]
-"""Function of both weights, in the bilinear plane, that gives others there."""
+"""Function: both weights in the bilinear plane -> other weights there."""
 
 
 def _improved(program: MatrixCover, context: Context, improvement: Improvement | None) -> Claim:
-    """The cover by "steps", or the one with other weights where that is smaller."""
+    """The cover by "steps", or the cover with improved weights if it is smaller."""
     try:
         first, W_1, W_2 = _first(program, context)
     except SolverError as error:
@@ -109,8 +113,8 @@ def _improved(program: MatrixCover, context: Context, improvement: Improvement |
 def _first(program: MatrixCover, context: Context) -> tuple[FoundCover, FittedWeight, FittedWeight]:
     """The cover by "steps", and its weights in the bilinear plane.
 
-    Sets of least mu may change fast along frequency where the loop does not mind. So for a loop
-    weights are also fitted to the smallest sets, and the better ones taken.
+    Sets of least mu may change fast along frequency where this has no effect on the loop. So for a
+    loop, weights are also fitted to the smallest sets, and the better ones are used.
     """
     least, W_1, W_2 = _fitted(program, context)
     found = [(FoundCover(_reaching(program, W_1.system, W_2.system), least), W_1, W_2)]
@@ -121,7 +125,7 @@ def _first(program: MatrixCover, context: Context) -> tuple[FoundCover, FittedWe
 
 
 def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWeight, FittedWeight]:
-    """The smallest sets, and weights one after the other, in the bilinear plane."""
+    """The smallest sets, and both weights, fitted one after the other, in the bilinear plane."""
     least = _sets(program.sets, context)
     if program.right == "scalar":
         n = least.right.shape[-1]
@@ -136,7 +140,7 @@ def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWe
 
 
 def _sets(program: MatrixSets, context: Context) -> FoundSets:
-    """The smallest sets; raises SolverError where there is no answer."""
+    """The smallest sets; raises SolverError if there is no answer."""
     found = solve(program, options=context.options)
     if found.answer is None:
         raise SolverError(f"smallest sets: {found.message}")
@@ -145,9 +149,9 @@ def _sets(program: MatrixSets, context: Context) -> FoundSets:
 
 
 def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixModel:
-    """The model with W_1 as large as the plants need: at every frequency where that is proven.
+    """The model with W_1 as large as the plants need; at every frequency, if this can be proven.
 
-    The weights are those of the bilinear plane.
+    The given weights are functions of the bilinear plane.
     """
     dt = program.responses.dt
     if dt:
@@ -165,7 +169,7 @@ def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixM
 
 
 def _need(program: MatrixCover, model: MatrixModel) -> float:
-    """The largest norm of a Delta of the model, proven for every frequency where it can be."""
+    """The largest norm of a plant's Delta, proven for every frequency if possible."""
     W_1, W_2 = (system_response(W, program.responses.omega) for W in (model.W_1, model.W_2))
     deltas = between_weights(W_1, program.covered, W_2)
     need = float(np.linalg.norm(deltas, 2, axis=(2, 3)).max())

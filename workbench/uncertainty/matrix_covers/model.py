@@ -1,4 +1,4 @@
-"""A nominal with one Delta between weights on both sides."""
+"""Uncertainty models with one Delta between two weights."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from workbench.uncertainty.matrix_covers.weights import inverse_weight
 from workbench.uncertainty.matrix_sets.shapes import ctranspose
 
 DRAWN = 200
-"""Frequencies of a figure, beside those that the poles ask for."""
+"""Number of frequencies of a figure, besides those near poles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class MatrixModel(Algebraic):
     Parameters
     ----------
     nominal, W_1, W_2
-        Systems of python-control of one sampling time; X = W_1 Delta W_2.
+        Systems of python-control with the same sampling time; X = W_1 Delta W_2.
     form
         Where X acts, such as ``"additive"`` or ``"inverse-output"``.
 
@@ -78,7 +78,9 @@ class MatrixModel(Algebraic):
 
     @classmethod
     def unweighted(cls, nominal: Any, form: MatrixForm = "additive") -> MatrixModel:
-        """The model with weights of 1, around which a loop is built that weights shall suit."""
+        """The model with weights 1. A loop built around it is the loop for which weights are
+        optimised.
+        """
         nominal = as_system(nominal, "nominal")
         sizes = delta_shape(form, nominal.noutputs, nominal.ninputs)
         dt = float(nominal.dt or 0.0)
@@ -94,12 +96,12 @@ class MatrixModel(Algebraic):
 
     @property
     def dt(self) -> float:
-        """Sampling time [s]; 0: continuous time."""
+        """Sampling time [s]; 0 for continuous time."""
         return float(self.nominal.dt or 0.0)
 
     @property
     def lti(self) -> StateSpace:
-        """The nominal."""
+        """The nominal system."""
         return self.nominal
 
     @property
@@ -109,7 +111,7 @@ class MatrixModel(Algebraic):
 
     @cached_property
     def system(self) -> StateSpace:
-        """System from (w, u) to (z, y), closed by w = Delta z."""
+        """System from (w, u) to (z, y), to be closed with w = Delta z."""
         import control
 
         core = interconnection(self.nominal, self.form)
@@ -118,12 +120,13 @@ class MatrixModel(Algebraic):
         return found
 
     def delta_of(self, plant: Any) -> UncertainSystem:
-        """The Delta that makes a plant, an uncertain one too, of an additive model.
+        """The Delta with which an additive model gives a plant; the plant may be uncertain.
 
-        Where its worst gain (`workbench.mu.worst_case_gain`) is at most 1 and the plants are stable
-        where the nominal is, the model contains the whole family, at every frequency.
+        If its worst-case gain (`workbench.mu.worst_case_gain`) is at most 1, and the plants are
+        stable like the nominal, the model contains the whole family at every frequency.
 
-        Raises InputError for another form: Delta there holds inverses of the nominal or the plant.
+        Raises InputError for another form, for which Delta contains inverses of the nominal or the
+        plant.
         """
         if self.form != "additive":
             raise InputError(
@@ -145,8 +148,8 @@ class MatrixModel(Algebraic):
         """Centres and radii (F, p, m) of the discs that the entries of the plants fill.
 
         Radii are infinite where some plant of the model has a pole on the axis. With D = W_2 X-loop
-        W_1 the matrices Delta (I - D Delta)^-1 are a ball of matrices of which the centre is
-        (I - D^* D)^-1 D^* (R. Redheffer, "On a certain linear fractional transformation", 1960).
+        W_1, the matrices Delta (I - D Delta)^-1 are a ball of matrices, whose centre is (I - D^*
+        D)^-1 D^* (R. Redheffer, "On a certain linear fractional transformation", 1960).
         """
         r, c = self.W_1.ninputs, self.W_2.noutputs
         H = system_response(self.system, omega)

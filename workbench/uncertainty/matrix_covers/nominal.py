@@ -1,4 +1,4 @@
-"""A nominal for a set of matrix responses: a system of a given order through their centres."""
+"""A nominal for a set of matrix responses: a system of a given order, fitted to their centres."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from workbench.uncertainty.matrix_sets.sets import MatrixSets
 
 
 def central_nominal(responses: MatrixResponses, order: int) -> StateSpace:
-    """The stable system of an order nearest to the centres of the smallest additive sets.
+    """The stable system of an order that is nearest to the centres of the smallest additive sets.
 
-    At each frequency the centre is that of the set of least trace with diagonal weights, a convex
-    program; an error counts relative to the size of the set in its entry.
+    At each frequency the centre is that of the set with the least trace and diagonal weights, a
+    convex program. Errors are relative to the size of the set in each entry.
 
     Raises
     ------
     InputError
-        All plants are alike at some frequency, or the frequencies are too few for the order.
+        All plants are equal at some frequency, or there are too few frequencies for the order.
 
     Examples
     --------

@@ -29,21 +29,21 @@ class MatrixResponses:
     Parameters
     ----------
     omega
-        Frequencies (F,) [rad/s], positive and rising; below half the sampling rate where there is
-        one.
+        Frequencies (F,) [rad/s], positive and increasing; below half the sampling rate for sampled
+        plants.
     values
         Complex responses (F, N, p, m).
     plants
-        Names of the plants; None: they are numbered.
+        Names of the plants; with None they are numbered.
     dt
-        Sampling time [s]; 0: continuous time.
+        Sampling time [s]; 0 for continuous time.
     known
-        The plants as systems, where they are known; see `of_systems`.
+        The plants as systems, if they are known; see `of_systems`.
 
     Raises
     ------
     InputError
-        Other data.
+        The data do not have these forms.
 
     Examples
     --------
@@ -88,7 +88,7 @@ class MatrixResponses:
 
     @classmethod
     def of_systems(cls, systems: Sequence[Any], omega: Any, plants: Any = None) -> MatrixResponses:
-        """Responses of systems of python-control; stable ones are then covered at every frequency.
+        """Responses of python-control systems; covers then contain stable ones at every frequency.
 
         Raises InputError for systems of different sizes or sampling times.
         """
@@ -96,7 +96,7 @@ class MatrixResponses:
             as_system(each, f"plant {k + 1}") for k, each in enumerate(as_list(systems, "systems"))
         ]
         if not found:
-            raise InputError("systems are none; one or more are needed")
+            raise InputError("there are no systems; one or more are needed")
         kinds = {(each.noutputs, each.ninputs, float(each.dt or 0.0)) for each in found}
         if len(kinds) > 1:
             raise InputError(
@@ -110,7 +110,7 @@ class MatrixResponses:
 
     @classmethod
     def of_measurements(cls, measured: Sequence[Any], plants: Any = None) -> MatrixResponses:
-        """Responses of FrequencyResponseData of python-control, all at the same frequencies."""
+        """Responses from python-control's FrequencyResponseData, all at the same frequencies."""
         found = as_list(measured, "measured")
         try:
             omegas = [np.asarray(each.omega, dtype=float) for each in found]
@@ -128,7 +128,9 @@ class MatrixResponses:
 
     @property
     def axis(self) -> RealArray:
-        """Frequencies (F,) of the bilinear plane [rad/s], in which sampled systems are fitted."""
+        """Frequencies (F,) [rad/s]; for sampled systems those of the bilinear plane, in which they
+        are fitted.
+        """
         return np.asarray(bilinear_frequency(self.omega, self.dt))
 
     @property
@@ -151,7 +153,7 @@ class MatrixResponses:
 
 
 def system_response(system: StateSpace, omega: RealArray) -> Array:
-    """Response (F, p, m) of a system, on the imaginary axis or on the circle."""
+    """Response (F, p, m) of a system, on the imaginary axis or on the unit circle."""
     s = np.exp(1j * omega * system.dt) if system.dt else 1j * omega
     M = np.block([[system.A, system.B], [system.C, system.D]])
     found: Array = frequency_response(M, system.nstates, s)

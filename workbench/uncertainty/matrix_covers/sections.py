@@ -1,4 +1,4 @@
-"""Weights as products of sections with positive coefficients, which are stable both ways."""
+"""Weights as quotients of sections with positive coefficients, stable with stable inverses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from workbench.fitting.rational import Rational, conjugate_pairs
 
 @dataclass(frozen=True)
 class RootSections:
-    """Coefficients of quadratic sections (q, 2) and of linear ones (l,), by their logarithms."""
+    """Coefficients of quadratic sections (q, 2) and of linear ones (l,), as functions of their
+    logarithms.
+    """
 
     quadratic: int
     linear: int
@@ -23,7 +25,7 @@ class RootSections:
         return 2 * self.quadratic + self.linear
 
     def logs(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """log of the product's size (F,) and its slope (F, count) by x."""
+        """Logarithm of the product's magnitude (F,), and its slope (F, count) by x."""
         square = (omega**2)[:, None]
         a, b = np.exp(x[: 2 * self.quadratic].reshape(-1, 2)).T
         size = (b - square) ** 2 + a**2 * square
@@ -59,7 +61,7 @@ def sections_of(roots: ComplexArray) -> tuple[RootSections, RealArray]:
 
 
 class SideOfWeights:
-    """The weights of one side at frequencies of the bilinear plane, in units of one of them."""
+    """The weights of one side at frequencies of the bilinear plane, in a unit of frequency."""
 
     def __init__(self, axis: RealArray, unit: float, fits: Sequence[Rational]) -> None:
         self.unit = unit
@@ -81,7 +83,7 @@ class SideOfWeights:
             zip(self.sections, np.split(x, self.ends), strict=True)
         ):
             value, slope = sections.logs(part, self.omega)
-            sign = 1.0 if number % 2 == 0 else -1.0  # zeros and poles in turn
+            sign = 1.0 if number % 2 == 0 else -1.0  # zeros and poles alternate
             logs[:, number // 2] += sign * value
             slopes[:, number // 2, place : place + part.size] = sign * slope
             place += part.size

@@ -1,4 +1,4 @@
-"""The semidefinite programs of rational weights: squares above given ones, together or alone."""
+"""The semidefinite programs of rational weights: squares that are above given ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 
 Inequality = tuple[Array, Array]
 """Coefficients (f, unknowns, n, n) and constants (f, n, n) of Hermitian matrices that must be
-positive semidefinite."""
+positive semidefinite.
+"""
 
 
 def least(
@@ -25,7 +26,7 @@ def least(
     inequalities: Sequence[Inequality],
     context: Context,
 ) -> RealArray:
-    """Unknowns of the squares, one after the other, with the least slope' unknowns.
+    """The unknowns of all squares, one after the other, that minimise slope' unknowns.
 
     Raises SolverError where the program has no answer.
     """

@@ -1,7 +1,7 @@
 """Rational squares W~ W over given poles, linear in the unknowns of a semidefinite program.
 
-Over the poles of one denominator, W~ W = H~ Q H where H holds the fractions and 1, and Q >= 0; the
-weight W, stable with a stable inverse, is its spectral factor.
+For the poles of one denominator, W~ W = H~ Q H with Q >= 0, where H consists of the partial
+fractions and 1. The weight W, stable with a stable inverse, is the spectral factor.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from workbench.systems.realisation import realisation
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
 
 LEAST_SQUARE = 1e-4
-"""Least square of a weight, relative to its mean; without it a zero may come to lie on the axis."""
+"""Least square of a weight, relative to its mean. Without it a zero could lie on the axis."""
 
 
 class RationalSquare:
@@ -33,7 +33,7 @@ class RationalSquare:
     omega
         Frequencies (F,) [rad/s].
     square
-        About what the square will be (F,); the basis is orthonormal in these units.
+        Approximate values (F,) of the square; the basis is orthonormal in these units.
     poles
         Poles [rad/s] of every entry.
     """
@@ -59,9 +59,11 @@ class RationalSquare:
         return len(self.places)
 
     def at(self, numbers: np.ndarray, roots: Array) -> tuple[Array, Array]:
-        """root^* W~ W root at frequencies of these numbers (f,), for roots (f, n, m).
+        """The matrix root^* W~ W root at the frequencies with these indices (f,), for roots (f, n,
+        m).
 
-        The coefficients (f, unknowns, m, m) of the unknowns, and the constant part (f, m, m).
+        Returns the coefficients (f, unknowns, m, m) of the unknowns, and the constant part (f, m,
+        m).
         """
         h = self.H[numbers] @ roots
         a, b = self.places.T
@@ -71,14 +73,14 @@ class RationalSquare:
         return found, LEAST_SQUARE * np.einsum("fki,fkj->fij", h.conj(), h)
 
     def matrix(self, unknowns: RealArray) -> RealArray:
-        """Q."""
+        """The matrix Q."""
         found = np.zeros((self.order, self.order))
         a, b = self.places.T
         found[a, b] = found[b, a] = unknowns
         return found
 
     def weight(self, unknowns: RealArray) -> StateSpace:
-        """The spectral factor W; raises SolverError where there is none."""
+        """The spectral factor W; raises SolverError if there is none."""
         S, unit = np.kron(self.turn, np.eye(self.n)), np.eye(self.n)
         Q = self.matrix(unknowns) + LEAST_SQUARE * np.eye(self.order)
         return _factor(
@@ -87,14 +89,14 @@ class RationalSquare:
 
 
 class ShapedSquare:
-    """W~ W of a shape, made of one `RationalSquare` for all channels or one for each.
+    """W~ W of a shape: one `RationalSquare` for all channels, or one for each.
 
     Parameters
     ----------
     sizes
         Sizes (F, n) of the channels of W.
     poles
-        For a diagonal weight the poles of each channel, else one set for all.
+        For a diagonal weight the poles of each channel, otherwise one set for all.
     """
 
     def __init__(
@@ -117,11 +119,11 @@ class ShapedSquare:
         return sum(len(part) for part in self.parts)
 
     def at(self, numbers: np.ndarray, roots: Array) -> tuple[Array, Array]:
-        """As of `RationalSquare`."""
+        """As in `RationalSquare`."""
         roots = self.unit[:, None] * roots
         if self.shape == "full":
             return self.parts[0].at(numbers, roots)
-        # the square of a row of a diagonal W, times what multiplies it on both sides
+        # the square of a row of a diagonal W, times the factors on both sides
         rows = roots if self.shape == "diagonal" else roots[:, None]
         one = np.ones((len(numbers), 1, 1), complex)
         found, constant = [], 0.0
@@ -149,7 +151,7 @@ class ShapedSquare:
         return list(zip(self.parts, np.split(unknowns, ends[:-1]), strict=True))
 
     def weight(self, unknowns: RealArray) -> StateSpace:
-        """The weight W; raises SolverError where a part has no spectral factor."""
+        """The weight W; raises SolverError if a part has no spectral factor."""
         import control
 
         found = [part.weight(its) for part, its in self.split(unknowns)]
@@ -158,7 +160,7 @@ class ShapedSquare:
 
 
 def _states(poles: Array) -> tuple[RealArray, RealArray]:
-    """A (k, k) and b (k, 1) whose states are all fractions over these poles."""
+    """A (k, k) and b (k, 1) whose states span all partial fractions of these poles."""
     if not poles.size:
         return np.zeros((0, 0)), np.zeros((0, 1))
     system = Rational(np.array([]), poles, 1.0).state_space()
@@ -168,7 +170,7 @@ def _states(poles: Array) -> tuple[RealArray, RealArray]:
 def _factor(A: Array, B: Array, square: Array) -> StateSpace:
     """Stable W with a stable inverse and W~ W = H~ square H, where H = [(s I - A)^-1 B; I].
 
-    Raises SolverError where the Riccati equation has no solution: a zero lies on the axis.
+    Raises SolverError if the Riccati equation has no solution, because a zero lies on the axis.
     """
     n = len(A)
     Q, N, R = square[:n, :n], square[:n, n:], square[n:, n:]

@@ -1,8 +1,8 @@
 """Rational weights of given orders that are at least as large as given squares at each frequency.
 
-A full weight is the spectral factor of R = H~ Q H, where H holds the powers over one denominator:
-Q >= 0 is chosen by a semidefinite program so that R(j omega) >= R_f at every frequency, with the
-least mean of tr R_f^-1 R, which is the slope of log det R at R_f.
+A full weight is the spectral factor of R = H~ Q H, where H consists of the powers of s over one
+denominator. A semidefinite program chooses Q >= 0 with R(j omega) >= R_f at every frequency and the
+least mean of tr R_f^-1 R, which is the linearisation of log det R at R_f.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
 
 MOST_FREQUENCIES = 80
-"""Most frequencies of the semidefinite program."""
+"""Largest number of frequencies of the semidefinite program."""
 
 
 @dataclass(frozen=True)
 class FittedWeight:
-    """A weight in continuous time, with the poles of each channel of a diagonal one, or of all.
+    """A weight in continuous time, with the poles of each channel if it is diagonal, or of all
+    channels.
 
-    ``fits`` are the channels of a diagonal one, or the one of a scalar weight.
+    ``fits`` are the channels of a diagonal weight, or the one function of a scalar weight.
     """
 
     system: StateSpace
@@ -45,8 +46,8 @@ def right_weight(
     Parameters
     ----------
     order
-        Number of poles of each entry of a diagonal or scalar weight; of a full one n times as many
-        are the order.
+        Number of poles of each channel of a diagonal or scalar weight. A full weight has n times as
+        many states.
 
     Raises
     ------
@@ -67,7 +68,9 @@ def right_weight(
 
 
 def diagonal_weight(fits: list[Rational], n: int) -> FittedWeight:
-    """The diagonal weight of n channels with these functions, or with the only one in each."""
+    """The diagonal weight of n channels with these functions; a single function is used in each
+    channel.
+    """
     import control
 
     systems = [fit.state_space() for fit in fits] * (n if len(fits) == 1 else 1)
@@ -77,7 +80,7 @@ def diagonal_weight(fits: list[Rational], n: int) -> FittedWeight:
 def left_weight(
     omega: RealArray, squares: Array, shape: Shape, order: int, context: Context
 ) -> FittedWeight:
-    """As `right_weight`, with W W^* >= squares."""
+    """As `right_weight`, but with W W^* >= squares."""
     found = right_weight(omega, squares.conj(), shape, order, context)
     return FittedWeight(transposed_system(found.system), found.poles, found.fits)
 
@@ -89,14 +92,14 @@ def inverse_weight(W: StateSpace) -> StateSpace:
 
 
 def _magnitude(omega: RealArray, size: RealArray, order: int, context: Context) -> Rational:
-    """Scalar weight that covers sizes (F,); a constant one where they do not change."""
+    """Scalar weight that covers sizes (F,); a constant if the sizes do not change."""
     if np.ptp(size) <= 1e-9 * size.max():
         return Rational(np.array([]), np.array([]), float(size.max()))
     return complex_weight(omega, size, np.ones_like(size), order, context)
 
 
 def _full(omega: RealArray, squares: Array, poles: Array, context: Context) -> StateSpace:
-    """Spectral factor of the least H~ Q H over these poles that is above the squares."""
+    """Spectral factor of the least H~ Q H with these poles that is above the squares."""
     n = squares.shape[-1]
     chosen = thinned(omega.size)
     grid, wanted = beyond(omega[chosen]), lasting_squares(squares[chosen])
@@ -111,7 +114,7 @@ def _full(omega: RealArray, squares: Array, poles: Array, context: Context) -> S
 
 
 def thinned(count: int) -> np.ndarray:
-    """Numbers of at most MOST_FREQUENCIES of so many frequencies."""
+    """Indices of at most MOST_FREQUENCIES of `count` frequencies."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_FREQUENCIES)).astype(int))
 
 

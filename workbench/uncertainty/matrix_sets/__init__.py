@@ -1,1 +1,1 @@
-"""The smallest sets of matrices W_1 Delta W_2, at each frequency."""
+"""The smallest sets of matrices Z + W_1 Delta W_2 at each frequency."""

@@ -1,12 +1,12 @@
 """The smallest sets by Newton's method along geodesics, at all frequencies at once.
 
-With P = W_1^-1, S = W_2^-1 and M_k = P (E_k - Z) S, the set {Z + W_1 Delta W_2} contains E_k where
-|M_k| <= 1. A step changes P to exp(A) P, S to S exp(B) and Z to Z + P^-1 z S^-1, A and B Hermitian,
-so that M_k becomes exp(A) (M_k - z) exp(B). The barrier -sum log det(I - M_k M_k^*) is convex along
-exp(t A), exp(t B): the norm of M_k and of each of its exterior powers is log-convex there, by
-Hadamard's three lines theorem. So is the size of the set; Newton's method with a fixed centre finds
-the global optimum. With a free centre it finds a local one of the volume, and the global one of the
-trace, which is convex in (W_1 W_1^*, W_2^* W_2, Z).
+With P = W_1^-1, S = W_2^-1 and M_k = P (E_k - Z) S, the set {Z + W_1 Delta W_2} contains E_k if
+|M_k| <= 1. A step changes P to exp(A) P, S to S exp(B) and Z to Z + P^-1 z S^-1, where A and B are
+Hermitian. So M_k becomes exp(A) (M_k - z) exp(B). The barrier -sum log det(I - M_k M_k^*) is convex
+along exp(t A), exp(t B): the norm of M_k and of each of its exterior powers is log-convex there, by
+Hadamard's three lines theorem. The size of the set is convex too, so Newton's method with a fixed
+centre finds the global optimum. With a free centre it finds a local optimum of the volume, and the
+global optimum of the trace, which is convex in (W_1 W_1^*, W_2^* W_2, Z).
 """
 
 from __future__ import annotations
@@ -27,17 +27,20 @@ from workbench.uncertainty.matrix_sets.sets import MatrixSets
 FALL = 0.05
 """Factor from one weight of the barrier to the next."""
 DECREMENT = 1e-6
-"""Half the square of the Newton decrement, over the barrier's weight, before the last step of all;
-after it the error is the square of that."""
+"""Half the squared Newton decrement, relative to the barrier's weight, before the very last step.
+After this step the error is the square of it.
+"""
 NEAR_ENOUGH = 0.05
-"""The same for the barriers before the last one."""
+"""Half the squared decrement, relative to the barrier's weight, for the barriers before the last
+one.
+"""
 GAP_SHARE = 0.3
-"""Share of the tolerance at which the last barrier leaves the size of the sets."""
+"""The last barrier's error of the size is this share of the tolerance."""
 
 
 @method(MatrixSets, "barrier", optimal=True)
 def _barrier(program: MatrixSets, context: Context) -> Claim:
-    """Interior-point method along geodesics, all frequencies at once."""
+    """Interior-point method along geodesics, at all frequencies at once."""
     unit = 2.0 ** np.round(np.log2(np.abs(program.deviations).max(axis=(1, 2, 3), keepdims=True)))
     scaled = replace(program, deviations=program.deviations / unit)
     if program.loop is not None:  # X / unit closes the same loops as X
@@ -54,7 +57,7 @@ def _barrier(program: MatrixSets, context: Context) -> Claim:
 
 
 def _weights(goal: float) -> Iterator[float]:
-    """Falling weights of the barrier, the last one the goal."""
+    """Decreasing weights of the barrier; the last one is the goal."""
     mu = 1.0
     while mu > goal:
         yield mu

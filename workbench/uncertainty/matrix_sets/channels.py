@@ -7,15 +7,15 @@ import numpy as np
 from workbench.arrays import RealArray
 
 EQUILIBRATIONS = 30
-"""Rounds that find the sizes."""
+"""Number of rounds that compute the sizes."""
 
 
 def equilibrated(entries: RealArray) -> tuple[RealArray, RealArray]:
-    """Sizes of rows (F, p) and of columns (F, m) of which products are at least entries (F, p, m).
+    """Sizes of rows (F, p) and of columns (F, m) whose products are at least the entries (F, p, m).
 
     They make the largest entry of each row and of each column 1 (D. Ruiz, "A scaling algorithm to
-    equilibrate both rows and columns norms in matrices", 2001). A channel without entries counts as
-    the smallest of the others.
+    equilibrate both rows and columns norms in matrices", 2001). A channel without entries gets the
+    smallest size of the others.
     """
     largest = entries.max(axis=(1, 2), keepdims=True)
     entries = entries / largest

@@ -1,7 +1,7 @@
 """The sets of least trace by semidefinite programs, one for each frequency.
 
 Minimise tr L / p + tr R / m subject to [[L, E_k - Z], [., R]] >= 0, whose optimum is twice that of
-sqrt((tr L / p) (tr R / m)). The deviations are parameters: the program is compiled once.
+sqrt((tr L / p) (tr R / m)). The deviations are parameters, so the program is compiled only once.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from workbench.uncertainty.matrix_sets.shapes import Shape
 
 
 def _no_volume(program: MatrixSets) -> str | None:
-    """Why it is no cone program; None where it is."""
+    """The reason why the problem is no cone program; None if it is one."""
     fit = program.size == "trace"
     return None if fit else f"the {program.size} is not convex in L and R; take barrier"
 
@@ -67,7 +67,7 @@ class _Statement:
         self.problem = cp.Problem(cp.Minimize(size), self.blocks)
 
     def solved(self, f: int, solver: ConicSolver, context: Context) -> tuple[Outcome, str]:
-        """Solve for the frequency of this number, in units of its channels."""
+        """Solve for the frequency with index f, in units of its channels."""
         rows, columns = self.program.channel_sizes
         self.unit = float(np.sqrt(rows[f].max() * columns[f].max()))
         mean = self.program.deviations[f].mean(axis=0)
@@ -78,7 +78,7 @@ class _Statement:
         return solve_conic(self.problem, solver, context.options, context)
 
     def answer(self) -> tuple[Array, Array, Array]:
-        """Inverse weights and centre of what was solved last."""
+        """Inverse weights and centre of the last solution."""
         P = np.linalg.inv(np.linalg.cholesky(self.left.value) * self.unit)
         S = np.linalg.inv(np.linalg.cholesky(self.right.value)).conj().T
         Z = self.start + self.unit * np.asarray(self.centre.value)
@@ -86,7 +86,7 @@ class _Statement:
 
 
 def _hermitian(n: int, shape: Shape) -> Any:
-    """Hermitian matrix of a shape, as CVXPY states it."""
+    """Hermitian matrix variable of a shape, in CVXPY."""
     import cvxpy as cp
 
     if shape == "full":

@@ -1,4 +1,4 @@
-"""Sets from inverse weights: made as large as what they contain, with triangular weights."""
+"""Sets from inverse weights: scaled until they contain their matrices, with triangular weights."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def finished(
     weights: RealArray,
     of_loop: tuple[RealArray, RealArray] | None = None,
 ) -> FoundSets:
-    """Sets with these inverse weights, made as large as their deviations and floor need.
+    """Sets with these inverse weights, scaled to contain the deviations and the floor.
 
-    ``of_loop`` are the scaling (F,) of a loop and its multipliers (F, rank).
+    ``of_loop`` holds the scaling (F,) of a loop and its multipliers (F, rank).
     """
     M = P[:, None] @ program.away(Z) @ S[:, None]
     norm = np.linalg.norm(M, 2, axis=(2, 3)).max(axis=1)[:, None, None]
@@ -42,7 +42,7 @@ def finished(
 
 
 def _turn(triangular: Array) -> Array:
-    """Numbers (F, n) of size 1 that make the diagonal real."""
+    """Numbers (F, n) of magnitude 1 that make the diagonal real."""
     diagonal = np.einsum("fii->fi", triangular)
     turn: Array = diagonal / np.abs(diagonal)
     return turn

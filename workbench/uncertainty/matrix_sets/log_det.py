@@ -1,4 +1,4 @@
-"""Slope and curvature of -log det(I - M M^*), where M moves to exp(A) (M - z) exp(B)."""
+"""Slope and curvature of -log det(I - M M^*) when M moves to exp(A) (M - z) exp(B)."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def log_det_derivatives(
     Parameters
     ----------
     M
-        Matrices (F, N, p, m) of norms below 1.
+        Matrices (F, N, p, m) with norms below 1.
     A, B
         Hermitian directions (a, p, p) and (b, m, m).
     z, moving
-        Directions (c, p, m) in which the first ones of the N matrices move.
+        Directions (c, p, m) of z, and the number of the first matrices that z moves.
     """
     F, N, p, m = M.shape
     a, b, c = len(A), len(B), len(z)
@@ -38,7 +38,7 @@ def log_det_derivatives(
     K = V @ ctranspose((root @ M)[:, None])
     K = K + ctranspose(K)
     curvature = 2 * _gram(V, V) + _gram(K, K)
-    # what the second derivatives of M add
+    # contribution of the second derivatives of M
     left = (SM @ Mh).sum(axis=1)
     right = (Mh @ SM).sum(axis=1)
     C = ctranspose(SM[:, :moving].sum(axis=1))

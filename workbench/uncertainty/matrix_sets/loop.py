@@ -1,22 +1,23 @@
-"""What sets cost a loop: its structured singular value at each frequency.
+"""The structured singular value of a loop with sets, at each frequency.
 
-A loop N = [[N_11, N_12], [N_21, N_22]] leads from (u, w) to (y, z), where u = X y closes it and z
-and w are its performance. With X = W_1 Delta W_2 its mu, for Delta and the block of performance, is
+A loop N = [[N_11, N_12], [N_21, N_22]] leads from (u, w) to (y, z). It is closed with u = X y, and
+w and z are its performance channels. With X = W_1 Delta W_2, its mu for Delta and the performance
+block is
 
     min over delta of |K|,    K = diag(W_2, e^-delta) N diag(W_1, e^delta),
 
-exactly, as two complex blocks need no more than this scaling. log |K| is convex where the inverse
-weights move to exp(A) W_1^-1 and W_2^-1 exp(B) and delta along a line, by the three lines theorem,
-so that sets of the least mu are a global optimum too.
+This is exact, since for two complex blocks this scaling suffices. By the three lines theorem, log
+|K| is convex when the inverse weights move to exp(A) W_1^-1 and W_2^-1 exp(B) and delta moves along
+a line. So sets with the least mu are also a global optimum.
 
 *Proof of the optimum.* In exp(A) W_1^-1, W_2^-1 exp(B), delta + e every cover has
 
     log |K'| >= sum e_j log s_j(K) + sum e_j (u_j^* L u_j + v_j^* R v_j),
     L = diag(-B, -e),  R = diag(-A, e),
 
-for weights e_1 >= e_2 >= ... of sum 1. With what `workbench.uncertainty.matrix_sets.optimality`
-says of the volume and of what is contained the parts in A, B and e cancel; what is left of them
-counts with the farthest cover that costs no more.
+for weights e_1 >= e_2 >= ... of sum 1. Together with the inequalities of
+`workbench.uncertainty.matrix_sets.optimality` for the volume and for containment, the parts in A, B
+and e cancel. Their remainder is bounded with the farthest cover that is not worse.
 """
 
 from __future__ import annotations
@@ -39,13 +40,17 @@ from workbench.uncertainty.matrix_sets.optimality import (
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
 VOLUME_SHARE = 1e-3
-"""Share of the volume beside mu: the least mu alone leaves open what the loop does not see."""
+"""Weight of the log radius beside log mu. The least mu alone does not determine the parts of a set
+that the loop does not see.
+"""
 HALVINGS = 60
-"""Steps that find a scaling: each leaves 0.62 of the interval."""
+"""Number of steps of the search for a scaling; each leaves 0.62 of the interval."""
 
 
 def need_loop(given: Any, deviations: tuple[int, ...]) -> Array:
-    """Responses of a loop (F, m + q, p + r) beside deviations (F, N, p, m), or InputError."""
+    """Responses of a loop (F, m + q, p + r) that fit deviations (F, N, p, m); raises InputError
+    otherwise.
+    """
     F, _, p, m = deviations
     loop = as_array(given, "loop", dtype=complex)
     enough = loop.ndim == 3 and len(loop) == F and loop.shape[1] >= m and loop.shape[2] >= p
@@ -70,7 +75,7 @@ def need_loop(given: Any, deviations: tuple[int, ...]) -> Array:
 
 
 def loop_in_unit(loop: Array, unit: Array, p: int) -> Array:
-    """The loops that matrices X / unit close like X closes the given ones; unit (F, 1, 1)."""
+    """Loops that are closed by X / unit like the given loops by X; unit (F, 1, 1)."""
     found = np.array(loop)
     found[:, :, :p] *= unit
     return found
@@ -93,7 +98,7 @@ class LoopBarrier:
     def at(
         self, at: np.ndarray | slice, P: Array, S: Array, gamma: RealArray, delta: RealArray
     ) -> Array:
-        """The scaled loops at frequencies of the numbers ``at``."""
+        """The scaled loops at the frequencies with the indices ``at``."""
         return np.exp(-gamma)[:, None, None] * scaled_loop(self.loop[at], P, S, delta)
 
     def derivatives(self, K: Array) -> tuple[RealArray, RealArray]:
@@ -105,7 +110,7 @@ class LoopBarrier:
 
 
 def loop_directions(shape: tuple[int, ...], A: Array, B: Array) -> tuple[Array, Array]:
-    """L (d, m + q, m + q) and R (d, p + r, p + r) by which K moves to exp(L) K exp(R)."""
+    """L (d, m + q, m + q) and R (d, p + r, p + r) with which K moves to exp(L) K exp(R)."""
     a, b, p, m = len(A), len(B), A.shape[-1], B.shape[-1]
     performing = shape != (m, p)
     count = a + b + 1 + performing
@@ -121,7 +126,9 @@ def loop_directions(shape: tuple[int, ...], A: Array, B: Array) -> tuple[Array, 
 
 
 def scaled_loop(loop: Array, P: Array, S: Array, delta: RealArray) -> Array:
-    """K (F, m + q, p + r) of loops N, inverse weights P (F, p, p) and S (F, m, m), and scalings."""
+    """K (F, m + q, p + r) from loops N, inverse weights P (F, p, p) and S (F, m, m), and scalings
+    delta.
+    """
     p, m = P.shape[-1], S.shape[-1]
     K = np.array(loop, complex)
     K[:, :m] = np.linalg.solve(S, K[:, :m])
@@ -130,7 +137,9 @@ def scaled_loop(loop: Array, P: Array, S: Array, delta: RealArray) -> Array:
 
 
 def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
-    """log mu (F,) of the loops with sets of these inverse weights, and the scalings delta (F,)."""
+    """log mu (F,) of the loops with sets that have these inverse weights, and the scalings delta
+    (F,).
+    """
     p, m = P.shape[-1], S.shape[-1]
     K = scaled_loop(loop, P, S, np.zeros(len(P)))
     if K.shape[1:] == (m, p):
@@ -138,7 +147,8 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
     across = [log_norm(K[:, :m, p:]), log_norm(K[:, m:, :p])]
     inner = np.maximum(log_norm(K[:, :m, :p]), log_norm(K[:, m:, p:]))
     middle = (across[1] - across[0]) / 2
-    # no block is larger than the norm, which at the middle is at most twice the largest one
+    # no block is larger than the norm, and at the middle the norm is at most twice the largest
+    # block
     room = np.log(2.0) + np.maximum(inner - sum(across) / 2, 0.0)
     low, high = middle - room, middle + room
     golden = (np.sqrt(5) - 1) / 2
@@ -160,7 +170,7 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
 
 
 def _turned(K: Array, p: int, m: int, delta: RealArray) -> Array:
-    """K (F, m + q, p + r) with its blocks across scaled by e^delta and e^-delta."""
+    """K (F, m + q, p + r) with its off-diagonal blocks scaled by e^delta and e^-delta."""
     K = K.copy()
     K[:, :m, p:] *= np.exp(delta)[:, None, None]
     K[:, m:, :p] *= np.exp(-delta)[:, None, None]
@@ -168,7 +178,9 @@ def _turned(K: Array, p: int, m: int, delta: RealArray) -> Array:
 
 
 def log_norm(matrices: Array) -> RealArray:
-    """Logarithm (F,) of the largest singular value; of nothing that of SMALLEST."""
+    """Logarithm (F,) of the largest singular value; the logarithm of SMALLEST for empty
+    matrices.
+    """
     if not matrices[0].size:
         return np.full(len(matrices), np.log(SMALLEST))
     return np.log(np.maximum(np.linalg.norm(matrices, 2, axis=(1, 2)), SMALLEST))
@@ -177,18 +189,19 @@ def log_norm(matrices: Array) -> RealArray:
 def mu_excess(
     within: InUnits, weights: RealArray, proof: RealArray, shapes: tuple[Shape, Shape], floor: float
 ) -> RealArray:
-    """How much smaller log mu + VOLUME_SHARE log radius (F,) might be than that of these sets.
+    """Bound on how much log mu + VOLUME_SHARE log radius (F,) could be lowered from that of these
+    sets.
 
     Parameters
     ----------
     within
-        Sets, smaller than those of the answer by a factor.
+        Sets that are smaller than those of the answer by a factor.
     weights
-        c (F, N, min(p, m)).
+        Weights c (F, N, min(p, m)) of the proof.
     proof
-        The logarithm of the factor, delta, and the weights e of the loop, (F, 2 + rank).
+        Logarithm of the factor, delta, and the weights e of the loop (F, 2 + rank).
     floor
-        As for `workbench.uncertainty.matrix_sets.optimality.farthest`.
+        As in `workbench.uncertainty.matrix_sets.optimality.farthest`.
     """
     P, S, M, K, loop = within.P, within.S, within.M, within.K, within.loop
     assert K is not None and loop is not None
@@ -228,11 +241,11 @@ def _reach(
     floor: float,
     size: RealArray,
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """Bounds (F,) on the norms of A and of B, and on |e|, of covers that cost no more.
+    """Bounds (F,) on the norms of A and B, and on |e|, for covers that are not worse.
 
-    In units of the channels the norms of P and S have a product of at most sqrt(p m) / floor, as
-    every cover contains the floor, and S has rows of at most 1, the largest of that size. That
-    bounds mu from below, and by what is left of the size the radius from above; with both, delta.
+    In units of the channels, the product of the norms of P and S is at most sqrt(p m) / floor,
+    since every cover contains the floor. S is scaled so that its largest row is 1. This bounds mu
+    from below, hence the radius from above, and both bound delta.
     """
     rows, columns = channels
     p, m = rows.shape[1], columns.shape[1]
@@ -251,14 +264,14 @@ def _reach(
     low = np.log(floor) + np.log(rows).mean(axis=1) + np.log(columns).mean(axis=1)
     most_mu = size - VOLUME_SHARE * low
     row = np.log(np.linalg.norm(columns[:, :, None] * S, axis=2).max(axis=1))
-    delta = delta - row  # that of the same sets with rows of S of at most 1
+    delta = delta - row  # delta of the same sets with rows of S of at most 1
     top = most_mu + np.log(m) / 2 - across[0]
     bottom = across[1] - most_mu - np.log(p) / 2 + np.log(floor)
     return *found, np.maximum(np.abs(top - delta), np.abs(delta - bottom))
 
 
 def _log_radius(P: Array, S: Array) -> RealArray:
-    """Logarithm (F,) of the geometric mean of the radius of sets with these inverse weights."""
+    """Logarithm (F,) of the geometric mean radius of sets with these inverse weights."""
     logs = [np.linalg.slogdet(W)[1] / W.shape[-1] for W in (P, S)]
     found: RealArray = -(logs[0] + logs[1])
     return found

@@ -1,4 +1,4 @@
-"""Multipliers of a minimum, made to meet its equations to the last digits."""
+"""Multipliers of a minimum, corrected until they satisfy its equations up to rounding."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from workbench.uncertainty.matrix_sets.shapes import (
 from workbench.uncertainty.matrix_sets.size import size_derivatives
 
 CORRECTIONS = 10
-"""Corrections of the multipliers."""
+"""Number of corrections of the multipliers."""
 TOUCHING = 1e-5
-"""Distance of a norm from the largest one, relative, at which a set touches what it contains."""
+"""A set touches a matrix whose norm is within this relative distance of the largest one."""
 
 
 def with_balanced_multipliers(program: MatrixSets, found: FoundSets) -> FoundSets:
-    """The sets with multipliers changed so little that they meet the equations of a minimum.
+    """The sets with the smallest change of the multipliers that satisfies the equations of a
+    minimum.
 
-    A solver leaves an error in them, which is larger the nearer its sets come to what they contain.
-    The change is the least relative to the multipliers.
+    A solver leaves an error in the multipliers. It is the larger, the closer the sets come to the
+    matrices. The change is the smallest one relative to the multipliers.
     """
     within = program.in_units(found)
     equations, wanted, _ = _equations(program, within)
@@ -52,7 +53,9 @@ def with_balanced_multipliers(program: MatrixSets, found: FoundSets) -> FoundSet
 def _with_loop(
     program: MatrixSets, equations: RealArray, wanted: RealArray, K: Array
 ) -> tuple[RealArray, RealArray]:
-    """Equations and right sides with those of the loop's level and scaling, and its unknowns."""
+    """Equations and right sides, extended by those of the loop's level and scaling, and by its
+    unknowns.
+    """
     p, m = program.deviations.shape[2:]
     A, B = directions(program.left, p), directions(program.right, m)
     left, right = loop_directions(K.shape[1:], A, B)
@@ -69,12 +72,12 @@ def _with_loop(
 
 
 def _steps_of(weights: RealArray) -> RealArray:
-    """Falls of multipliers from one singular value to the next smaller one."""
+    """Decreases of the multipliers from one singular value to the next smaller one."""
     return -np.diff(weights, axis=-1, append=0.0)
 
 
 def with_touching_multipliers(program: MatrixSets, found: FoundSets) -> FoundSets:
-    """The sets with multipliers that meet the equations best, of what the sets touch."""
+    """The sets with the multipliers of touched matrices that best satisfy the equations."""
     equations, wanted, slack = _equations(program, program.in_units(found))
     steps = np.zeros(slack.shape)
     for f, (columns, target) in enumerate(zip(equations, wanted, strict=True)):
@@ -84,11 +87,12 @@ def with_touching_multipliers(program: MatrixSets, found: FoundSets) -> FoundSet
 
 
 def _equations(program: MatrixSets, within: InUnits) -> tuple[RealArray, RealArray, RealArray]:
-    """Equations (F, d, N r) and right sides (F, d) of multipliers, and by how little none touches.
+    """Equations (F, d, N r) and right sides (F, d) for multipliers, and distances (F, N r) from
+    touching.
 
-    The unknowns are the steps of the multipliers from one singular value to the next smaller one,
-    which must not be negative. What they multiply is how far their singular values are from the
-    largest of all (F, N r).
+    The unknowns are the decreases of the multipliers from one singular value to the next smaller
+    one, which must not be negative. The distances say how far their singular values are from the
+    largest of all.
     """
     F, moving, p, m = program.deviations.shape
     A, B = directions(program.left, p), directions(program.right, m)
@@ -100,7 +104,7 @@ def _equations(program: MatrixSets, within: InUnits) -> tuple[RealArray, RealArr
     ]
     if program.centre == "free":
         across = np.einsum("fkir,dij,fkjr->fdkr", u.conj(), entry_directions(p, m), v).real
-        across[:, :, moving:] = 0.0  # the floor moves with the centre
+        across[:, :, moving:] = 0.0  # the floor moves together with the centre
         values.append(across)
     equations = np.concatenate(values, axis=1).cumsum(axis=-1).reshape(F, -1, s[0].size)
     slope, _ = size_derivatives(program, within.P, within.S, A, B)
@@ -113,6 +117,6 @@ def _equations(program: MatrixSets, within: InUnits) -> tuple[RealArray, RealArr
 
 
 def _summed(steps: RealArray) -> RealArray:
-    """Multipliers whose steps from one singular value to the next smaller one are given."""
+    """Multipliers from their decreases from one singular value to the next smaller one."""
     found: RealArray = steps[..., ::-1].cumsum(axis=-1)[..., ::-1]
     return found

@@ -1,7 +1,7 @@
-"""Newton's method for sets of least size plus a barrier, at all frequencies at once.
+"""Newton's method that minimises size plus barrier of sets, at all frequencies at once.
 
-P = W_1^-1, S = W_2^-1 and Z are moved so that M_k = P (E_k - Z) S becomes exp(A) (M_k - z) exp(B),
-with A and B Hermitian: P to exp(A) P, S to S exp(B), Z to Z + P^-1 z S^-1.
+A step moves P = W_1^-1 to exp(A) P, S = W_2^-1 to S exp(B) and Z to Z + P^-1 z S^-1, with A and B
+Hermitian. So M_k = P (E_k - Z) S becomes exp(A) (M_k - z) exp(B).
 """
 
 from __future__ import annotations
@@ -25,22 +25,24 @@ from workbench.uncertainty.matrix_sets.shapes import (
 from workbench.uncertainty.matrix_sets.size import size_derivatives
 
 START = 0.5
-"""Largest norm of a deviation in the first sets."""
+"""Largest norm of a deviation, in units of the first sets."""
 STEPS = 60
-"""Most Newton steps for one weight of the barrier."""
+"""Largest number of Newton steps for one weight of the barrier."""
 SAFE = 0.05
-"""Half the square of the decrement, over the barrier's weight, up to which full steps are taken."""
+"""Full steps are taken if half the squared decrement, relative to the barrier's weight, is below
+this.
+"""
 LONGEST = 3.0
-"""Longest step: logarithms of weights change by no more at once."""
+"""Longest step: largest change of the logarithms of weights in one step."""
 SHORTEST = 2.0**-30
 """Shortest step along a Newton direction."""
 FLAT = 1e-15
-"""Least curvature, relative to the largest: what is less is rounding."""
+"""Curvatures below this, relative to the largest, are rounding."""
 
 
 @dataclass
 class SetsAt:
-    """Inverse weights P and S, centres Z, what is contained M, and loops K with their scalings.
+    """Inverse weights P and S, centres Z, contained matrices M, and loops K with their scalings.
 
     The first axis of each array is frequency. Without a loop K is empty.
     """
@@ -57,13 +59,13 @@ class SetsAt:
         return SetsAt(*(getattr(self, each.name)[at] for each in fields(self)))
 
     def put(self, at: np.ndarray, other: SetsAt) -> None:
-        """Replace what stands at these frequencies."""
+        """Replace the values at these frequencies."""
         for each in fields(self):
             getattr(self, each.name)[at] = getattr(other, each.name)
 
 
 class BarrierSets:
-    """Inverse weights and centres at all frequencies, moved by Newton steps."""
+    """Inverse weights and centres at all frequencies, which Newton steps improve."""
 
     def __init__(self, program: MatrixSets) -> None:
         self.program = program
@@ -92,7 +94,9 @@ class BarrierSets:
 
     @cached_property
     def _idle(self) -> RealArray:
-        """Projection (d, d) on the direction that makes W_1 larger and W_2 as much smaller."""
+        """Projection (d, d) on the direction that enlarges W_1 and shrinks W_2 by the same
+        factor.
+        """
         traces = [np.einsum("dii->d", self.A).real, -np.einsum("dii->d", self.B).real]
         rest = np.zeros(self.count - len(self.A) - len(self.B))
         if self.loop is not None and self.loop.performing:
@@ -101,7 +105,7 @@ class BarrierSets:
         return np.outer(direction, direction) / (direction @ direction)
 
     def minimise(self, mu: float, near: float) -> None:
-        """Newton steps until half the square of the decrement, over mu, was so near to 0."""
+        """Newton steps until half the squared decrement, relative to mu, is at most `near`."""
         active = np.arange(len(self.point.P))
         for _ in range(STEPS):
             step, decrement = self._newton(mu, active)
@@ -111,7 +115,7 @@ class BarrierSets:
                 return
 
     def _newton(self, mu: float, at: np.ndarray) -> tuple[RealArray, RealArray]:
-        """Newton steps (f, d) and half the squares of their decrements (f,)."""
+        """Newton steps (f, d) and half their squared decrements (f,)."""
         slope, curvature = self._derivatives(mu, at)
         curvature += np.trace(curvature, axis1=1, axis2=2)[:, None, None] * self._idle
         values, vectors = np.linalg.eigh(curvature)
@@ -140,7 +144,7 @@ class BarrierSets:
         return slope, curvature
 
     def _value(self, mu: float, point: SetsAt) -> RealArray:
-        """Size + mu * barrier (f,); infinite outside."""
+        """Size + mu * barrier (f,); infinite outside the domain of the barrier."""
         barrier = log_det_value(point.M)
         level = point.gamma if self.loop is not None else None
         if self.loop is not None:
@@ -150,7 +154,7 @@ class BarrierSets:
     def _moved(
         self, mu: float, at: np.ndarray, step: RealArray, decrement: RealArray
     ) -> np.ndarray:
-        """Go along the steps as far as the value falls; where it still did (f,)."""
+        """Move along the steps as far as the value decreases; returns where it did (f,)."""
         before = self._value(mu, self.point[at])
         todo, length = np.ones(len(at), bool), 1.0
         while todo.any() and length >= SHORTEST:
@@ -158,7 +162,7 @@ class BarrierSets:
             point = self._along(here, length * step[todo])
             value = self._value(mu, point)
             fallen = value <= before[todo] - 0.2 * length * decrement[todo]
-            # near the minimum the value's rounding hides the fall, and full steps are safe
+            # near the minimum rounding hides the decrease, and full steps are safe
             fallen |= np.isfinite(value) & (decrement[todo] <= SAFE * mu)
             self.point.put(here[fallen], point[fallen])
             todo[np.flatnonzero(todo)[fallen]] = False
@@ -192,14 +196,14 @@ class BarrierSets:
 
 
 def _multipliers(M: Array) -> RealArray:
-    """Multipliers (..., r) of singular values of matrices (..., p, m) in the barrier's minimum."""
+    """Multipliers (..., r) of singular values of matrices (..., p, m) at the barrier's minimum."""
     square = np.linalg.svd(M, compute_uv=False) ** 2
     found: RealArray = square / (1 - square)
     return found
 
 
 def _inverse(sizes: RealArray, shape: Shape) -> Array:
-    """Inverse weights (F, n, n) of a shape for channels of these sizes (F, n)."""
+    """Inverse weights (F, n, n) of a shape, for channels with these sizes (F, n)."""
     if shape == "scalar":
         sizes = np.broadcast_to(sizes.max(axis=1, keepdims=True), sizes.shape)
     found: Array = (np.eye(sizes.shape[1]) / sizes[:, None]).astype(complex)

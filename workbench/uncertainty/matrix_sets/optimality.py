@@ -8,14 +8,14 @@ has therefore
 
     0 >= sum c_kj log s_kj + tr(A sum c_kj u_kj u_kj^*) + tr(B sum c_kj v_kj v_kj^*).
 
-If the two sums are m I and p I (John's condition for ellipsoids, here for both sides), this is a
-bound on m tr A + p tr B, by which the logarithm of the volume can fall. What is left of the two
-sums counts with the largest A and B that a smaller cover can have.
+If the two sums are m I and p I (John's condition for ellipsoids, here for both sides), this bounds
+m tr A + p tr B, the possible decrease of the logarithm of the volume. The remainder of the two sums
+is bounded with the largest A and B that a smaller cover can have.
 
 *Trace.* With L = W_1 W_1^* and R = W_2^* W_2 the matrix [[L, E_k - Z], [., R]] of a cover is
 positive semidefinite, so its product with c_kj (P^* u, -S v)(P^* u, -S v)^* is not negative. If the
-parts of the products' sum in L and R are tr L / p + tr R / m, and that in Z vanishes, what remains
-is a bound: duality of semidefinite programs.
+parts of the products' sum in L and R are tr L / p + tr R / m, and the part in Z vanishes, the rest
+is a lower bound. This is the duality of semidefinite programs.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ from workbench.arrays import Array, RealArray
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
 SMALLEST = 1e-300
-"""What stands for a singular value of zero in a logarithm."""
+"""Replacement for a singular value of zero in a logarithm."""
 
 
 @dataclass(frozen=True)
 class InUnits:
-    """What is proven from, in units of the sets.
+    """The data of a proof, in units of the sets.
 
-    P (F, p, p) and S (F, m, m) are inverse weights, ``away`` (F, N, p, m) is what is contained and
-    M (F, N, p, m) = P away S. ``channels`` are the sizes of rows (F, p) and columns (F, m),
-    ``loop`` (F, m + q, p + r) the loop and K the same between the weights.
+    P (F, p, p) and S (F, m, m) are inverse weights, ``away`` (F, N, p, m) are the contained
+    matrices less the centre, and M (F, N, p, m) = P away S. ``channels`` are the sizes of rows (F,
+    p) and columns (F, m), ``loop`` (F, m + q, p + r) is the loop, and K is the loop between the
+    weights.
     """
 
     P: Array
@@ -56,7 +57,7 @@ def volume_excess(
     right: Shape,
     reach: tuple[RealArray, RealArray],
 ) -> RealArray:
-    """How much smaller the logarithm of the radius (F,) might be than that of these sets.
+    """Bound on how much the logarithm of the radius (F,) could be lowered from that of these sets.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def volume_excess(
     weights
         c (F, N, min(p, m)).
     reach
-        Bounds (F,) on the norms of A and of B of any smaller cover.
+        Bounds (F,) on the norms of A and B for any smaller cover.
     """
     p, m = M.shape[-2:]
     u, s, vh = np.linalg.svd(M, full_matrices=False)
@@ -86,7 +87,8 @@ def farthest(
     floor: float,
     least: RealArray | None = None,
 ) -> tuple[RealArray, RealArray]:
-    """Bounds (F,) on the norms of A and of B that lead from P, S to inverse weights of less volume.
+    """Bounds (F,) on the norms of A and B that lead from P, S to inverse weights with a smaller
+    volume.
 
     Parameters
     ----------
@@ -94,11 +96,11 @@ def farthest(
         Every cover contains changes of single entries by floor times the sizes of row (F, p) and
         column (F, m).
     least
-        Least m log|det P| + p log|det S| (F,) of those inverse weights; None: that of P and S.
+        Least m log|det P| + p log|det S| (F,) of those inverse weights; None for that of P and S.
 
-    In units of the channels the floor says |P e_i| |e_j^T S| <= 1 / floor; scale S so that its
-    largest row is 1. Then the norms are bounded, and with Hadamard's inequality, by the volume, so
-    are those of the inverses.
+    In units of the channels the floor means |P e_i| |e_j^T S| <= 1 / floor. Scale S so that its
+    largest row is 1. Then the norms are bounded. With the volume and Hadamard's inequality, the
+    norms of the inverses are bounded too.
     """
     rows, columns = channels
     p, m = rows.shape[1], columns.shape[1]
@@ -137,15 +139,15 @@ def trace_bound(
     Parameters
     ----------
     away
-        What a cover contains (F, N, p, m), less its centre.
+        Matrices that a cover contains (F, N, p, m), less its centre.
     moving
-        How many of the N the centre is subtracted from.
+        Number of the N matrices from which the centre is subtracted.
     P, S
         Inverse weights of the cover.
     weights
         c (F, N, min(p, m)).
     free
-        Whether the centre may be another one.
+        Whether the centre is free.
     """
     p, m = away.shape[-2:]
     u, _, vh = np.linalg.svd(P[:, None] @ away @ S[:, None], full_matrices=False)
@@ -168,7 +170,9 @@ def trace_bound(
 
 
 def _normalised(vectors: Array, c: RealArray, shape: Shape) -> Array:
-    """Vectors (F, N, n, r) changed by a matrix of the shape so that sum c x x^* is I, within it."""
+    """Vectors (F, N, n, r) multiplied by a matrix of the shape so that the shape's part of sum c x
+    x^* is I.
+    """
     if shape == "scalar":
         mean = np.einsum("fii->f", sum_of_dyads(vectors, c)).real / vectors.shape[-2]
         return vectors / np.sqrt(np.maximum(mean, SMALLEST))[:, None, None, None]
@@ -183,13 +187,13 @@ def _normalised(vectors: Array, c: RealArray, shape: Shape) -> Array:
 
 
 def sum_of_dyads(vectors: Array, c: RealArray) -> Array:
-    """sum c x x^* (F, n, n) of the columns x of vectors (F, N, n, r)."""
+    """The sum of c x x^* (F, n, n) over the columns x of vectors (F, N, n, r)."""
     found: Array = ((vectors * c[:, :, None]) @ ctranspose(vectors)).sum(axis=1)
     return found
 
 
 def nuclear(hermitian: Array) -> RealArray:
-    """Sum of the sizes of the eigenvalues (F,)."""
+    """Sum of the magnitudes of the eigenvalues (F,)."""
     found: RealArray = np.abs(np.linalg.eigvalsh(hermitian)).sum(axis=-1)
     return found
 

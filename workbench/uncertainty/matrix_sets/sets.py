@@ -1,8 +1,8 @@
 """The smallest sets {Z + W_1 Delta W_2, |Delta| <= 1} that contain matrices, at each frequency.
 
-Their size is the geometric mean of the radius in all directions ("volume"; it does not depend on
-the units of the channels), the root of tr W_1 W_1^* / p times tr W_2^* W_2 / m ("trace"), or the mu
-of a loop that they perturb, times a small power of the radius ("mu").
+Their size is one of three. "volume" is the geometric mean of the radius in all directions, which
+does not depend on the units of the channels. "trace" is the square root of tr W_1 W_1^* / p times
+tr W_2^* W_2 / m. "mu" is the mu of a loop that they perturb, times a small power of the radius.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ Size = Literal["volume", "trace", "mu"]
 Centre = Literal["zero", "free"]
 
 CONTAINED = 1e-9
-"""Largest norm of a Delta beyond 1: rounding."""
+"""Excess of a norm of Delta over 1 that counts as rounding."""
 SQUARES_CONTAINED = 1e-7
-"""As CONTAINED, for the squares of the second opinion."""
+"""The same excess for the squares in the second opinion."""
 ALIKE = 64 * EPS
-"""Spread of deviations, relative to their size, that is rounding."""
+"""Spread of deviations, relative to their size, that counts as rounding."""
 SHAPED = 1e-9
-"""Largest part of a weight that is not of its shape, relative."""
+"""Largest relative part of a weight outside its shape that counts as rounding."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundSets(ProgramAnswer):
-    """Sets at F frequencies: centres Z, and weights W_1 and W_2.
+    """Sets at F frequencies, with centres Z and weights W_1 and W_2.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class FoundSets(ProgramAnswer):
         Weights (F, N + p m, min(p, m)) that prove that no set is smaller; see
         `workbench.uncertainty.matrix_sets.optimality`. Zeros prove nothing.
     of_loop
-        What the proof needs beside them for sets of least mu, (F, 2 + rank); see
+        Further data (F, 2 + rank) of the proof for sets of least mu; see
         `workbench.uncertainty.matrix_sets.loop`.
     """
 
@@ -108,21 +108,22 @@ class MatrixSets(Program):
     left, right
         Shapes of W_1 and W_2: ``"full"``, ``"diagonal"`` or ``"scalar"``.
     centre
-        ``"zero"``, or ``"free"``: chosen with the weights.
+        ``"zero"``, or ``"free"`` to optimise the centre together with the weights.
     size
-        ``"volume"``, ``"trace"`` or ``"mu"``. The optimum is global, but for the volume with a free
-        centre.
+        ``"volume"``, ``"trace"`` or ``"mu"``. The optimum is global, except for the volume with a
+        free centre.
     floor
-        Every set contains changes of any single entry by this share of the product of the sizes of
-        its row and its column; otherwise sets of few matrices would be flat, and have no volume.
+        Every set must contain changes of each single entry by this share of the product of its
+        row's and column's sizes. Otherwise sets of few matrices would be flat and have no volume.
     loop
-        For the size ``"mu"``: responses (F, m + q, p + r) from (u, w) to (y, z) of a loop that
-        u = X y closes, with the matrices X of the sets; z and w are its performance, of any size.
+        Only for the size ``"mu"``: responses (F, m + q, p + r) of a loop from (u, w) to (y, z). It
+        is closed with u = X y, where X are the matrices of the sets; w and z are performance
+        channels of any number.
 
     Raises
     ------
     InputError
-        Other data; deviations that are all alike at some frequency.
+        The data do not have these forms; or all deviations are equal at some frequency.
 
     Examples
     --------
@@ -179,7 +180,7 @@ class MatrixSets(Program):
         self._need_loop()
 
     def _need_loop(self) -> None:
-        """Raise InputError for a loop without its size, a size without its loop, and others."""
+        """Raise InputError unless the size "mu" and a fitting loop are given together."""
         if (self.size == "mu") != (self.loop is not None):
             raise InputError('the size "mu" and a loop go together: give both or none')
         if self.loop is None:
@@ -202,18 +203,18 @@ class MatrixSets(Program):
 
     @cached_property
     def _spread(self) -> Array:
-        """Deviations (F, N, p, m) from where a centre can start."""
+        """Deviations (F, N, p, m) from a starting centre."""
         mean = self.deviations.mean(axis=1, keepdims=True)
         return self.deviations - mean if self.centre == "free" else self.deviations
 
     @cached_property
     def channel_sizes(self) -> tuple[RealArray, RealArray]:
-        """Sizes of rows (F, p) and of columns (F, m): entries are at most their products."""
+        """Sizes of rows (F, p) and columns (F, m); entries are at most the products of these."""
         return equilibrated(np.abs(self._spread).max(axis=1))
 
     @cached_property
     def floors(self) -> Array:
-        """Changes (F, p m, p, m) of single entries that every set contains about its centre."""
+        """Changes (F, p m, p, m) of single entries that every set contains around its centre."""
         rows, columns = self.channel_sizes
         F, p, m = len(rows), rows.shape[1], columns.shape[1]
         size = self.floor * rows[:, :, None] * columns[:, None]
@@ -222,16 +223,17 @@ class MatrixSets(Program):
         return found.reshape(F, p * m, p, m)
 
     def away(self, centre: Array, at: np.ndarray | slice = slice(None)) -> Array:
-        """What sets about a centre (f, p, m) contain: deviations from it, and the floor.
+        """The matrices that sets around a centre (f, p, m) must contain: deviations from it, and
+        the floor.
 
-        ``at`` are the numbers (f,) of frequencies; else it is all of them.
+        ``at`` are the indices (f,) of frequencies; by default all.
         """
         return np.concatenate([self.deviations[at] - centre[:, None], self.floors[at]], axis=1)
 
     def size_of(self, P: Array, S: Array, level: RealArray | None = None) -> RealArray:
-        """2 p m times the logarithm of the size (F,) of sets with inverse weights P and S.
+        """The logarithm of the size (F,) of sets with inverse weights P and S, times 2 p m.
 
-        ``level`` (F,) is log mu of the loop where that is known.
+        ``level`` (F,) is log mu of the loop, if it is already known.
         """
         p, m = self.deviations.shape[2:]
         if self.size != "trace":
@@ -246,7 +248,9 @@ class MatrixSets(Program):
     # --- objective --------------------------------------------------------------------------------
 
     def sizes(self, answer: FoundSets) -> RealArray:
-        """Size (F,) of the sets: the geometric mean of the radius, or the root of the traces."""
+        """Size (F,) of the sets: the geometric mean radius, or the square root of the product of
+        traces.
+        """
         p, m = self.deviations.shape[2:]
         size = self.size_of(np.linalg.inv(answer.left), np.linalg.inv(answer.right))
         return np.exp(size / (2 * p * m))
@@ -256,7 +260,7 @@ class MatrixSets(Program):
         return float(np.log(self.sizes(answer)).mean())
 
     def objective_scale(self, answer: FoundSets) -> float:
-        """1: differences of logarithms are relative already."""
+        """The scale is 1, since differences of logarithms are already relative."""
         return 1.0
 
     def gap(self, answer: FoundSets) -> tuple[str, float] | None:
@@ -266,7 +270,7 @@ class MatrixSets(Program):
         return "largest excess of the size over its proven lower bound, in logarithms", value
 
     def in_units(self, answer: FoundSets) -> InUnits:
-        """What sets contain, and the loop, in units of the sets from which their proof starts."""
+        """The contained matrices and the loop, in units of the sets with which the proof starts."""
         unit = np.abs(answer.left).max(axis=(1, 2), keepdims=True)
         P, S = np.linalg.inv(answer.left / unit), np.linalg.inv(answer.right)
         rows, columns = self.channel_sizes
@@ -280,7 +284,9 @@ class MatrixSets(Program):
         return InUnits(P, S, away, M, (rows / unit[:, 0], columns), loop, K)
 
     def excess(self, answer: FoundSets) -> RealArray:
-        """Largest distance (F,) of log size from the least one, by the answer's weights."""
+        """Largest distance (F,) of the log size from the least possible one, proven by the answer's
+        weights.
+        """
         within, shapes = self.in_units(answer), (self.left, self.right)
         P, S = within.P, within.S
         if self.size == "trace":
@@ -299,7 +305,7 @@ class MatrixSets(Program):
         if answer.of_loop is not None:
             return mu_excess(within, answer.weights, answer.of_loop, shapes, self.floor)
         if self.size == "mu":
-            return np.full(len(P), np.inf)  # nothing is proven without the loop's part
+            return np.full(len(P), np.inf)  # without the loop's part nothing is proven
         reach = farthest(P, S, within.channels, self.floor)
         return volume_excess(within.M, answer.weights, *shapes, reach)
 
@@ -326,7 +332,7 @@ class MatrixSets(Program):
         return checks
 
     def _rounding(self, answer: FoundSets) -> RealArray:
-        """Relative error (F,) that rounding may make of a norm of Delta."""
+        """Relative error (F,) of a norm of Delta that rounding may cause."""
         total = np.zeros(len(answer.left))
         for W, axis in ((answer.left, 2), (answer.right, 1)):
             scaled = W / np.abs(W).max(axis=axis, keepdims=True)
@@ -407,7 +413,7 @@ class MatrixSets(Program):
 
 
 def _log_root(W: Array) -> RealArray:
-    """Logarithm of the root (F,) of the sum of squares, where the squares may overflow."""
+    """Logarithm (F,) of the root of the sum of squares, also if the squares would overflow."""
     peak = np.abs(W).max(axis=(1, 2), keepdims=True)
     found: RealArray = np.log(peak[:, 0, 0]) + np.log(np.linalg.norm(W / peak, axis=(1, 2)))
     return found

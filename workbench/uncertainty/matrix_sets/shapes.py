@@ -1,7 +1,7 @@
 """Shapes of weights, and the directions in which weights of a shape move.
 
-Weights of one shape are closed under products, inverses and powers, so the sets that they describe
-are joined by geodesics of the same shape.
+Weights of one shape are closed under products, inverses and powers. So geodesics between weights of
+a shape have the same shape.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Shape = Literal["full", "diagonal", "scalar"]
 def directions(shape: Shape, size: int) -> Array:
     """Orthonormal Hermitian matrices (d, size, size) along which the logarithm of a weight moves.
 
-    There are size^2 for a full weight, size for a diagonal one, 1 for a scalar.
+    There are size^2 directions for a full weight, size for a diagonal one, and 1 for a scalar one.
     """
     unit = np.eye(size, dtype=complex)
     if shape == "scalar":
@@ -43,7 +43,9 @@ def of_shape(matrices: Array, shape: Shape) -> Array:
 
 
 def entry_directions(p: int, m: int) -> Array:
-    """Directions (2 p m, p, m) of a complex matrix: real and imaginary parts of its entries."""
+    """Directions (2 p m, p, m) in which the real and imaginary parts of a complex matrix's entries
+    move.
+    """
     unit = np.eye(p * m).reshape(p * m, p, m)
     return np.concatenate([unit, 1j * unit])
 

@@ -1,4 +1,4 @@
-"""How the size of sets changes when their weights move along geodesics."""
+"""Derivatives of the size of sets when their weights move along geodesics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.uncertainty.matrix_sets.shapes import ctranspose
 def size_derivatives(
     program: MatrixSets, P: Array, S: Array, A: Array, B: Array
 ) -> tuple[RealArray, RealArray]:
-    """Slope (f, a + b) and curvature (f, a + b, a + b) of `MatrixSets.size_of`, mu given.
+    """Slope (f, a + b) and curvature (f, a + b, a + b) of `MatrixSets.size_of` for fixed mu.
 
     P (f, p, p) and S (f, m, m) move to exp(t A) P and S exp(t B), along the directions A (a, p, p)
     and B (b, m, m).

@@ -1,16 +1,17 @@
-"""The confidence region of an estimate's coefficients as a linear fractional transformation.
+"""The confidence region of estimated coefficients as a linear fractional transformation.
 
 In the basis of the fit the numerator and the denominator of a model are b'n and 1 + b'd over one
-polynomial. The estimate knows their coefficients but for c = L e, where the e are independent and
+polynomial. The error of their estimated coefficients is c = L e, where the e are independent and
 normal with variance 1. With y = G u,
 
     y = N u + e' q,    q = L' [b u; -b y],
 
-so that the whole set is e closed around a system that knows N and D alone: not to first order, and
-with one e for all frequencies. Two regions of e hold the truth with the stated probability: the
-ball |e| <= rho, and the box |e_i| <= beta, which is smaller along its axes. Mu knows the box as
-real scalars. It knows the ball as one full block of a row, which is complex: at one frequency its
-models fill a disc, whose radius is up to root 2 times that of the real ball.
+so the whole set is a system that depends on N and D only, closed with e. This is exact, not a
+first-order approximation, and e is the same for all frequencies. Two regions of e contain the truth
+with the stated probability: the ball |e| <= rho, and the box |e_i| <= beta, which is smaller along
+its axes. For mu the box is a set of real scalars. The ball is one full block with one row, which is
+complex: at one frequency its models fill a disc, whose radius is up to sqrt(2) times that of the
+real ball.
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ from workbench.structure import Full, Real, Structure
 from workbench.uncertainty.algebra.system import Algebraic
 
 Region = Literal["ball", "box"]
-"""Regions of the coefficients."""
+"""Shapes of the region of coefficients."""
 KNOWN = 1e-12
-"""Singular value of L, relative to the largest, of a direction that counts as known."""
+"""A direction with a singular value of L below this, relative to the largest, counts as known."""
 
 
 @dataclass(frozen=True, eq=False)
 class EstimateRegion(Algebraic):
-    """The models whose coefficients lie in a confidence region about those of one estimate.
+    """The models with coefficients in a confidence region around those of an estimate.
 
     Parameters
     ----------
@@ -49,15 +50,16 @@ class EstimateRegion(Algebraic):
     confidence
         Probability, between 0 and 1, that the region holds the true coefficients.
     region
-        "ball" or "box"; the structure is one full block of a row, or real scalars.
+        "ball" or "box". The structure is one full block with one row for the ball, and real scalars
+        for the box.
     entry
-        Output and input.
+        Indices of output and input.
 
     Raises
     ------
     InputError
-        A sampled model, a model with a delay, another entry or region, or a confidence out of
-        range.
+        The model is sampled or has a delay; the entry or the region does not exist; or the
+        confidence is out of range.
 
     Examples
     --------
@@ -95,7 +97,7 @@ class EstimateRegion(Algebraic):
 
     @cached_property
     def _numerator(self) -> tuple[int, RealArray]:
-        """First row of the entry's numerator among the coordinates, and its coefficients."""
+        """Index of the first coefficient of the entry's numerator, and the coefficients."""
         place = 0
         for entry, share in self.uncertainty.point.each_share():
             if entry == self.entry:
@@ -105,7 +107,9 @@ class EstimateRegion(Algebraic):
 
     @cached_property
     def factor(self) -> RealArray:
-        """L (c, k): coefficients of the numerator, then changes of the denominator."""
+        """L (c, k): first rows for the coefficients of the numerator, then for those of the
+        denominator.
+        """
         place, share = self._numerator
         root, n = self.uncertainty.root, self.uncertainty.model.order
         rows = np.concatenate([root[place : place + share.size], root[len(root) - n :]])
@@ -116,7 +120,7 @@ class EstimateRegion(Algebraic):
 
     @property
     def dimension(self) -> int:
-        """Number k of independent normal numbers."""
+        """Number k of independent normal variables."""
         return int(self.factor.shape[1])
 
     @property
@@ -128,10 +132,10 @@ class EstimateRegion(Algebraic):
         return float(stats.norm.ppf((1.0 + each) / 2.0))
 
     def coordinates(self, model: CommonPoleModel) -> RealArray:
-        """The e (k,) of a model of the same order, in units of the region's size.
+        """The e (k,) of a model of the same order, relative to the region's size.
 
         The region holds the model if |e| <= 1, or every |e_i| <= 1. Raises InputError for a model
-        of another order or with a delay.
+        with another order or with a delay.
         """
         point, structure = self.uncertainty.point, self.uncertainty.structure
         i, j = self.entry
@@ -156,14 +160,15 @@ class EstimateRegion(Algebraic):
         return found
 
     def contains(self, model: CommonPoleModel) -> bool:
-        """Whether the region holds a model; raises as `coordinates`."""
+        """Whether the region contains a model; raises errors like `coordinates`."""
         e = self.coordinates(model)
         return bool(np.linalg.norm(e) <= 1.0 if self.region == "ball" else np.abs(e).max() <= 1.0)
 
     def sampled(self, rng: np.random.Generator, count: int) -> RealArray:
-        """Points e (count, k) on the edge of the region, in units of its size: half are corners.
+        """Points e (count, k) on the boundary of the region, relative to its size; half of a box's
+        are corners.
 
-        Corners of the box; points of the ball are uniform in direction.
+        Points of the ball are uniform in direction.
         """
         if self.region == "ball":
             e = rng.standard_normal((count, self.dimension))
@@ -174,7 +179,7 @@ class EstimateRegion(Algebraic):
         return np.where(corner[:, None], np.sign(e), e)
 
     def response(self, omega: ArrayLike, e: ArrayLike) -> ComplexArray:
-        """Responses (..., F) of the models at e (..., k), in units of the region's size."""
+        """Responses (..., F) of the models at e (..., k), relative to the region's size."""
         omega = np.atleast_1d(np.asarray(omega, float))
         _, share = self._numerator
         basis = self.uncertainty.point.basis.at(1j * omega / self.uncertainty.structure.unit)
@@ -194,7 +199,7 @@ class EstimateRegion(Algebraic):
 
     @property
     def lti(self) -> StateSpace:
-        """The estimate."""
+        """The estimated model."""
         import control
 
         A, B, C, D = self._realised[:4]
@@ -212,10 +217,10 @@ class EstimateRegion(Algebraic):
 
     @cached_property
     def _realised(self) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-        """A, B, C and D: the basis over a stable polynomial, once driven by u and once by y.
+        """A, B, C and D: the basis functions over a stable polynomial, driven by u and again by y.
 
-        Where the estimate is stable that polynomial is its denominator; unstable poles are
-        mirrored, so that no state is unstable that no input reaches.
+        If the estimate is stable, this polynomial is its denominator. Unstable poles are mirrored,
+        so that no unreachable state is unstable.
         """
         point, structure = self.uncertainty.point, self.uncertainty.structure
         _, share = self._numerator
@@ -224,7 +229,7 @@ class EstimateRegion(Algebraic):
         ratio = np.prod([(structure.x - p) / (structure.x - q)
                          for p, q in zip(mirrored, point.poles, strict=True)], axis=0)  # fmt: skip
         f = _projected(basis.values, ratio)
-        one = basis.one * f[-1] / basis.one[-1]  # both have the leading coefficient 1
+        one = basis.one * f[-1] / basis.one[-1]  # both polynomials have the leading coefficient 1
         last = np.eye(n)[:, -1:] * basis.recurrence[-1, -1] / f[-1]
         a = structure.unit * (basis.recurrence[:n].T - last * f[:-1])
         b = structure.unit * last
@@ -245,7 +250,7 @@ class EstimateRegion(Algebraic):
 
 
 def _projected(columns: ComplexArray, values: ComplexArray) -> RealArray:
-    """Real coefficients of columns (F, c) that give values (F,)."""
+    """Real coefficients with which the columns (F, c) give the values (F,)."""
     rows = np.concatenate([columns.real, columns.imag])
     right = np.concatenate([values.real, values.imag])
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])

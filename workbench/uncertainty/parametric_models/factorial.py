@@ -1,8 +1,9 @@
-"""Responses of a parametric model for all combinations of some deltas of its parameters.
+"""Responses of a parametric model for all combinations of given deltas of its parameters.
 
-The parameters are closed one after the other: the channels of the first are closed by all of its
-deltas, then those of the second, and so on. So computations that combinations share are done once,
-and a combination costs about two operations on scalars instead of a system of equations.
+The parameters are closed one after the other: first the channels of the first parameter with all
+its deltas, then those of the second, and so on. So computations that several combinations share are
+done only once. A combination costs about two scalar operations instead of the solution of a system
+of equations.
 """
 
 from __future__ import annotations

@@ -15,27 +15,27 @@ from workbench.uncertainty.responses.plants import Responses
 def members(
     model: ParametricModel, omega: RealArray, deltas: RealArray, names: Sequence[str] | None = None
 ) -> Responses:
-    """Responses of plants of a parametric set, with these plants as systems.
+    """Responses of some plants of a parametric set, together with these plants as systems.
 
-    A cover of them is certified at every frequency for these plants, such as the vertices and
-    samples of the set, and claims nothing of its other plants.
+    A cover of them is certified at every frequency for these plants, for example the vertices and
+    samples of the set. It claims nothing about other plants of the set.
 
     Parameters
     ----------
     model
-        Model of one input and one output.
+        Model with one input and one output.
     omega
         Frequencies [rad/s] (F,).
     deltas
-        Normalised deviations of the parameters (N, P), see `vertices`, `levels` and `samples`.
+        Normalised deviations (N, P) of the parameters; see `vertices`, `levels` and `samples`.
     names
-        Names of the N plants; None: they are numbered.
+        Names of the N plants; with None they are numbered.
 
     Raises
     ------
     InputError
-        A model that is not SISO, deltas of another shape, or plants that `Responses` refuses, such
-        as unstable ones.
+        The model is not SISO, the deltas have another shape, or `Responses` refuses the plants, for
+        example unstable ones.
 
     Examples
     --------

@@ -1,8 +1,9 @@
-"""Parametric uncertainty: real perturbations pulled out of a model rational in its parameters.
+"""Parametric uncertainty: real perturbations extracted from a model that is rational in its
+parameters.
 
 The model is a Python function of physical parameters that does ordinary arithmetic and returns
-state-space matrices. Called with numbers it gives the model at these values; called with LFTs it
-gives the model as a function of the perturbations.
+state-space matrices. Called with numbers, it returns the model at these values. Called with LFTs,
+it returns the model as a function of the perturbations.
 """
 
 from __future__ import annotations
@@ -34,22 +35,24 @@ from workbench.uncertainty.algebra.system import Algebraic
 from workbench.uncertainty.parametric_models.parameters import Parameter
 
 Model = Callable[..., tuple[Any, Any, Any, Any]]
-"""Function of named parameters that gives A, B, C and D."""
+"""Function of named parameters that returns A, B, C and D."""
 Deltas = Mapping[str, ArrayLike] | ArrayLike
-"""Normalised deviations of the parameters: by name, or an array (..., P)."""
+"""Normalised deviations of the parameters: a mapping by name, or an array (..., P)."""
 
 MAX_PARAMETERS_CHECKED = 12
-"""Largest number of parameters for which all vertices are checked; they have 4096."""
+"""Largest number of parameters for which all vertices are checked; 12 parameters have 4096
+vertices.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ParametricModel(Algebraic):
-    """State-space model with its real perturbations pulled out, as made by `parametric`.
+    """State-space model with its real perturbations extracted, as made by `parametric`.
 
     The value of ``lft`` is [A B; C D]; ``repetitions`` holds for each parameter the number of
-    channels before and after reduction. Deltas are a mapping from names, where missing parameters
-    are at their nominal, or an array (..., P) in the order of ``parameters``. Deltas outside
-    [-1, 1] are allowed.
+    channels before and after reduction. Deltas are a mapping from names to values, where missing
+    parameters have their nominal value, or an array (..., P) in the order of ``parameters``. Deltas
+    outside [-1, 1] are allowed.
 
     Examples
     --------
@@ -77,12 +80,13 @@ class ParametricModel(Algebraic):
 
     @cached_property
     def structure(self) -> Structure:
-        """A repeated real scalar for each parameter that the model depends on."""
+        """A repeated real scalar for each parameter on which the model depends."""
         return Structure(Real(n, name) for name, n in self.lft.repetitions().items())
 
     @cached_property
     def system(self) -> StateSpace:
-        """System with the channels of the perturbations before the model's inputs and outputs.
+        """System with the channels of the perturbations first, followed by the model's inputs and
+        outputs.
 
         The channels of a parameter R are called w_R[0], ... (inputs) and z_R[0], ... (outputs).
         """
@@ -99,18 +103,18 @@ class ParametricModel(Algebraic):
 
     @property
     def lti(self) -> StateSpace:
-        """The nominal, at deltas of 0."""
+        """The nominal system, with all deltas 0."""
         return self.at({})
 
     def at(self, deltas: Deltas) -> StateSpace:
-        """System at one set of deltas; raises InputError where the model is not well posed."""
+        """System for one set of deltas; raises InputError if the model is not well posed there."""
         values = self._values(deltas)
         if any(np.ndim(value) for value in values.values()):
-            raise InputError("deltas of many models; take one at a time, or use `response`")
+            raise InputError("deltas of many models; give one set at a time, or use `response`")
         return _system(self.lft(values), self.states, self.inputs, self.outputs)
 
     def direct(self, deltas: Deltas) -> StateSpace:
-        """System at one set of deltas by calling the model with numbers, as a check of `at`."""
+        """System for one set of deltas by calling the model with numbers, as a check of `at`."""
         values = self._values(deltas)
         plain = {p.name: float(p.at(values[p.name])) for p in self.parameters}
         M, states = _matrices(self.model(**plain))
@@ -119,7 +123,7 @@ class ParametricModel(Algebraic):
     def response(self, omega: ArrayLike, deltas: Deltas) -> Array:
         """Responses (..., F, outputs, inputs) at `omega` (F,) [rad/s] for a batch of deltas.
 
-        Raises InputError where the model is not well posed or has a pole at a frequency.
+        Raises InputError if the model is not well posed, or has a pole at a frequency.
         """
         M = self.lft(self._values(deltas))
         return frequency_response(M, self.states, 1j * np.atleast_1d(omega))
@@ -149,15 +153,14 @@ def parametric(
     outputs: Sequence[str],
     keep_states: bool = True,
 ) -> ParametricModel:
-    """Model as an LFT in its real perturbations, with as few repetitions as reduction finds.
+    """The model as an LFT in its real perturbations, with repetitions reduced as far as possible.
 
     Parameters
     ----------
     model
-        Function that is called with the parameters by name and returns the matrices A, B, C, D.
-        It may use `+ - * /`,
-        integer powers, `@`, nested lists, arrays of objects, and `matrix`, `left_divide` and
-        `inverse` of `workbench.uncertainty` in place of NumPy's functions.
+        Function that is called with the parameters as keywords and returns the matrices A, B, C, D.
+        It may use `+ - * /`, integer powers, `@`, nested lists, arrays of objects, and `matrix`,
+        `left_divide` and `inverse` of `workbench.uncertainty` in place of NumPy's functions.
     inputs, outputs
         Names of the model's inputs and outputs.
     keep_states
@@ -169,8 +172,8 @@ def parametric(
     InputError
         The model uses other arithmetic, does not depend on the parameters, or divides by zero at
         the nominal or at a vertex of the box |delta| <= 1. Vertices are checked for at most 12
-        parameters. If each parameter appears in one channel, the vertices decide for the whole box;
-        otherwise `at` and `response` raise the error where it occurs.
+        parameters. If each parameter has only one channel, the vertices decide for the whole box.
+        Otherwise `at` and `response` raise the error when it occurs.
 
     Examples
     --------
@@ -219,7 +222,7 @@ def parametric(
 
 
 def _check_names(parameters: tuple[Parameter, ...]) -> None:
-    """Raise InputError for repeated names and for no parameters."""
+    """Raise InputError for repeated names, or if there are no parameters."""
     names = [p.name for p in parameters]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -229,7 +232,7 @@ def _check_names(parameters: tuple[Parameter, ...]) -> None:
 
 
 def _check_vertices(model: ParametricModel) -> None:
-    """Raise InputError where the path from the nominal to a vertex crosses a singularity.
+    """Raise InputError if the path from the nominal to a vertex crosses a singularity.
 
     If each scalar has one channel, det(I - M11 Delta) is linear in each delta, so that its smallest
     value over the box is at a vertex. It is 1 at the nominal.
@@ -247,7 +250,7 @@ def _check_vertices(model: ParametricModel) -> None:
     if not len(bad):
         return
     corner = bad[0]
-    for i in range(len(used)):  # leave out parameters without which it is singular too
+    for i in range(len(used)):  # leave out parameters that are not needed for the singularity
         without = np.where(np.arange(len(used)) == i, 0.0, corner)
         if determinant(without) < SINGULAR_DETERMINANT:
             corner = without

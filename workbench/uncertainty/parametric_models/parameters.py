@@ -19,7 +19,8 @@ MAX_FACTORIAL_ROWS = 5_000_000
 
 @dataclass(frozen=True)
 class Parameter:
-    """Uncertain parameter of value nominal * (1 + tolerance * delta), |delta| <= 1 (eq. 5.10).
+    """Uncertain parameter with the value nominal * (1 + tolerance * delta), |delta| <= 1 (eq.
+    5.10).
 
     The name must be a Python identifier; the tolerance is relative.
 
@@ -49,11 +50,11 @@ class Parameter:
         if not 0.0 < self.tolerance < np.inf:
             raise InputError(
                 f"{self.name} has tolerance {self.tolerance}; it must be positive and finite; "
-                "write what is certain as a constant into the model"
+                "a certain parameter is a constant of the model"
             )
 
     def at(self, delta: ArrayLike) -> Any:
-        """Values (...) of the parameter at `delta` (...)."""
+        """Values (...) of the parameter for `delta` (...)."""
         return self.nominal * (1.0 + self.tolerance * np.asarray(delta, dtype=float))
 
 
@@ -72,7 +73,7 @@ def vertices(parameters: Sequence[Parameter]) -> RealArray:
 def levels(parameters: Sequence[Parameter], count: int) -> RealArray:
     """All combinations (count^P, P) of `count` equidistant deltas from -1 to 1.
 
-    Raises InputError for fewer than 2 levels, and where the table would be too large.
+    Raises InputError for fewer than 2 levels, or if the table would be too large.
 
     Examples
     --------

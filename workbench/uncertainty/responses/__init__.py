@@ -1,1 +1,3 @@
-"""Responses of plants: given, measured, with confidence regions, extrapolated to further plants."""
+"""Responses of plants: given or measured, with confidence regions, or extrapolated to further
+plants.
+"""

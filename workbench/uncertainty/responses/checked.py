@@ -1,4 +1,4 @@
-"""What responses are made of, checked: frequencies, values, known plants, variances."""
+"""Checks of the parts of responses: frequencies, values, known plants, variances."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from workbench.input_checks import need_numbers
 from workbench.uncertainty.responses.plane import plane_function
 
 KNOWN_RESPONSE_TOLERANCE = 1e-6
-"""Largest distance of a given response from that of the known plant, relative to it."""
+"""Largest distance of a given response from that of the known plant, relative to the plant's."""
 
 
 def as_omega(omega: Any, frequency: Any) -> RealArray:
-    """Angular frequencies (F,) [rad/s] from either; raises `InputError` for other data."""
+    """Angular frequencies (F,) [rad/s] from omega or frequency; raises `InputError` for other
+    data.
+    """
     if (omega is None) == (frequency is None):
         raise InputError("give the frequencies once: omega= in rad/s, or frequency= in Hz")
     name, unit = ("omega", "rad/s") if frequency is None else ("frequency", "Hz")
     try:
         given = np.asarray(omega if frequency is None else frequency, dtype=float)
-    except Exception:  # an object that is no array may say so by any error
+    except Exception:  # an object that is no array may raise any error
         raise InputError(f"{name} must be real numbers of shape (F,)") from None
     if given.ndim != 1 or given.size < 2:
         raise InputError(
@@ -44,7 +46,9 @@ def as_omega(omega: Any, frequency: Any) -> RealArray:
 
 
 def plain_values(values: Any) -> Any:
-    """The values, where they are no systems; raises `InputError` that says where those go."""
+    """The values, if they are arrays. Raises `InputError` for systems; the message says where these
+    go.
+    """
     each = values if isinstance(values, list | tuple) else [values]
     if any(hasattr(one, "frdata") for one in each):
         raise InputError("values are frequency responses of python-control: Responses.from_frd")
@@ -54,7 +58,9 @@ def plain_values(values: Any) -> Any:
 
 
 def need_below_nyquist(omega: RealArray, dt: Any) -> None:
-    """Raise InputError for no sampling time [s], or for frequencies [rad/s] that it hides."""
+    """Raise InputError for an invalid sampling time [s], or for frequencies [rad/s] above half the
+    sampling rate.
+    """
     need_numbers(dt=dt)
     if dt < 0:
         raise InputError(f"dt is {dt}; it must be the sampling time [s], or 0")
@@ -66,7 +72,9 @@ def need_below_nyquist(omega: RealArray, dt: Any) -> None:
 
 
 def known_functions(responses: Any, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
-    """The known plants as functions; raises `InputError` for those that cannot be."""
+    """The known plants as functions; raises `InputError` for plants that do not agree with the
+    responses.
+    """
     plants = responses.plants
     if known and len(known) != len(plants):
         raise InputError(f"{len(known)} known systems for {len(plants)} plants")

@@ -1,4 +1,6 @@
-"""From a few measured plants to all plants made: sets that hold a new one with a probability."""
+"""From a few measured plants to the whole production: sets that contain a new plant with a
+probability.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +17,12 @@ from workbench.uncertainty.responses.plants import Responses
 POLYGON_CORNERS = 24
 """Number of corners of the polygon around each prediction ellipse."""
 MIN_PLANTS = 4
-"""Smallest number of measured plants at a frequency from which a covariance is estimated."""
+"""Least number of measured plants at a frequency for the estimate of a covariance."""
 
 
 def widened(responses: Responses, content: float) -> Responses:
-    """The responses, with a region added at each frequency where a further plant is expected.
+    """The responses with an additional region at each frequency in which a further plant is
+    expected.
 
     Assume that at each frequency the plants are drawn independently from one bivariate normal
     distribution of real and imaginary part. Then a further plant lies in the ellipse
@@ -28,7 +31,7 @@ def widened(responses: Responses, content: float) -> Responses:
 
     with exactly the probability ``content``: this is Hotelling's prediction region of the n
     measured plants. The corners of a polygon around it are added as plants, so that every cover of
-    the result contains it. The assumption is stored with the responses and stands in the cover's
+    the result contains it. The assumption is stored with the responses and printed in the cover's
     certificate. The probability holds at each single frequency, not at all of them together.
 
     Parameters
@@ -39,7 +42,7 @@ def widened(responses: Responses, content: float) -> Responses:
     Raises
     ------
     InputError
-        A content outside (0, 1), or fewer than 4 plants at a frequency.
+        The content is outside (0, 1), or there are fewer than 4 plants at a frequency.
 
     Examples
     --------

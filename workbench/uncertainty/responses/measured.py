@@ -1,6 +1,6 @@
-"""What `Responses` is made of: files, estimates, and python-control's frequency responses.
+"""Sources of `Responses`: files, estimates, and python-control's frequency responses.
 
-Each function gives the arguments of `Responses` by name.
+Each function returns the arguments of `Responses` by name.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from workbench.uncertainty.responses.ratios import Ratios
 from workbench.uncertainty.responses.spread import spread_about
 
 Channel = str | int | None
-"""A channel by name or by number from 0; None where there is only one."""
+"""A channel by name or by number from 0; None if there is only one."""
 Arguments = dict[str, Any]
 """Arguments of `Responses` by name."""
 STATE_ONE = (
     "give two or more, or state how far others lie from it: spread=0.2 for 20 % of its response, "
     "resonance_shift=0.05 for 5 % of its frequencies (--spread 20%, --resonance-shift 5%)"
 )
-"""What to do about one plant."""
+"""Advice to a user who has only one plant."""
 SAME_RATE = 1e-4
 """Relative difference of sampling frequencies that counts as rounding of the instants."""
 SAME_FREQUENCY = 1e-9
@@ -52,7 +52,7 @@ SAME_FREQUENCY = 1e-9
 
 @dataclass(frozen=True)
 class RecordNames:
-    """What the columns of records are called, and what the user says of them.
+    """Names of the columns of records, and the user's statements about them.
 
     See `Responses.from_files`.
     """
@@ -66,12 +66,12 @@ class RecordNames:
 
     @property
     def asked(self) -> bool:
-        """Whether input and output are named."""
+        """Whether both input and output are named."""
         return self.input is not None and self.output is not None
 
     @property
     def nothing(self) -> bool:
-        """Whether nothing is named, as of a frequency response."""
+        """Whether nothing is named, as for a frequency response."""
         named = self.input, self.output, self.time, self.sample_rate, self.excitation
         return all(each is None for each in named) and not self.assume
 
@@ -82,7 +82,7 @@ def from_frd(
     output: Channel,
     names: Mapping[str, Any],
 ) -> Arguments:
-    """As `Responses.from_frd`."""
+    """Arguments for `Responses.from_frd`."""
     if hasattr(systems, "frdata"):
         raise InputError("one plant has no spread to cover: give a list of two or more")
     systems = as_list(systems, "systems")
@@ -104,7 +104,7 @@ def from_frd(
 
 
 def _channel(chosen: Channel, labels: Sequence[str], plant: str, kind: str) -> int:
-    """Number of the chosen channel of a plant."""
+    """Index of the chosen channel of a plant."""
     if chosen is None:
         if len(labels) > 1:
             raise InputError(
@@ -123,7 +123,7 @@ def _channel(chosen: Channel, labels: Sequence[str], plant: str, kind: str) -> i
 def _on_one_grid(
     omega: np.ndarray, values: np.ndarray, present: np.ndarray, names: Mapping[str, Any]
 ) -> Arguments:
-    """Responses on the union of grids; raises InputError where a frequency has one plant only."""
+    """Responses on the union of grids; raises InputError if a frequency has only one plant."""
     lonely = present.sum(axis=1) < 2
     if lonely.any() and values.shape[1] > 1:
         raise InputError(
@@ -143,7 +143,7 @@ def from_estimates(
     resonance_shift: float | None,
     names: Mapping[str, Any],
 ) -> Arguments:
-    """As `Responses.from_estimates`."""
+    """Arguments for `Responses.from_estimates`."""
     estimates = [estimates] if isinstance(estimates, ResponseEstimate) else estimates
     estimates = as_list(estimates, "estimates")
     if len(estimates) < 2 and spread is None and resonance_shift is None:
@@ -154,7 +154,7 @@ def from_estimates(
 def _stacked(
     estimates: Sequence[ResponseEstimate], input: int, output: int, names: Mapping[str, Any]
 ) -> Arguments:
-    """One channel of estimates at the same frequencies."""
+    """One channel of several estimates, which must have the same frequencies."""
     need_places(input=input, output=output)
     for k, one in enumerate(estimates):
         if not isinstance(one, ResponseEstimate):
@@ -193,7 +193,7 @@ def _stacked(
 
 
 def _ratios(estimates: Sequence[ResponseEstimate], output: int) -> Ratios | None:
-    """Joint covariances, where every estimate is one of a closed loop; None where none is."""
+    """Joint covariances, if every estimate is from a closed loop; None if none is."""
     driven = [one for one in estimates if isinstance(one, DrivenResponse)]
     if not driven:
         return None
@@ -216,7 +216,7 @@ def from_files(
     resonance_shift: float | None,
     names: Mapping[str, Any],
 ) -> Arguments:
-    """As `Responses.from_files`."""
+    """Arguments for `Responses.from_files`."""
     paths = found_files(files)
     named = {"plants": _plant_names(paths)} | dict(names)
     curve = (frequency, response)
@@ -240,7 +240,7 @@ def from_files(
 
 
 def found_files(files: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
-    """Paths in the order of their names; raises InputError where there are none."""
+    """Paths in the order of their names; raises InputError if there are none."""
     if not isinstance(files, str | PathLike):
         listed = [need_path(file) for file in as_list(files, "files")]
         if not listed:
@@ -264,13 +264,13 @@ def found_files(files: str | PathLike[str] | Sequence[str | PathLike[str]]) -> l
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """Order of names in which 2 comes before 10."""
+    """Sort key for names in which 2 comes before 10."""
     parts = re.split(r"(\d+)", str(path))
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
 def _plant_names(paths: Sequence[Path]) -> list[str]:
-    """Names of files without endings; with their folders where two are alike."""
+    """Names of files without endings; with their folders if two are equal."""
     stems = [path.stem for path in paths]
     if len(set(stems)) == len(stems):
         return stems
@@ -294,7 +294,7 @@ def _of_records(
         if abs(rate / rates[0] - 1) > SAME_RATE:
             raise InputError(
                 f"{path} is sampled at {rate:.6g} Hz and {paths[0]} at {rates[0]:.6g} Hz; sample "
-                "all alike"
+                "all at the same rate"
             )
     records = [(data["u"].values[0], data["y"].values[0]) for data in read]
     for path, (u, y) in zip(paths, records, strict=True):
@@ -341,7 +341,7 @@ def _of_records(
 def _excitations(
     paths: Sequence[Path], record: RecordNames, records: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> list[np.ndarray]:
-    """What drove each loop from outside (N, 1); its unit does not matter."""
+    """The external excitation of each loop (N, 1); its unit does not matter."""
     if isinstance(record.excitation, int):
         return [pulses(len(u), record.excitation)[..., 0] for u, _ in records]
     name, output = [str(record.excitation)], [str(record.output)]
@@ -372,7 +372,9 @@ def _reports(
 
 
 def _unheld(found: Arguments, rate: float) -> Arguments:
-    """Responses and variances without the hold (1 - exp(-j omega T)) / (j omega T) of the input."""
+    """Responses and variances divided by the hold (1 - exp(-j omega T)) / (j omega T) of the
+    input.
+    """
     turn = np.asarray(found["frequency"]) / rate
     held = (np.sinc(turn) * np.exp(-1j * np.pi * turn))[:, None]
     parts = {"values": found["values"] / held, "variance": found["variance"] / np.abs(held) ** 2}
@@ -382,7 +384,7 @@ def _unheld(found: Arguments, rate: float) -> Arguments:
 
 
 def _ratio(above: str, below: str) -> str:
-    """Unit of a ratio."""
+    """Unit of a ratio of two units."""
     if above == below:
         return "1"
     parts = [f"({unit})" if "/" in unit else unit for unit in (above, below)]

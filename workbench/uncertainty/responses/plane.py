@@ -1,7 +1,7 @@
-"""Sampled systems of one channel as functions of the bilinear plane, and back.
+"""Sampled systems with one channel as functions of the bilinear plane, and back.
 
-The function at j v is the sampled system at omega, with v = 2 / T tan(omega T / 2) for the sampling
-time T [s]. Circles, orders and stability are the same in both.
+The function at j v equals the sampled system at omega, where v = 2 / T tan(omega T / 2) and T [s]
+is the sampling time. Circles, orders and stability are the same for both.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 
 
 def plane_function(given: Any, name: str, dt: float | None) -> Rational:
-    """A system of one channel, or a `Rational` of the plane, as a function of the plane.
+    """A system with one channel, or a `Rational` of the plane, as a function of the plane.
 
-    ``dt`` is the sampling time [s] that it must have; None: any. Raises InputError otherwise.
+    ``dt`` is the sampling time [s] that the system must have; None allows any. Raises InputError
+    for another one.
     """
     import control
 
@@ -33,6 +34,8 @@ def plane_function(given: Any, name: str, dt: float | None) -> Rational:
 
 
 def from_plane(function: Rational, dt: float) -> StateSpace:
-    """The system, sampled every ``dt`` [s] unless that is 0, that a function of the plane is."""
+    """The system for a function of the plane, sampled every ``dt`` [s], or continuous if ``dt`` is
+    0.
+    """
     system = function.state_space()
     return bilinear_sampled(system, dt) if dt else system

@@ -1,4 +1,4 @@
-"""Responses of several plants on one grid of frequencies, the data of every cover."""
+"""Responses of several plants on one grid of frequencies: the data for every cover."""
 
 from __future__ import annotations
 
@@ -41,44 +41,44 @@ class Responses:
     omega, frequency
         Frequencies (F,), increasing and positive: ``omega`` in rad/s or ``frequency`` in Hz.
     values
-        Complex responses, shape (F, N); finite and not zero where present.
+        Complex responses (F, N); finite and nonzero where present.
     present
-        Which responses were measured, booleans of shape (F, N); None: all. At least two plants are
+        Booleans (F, N): which responses were measured; None if all were. At least two plants are
         needed at every frequency.
     plants
-        Names of the N plants; None: they are numbered.
+        Names of the N plants; with None they are numbered.
     dt
-        Sampling time [s] of sampled plants; 0: continuous ones.
+        Sampling time [s] of sampled plants; 0 for continuous plants.
     unit
         Unit of the responses, for labels.
     assumption
-        Assumption that the set makes beyond the measured points, for instance a distribution; see
-        `workbench.uncertainty.widened`. It stands in the certificates of covers.
+        Assumption of the set beyond the measured points, for instance a distribution; see
+        `workbench.uncertainty.widened`. Certificates of covers contain it.
     known
-        The N plants as systems, where they are known at every frequency: stable SISO systems of
-        python-control or `Rational`s, None for a plant that was only measured. Covers contain
-        these at every frequency, between the given ones too. Sampled ones are kept as functions
-        of the bilinear plane.
+        The N plants as systems, if they are known at every frequency: stable SISO systems of
+        python-control or `Rational`s, and None for a plant that was only measured. Covers contain
+        known plants at every frequency, also between the given ones. Sampled plants are stored as
+        functions of the bilinear plane.
     variance
-        E|error|^2 of the responses (F, N), or a number for all; None: they count as exact.
+        E|error|^2 of the responses (F, N), or a number for all; with None they count as exact.
     degrees
-        Real degrees of freedom of the variance, a number or one for each plant (N,).
+        Real degrees of freedom of the variance: a number, or one for each plant (N,).
     read
-        What was found out to read the responses, if they come from files.
+        Report on how the responses were read, if they come from files.
     confidence
-        The values are corners of confidence regions, of this probability each; see
+        If given, the values are corners of confidence regions, each with this probability; see
         `workbench.uncertainty.responses.regions`.
     ratios
-        Joint covariances, where the responses are ratios of two estimates, as those of plants in
-        closed loops are; None: they are not.
+        Joint covariances, if the responses are ratios of two estimates, as for plants in closed
+        loops; otherwise None.
     reports
-        Reports of the records that the responses were estimated from, by name. What they say stands
-        in the certificates of covers.
+        Reports on the records from which the responses were estimated, by name. Certificates of
+        covers contain their results.
 
     Raises
     ------
     InputError
-        Data other than these, or a known plant that is unstable or has other responses; the
+        Data do not have these forms; or a known plant is unstable or has other responses. The
         message names the plant and the frequency.
     """
 
@@ -182,7 +182,7 @@ class Responses:
         output: Channel = None,
         **names: Any,
     ) -> Responses:
-        """Responses of plants that were each measured at their own frequencies.
+        """Responses of plants, each of which was measured at its own frequencies.
 
         The grid is the union of all frequencies; a plant counts as missing where it was not
         measured.
@@ -192,15 +192,15 @@ class Responses:
         systems
             `control.FrequencyResponseData` objects, frequencies in rad/s.
         input, output
-            The channel of plants with several, by name or by number from 0.
+            The channel, by name or by number from 0, for plants with several channels.
         names
             ``plants``, ``dt``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
         Raises
         ------
         InputError
-            As for `Responses`; in particular plants on different grids leave a frequency with
-            fewer than two of them.
+            As in `Responses`; in particular if different grids leave fewer than two plants at a
+            frequency.
         """
         return cls(**measured.from_frd(systems, input, output, names))
 
@@ -215,11 +215,11 @@ class Responses:
         resonance_shift: float | None = None,
         **names: Any,
     ) -> Responses:
-        """Responses that were estimated, with their variances, all at the same frequencies.
+        """Estimated responses with their variances, all at the same frequencies.
 
-        ``input`` and ``output`` are numbers of the channel, from 0; ``names`` as in `from_frd`.
-        One estimate alone needs a ``spread`` or a ``resonance_shift``, as of `from_files`. Raises
-        InputError as `Responses`, and for different frequencies.
+        ``input`` and ``output`` are the numbers of the channel, from 0; ``names`` are as in
+        `from_frd`. A single estimate needs a ``spread`` or a ``resonance_shift``, as in
+        `from_files`. Raises InputError as in `Responses`, and for different frequencies.
 
         Examples
         --------
@@ -256,47 +256,49 @@ class Responses:
         resonance_shift: float | None = None,
         **names: Any,
     ) -> Responses:
-        """Responses of plants from files, one for each plant; its name is the plant's.
+        """Responses of plants from files, one for each plant; the file's name is the plant's name.
 
-        Of a record, name the ``input``, the ``output`` and the ``time`` (or give the sampling
-        frequency); the response and its variance are then estimated, from whole periods where the
-        input has many, else by local models (`local_response`). Of a frequency response, name
-        the ``frequency`` and the ``response`` (or its two parts, or magnitude and phase). What was
-        found out stands in ``read``; files in other units than the first are converted to its own.
-        The response of a record leads from samples to samples: it contains the delay of the
-        converters and, unless ``hold`` says that it is to be taken out, the hold.
+        For records, name the ``input``, the ``output`` and the ``time`` (or give the sampling
+        frequency). The response and its variance are then estimated: from whole periods if the
+        input has many, and otherwise by local models (`local_response`). For frequency responses,
+        name the ``frequency`` and the ``response`` (or its two parts, or magnitude and phase).
+        ``read`` reports how the files were read. Files in other units are converted to the units of
+        the first one. The response of a record is that from samples to samples. It includes the
+        delay of the converters, and also the hold, unless ``hold`` removes it.
 
-        Each record is tested (`record_report`; the ``reports``), and one of a closed loop is
-        refused unless its ``excitation`` is named: the response is then that of `driven_response`.
+        Each record is tested (`record_report`); the results are in ``reports``. A record of a
+        closed loop is refused unless its ``excitation`` is named; the response is then estimated by
+        `driven_response`.
 
         Parameters
         ----------
         files
-            A pattern such as ``"drive*.csv"``, or paths; read as by `read_record`.
+            A pattern such as ``"drive*.csv"``, or paths; files are read as by `read_record`.
         excitation
-            Name of what was added to a closed loop from outside, such as the set-point; or, if it
-            was not recorded but repeats itself, the samples of its period.
+            Name of the external signal that excites a closed loop, such as the set-point; or, if it
+            was not recorded but is periodic, its period [samples].
         assume
-            Assumptions on the records that you vouch for against their reports, such as
-            "open loop"; certificates say so.
+            Assumptions on the records that you guarantee against their reports, such as "open
+            loop"; certificates say so.
         most
-            Largest number of frequencies that are taken of a record.
+            Largest number of frequencies taken from a record.
         hold
-            Whether the input was held from sample to sample, and the response is that of the plant
-            without this hold; above some 0.6 of half the sampling frequency it is distorted.
+            Whether the input was held from sample to sample, and the hold is to be removed from the
+            response. Above about 0.6 of half the sampling frequency the result is distorted.
         spread
-            Where it is stated, not measured, how far plants lie from those with records, one alone
-            if need be: relative radius of a disc about each response, 0.2 for 20 %.
+            Stated, not measured, spread of plants around those with records, even around a single
+            one: relative radius of a disc around each response, 0.2 for 20 %.
         resonance_shift
-            Largest relative shift of their frequencies, resonances among them; stated, too.
+            Largest relative shift of the plants' frequencies, including resonances; also stated.
         names
             ``plants``, ``dt``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
         Raises
         ------
         InputError
-            As `Responses`, `read_record` and `read_response`; no file fits the pattern; the names
-            belong to neither a record nor a response; or a finding forbids to use a record.
+            As in `Responses`, `read_record` and `read_response`; no file fits the pattern; the
+            names belong neither to a record nor to a response; or a test forbids the use of a
+            record.
         """
         record = measured.RecordNames(input, output, time, sample_rate, excitation, assume)
         return cls(
@@ -325,25 +327,27 @@ class Responses:
 
     @property
     def known_plants(self) -> dict[str, Rational]:
-        """The plants that are known at every frequency, by name."""
+        """The plants known at every frequency, by name."""
         pairs = zip(self.plants, self.known, strict=False)
         return {name: plant for name, plant in pairs if plant is not None}
 
     @property
     def tested(self) -> tuple[str, ...]:
-        """What was tested of the records, with what result, and what could not be."""
+        """Tests of the records with their results, and tests that were not possible."""
         return together(self.reports)
 
     @property
     def over(self) -> str:
-        """What a statement about these responses quantifies over."""
+        """The frequencies and plants for which a statement about these responses holds, in
+        words.
+        """
         at = f"at the {self.omega.size} given frequencies"
         if self.confidence is None:
             return f"{at}, for these {len(self.plants)} plants"
         return f"{at}, for the {100 * self.confidence:g} % regions of these plants"
 
     def _refuse(self, bad: np.ndarray, what: str) -> None:
-        """Raise `InputError` if a measured response is bad; it names the first one."""
+        """Raise `InputError` if a measured response is bad; the message names the first one."""
         bad = bad & self.present
         if bad.any():
             k, i = (int(j) for j in np.argwhere(bad)[0])
@@ -359,7 +363,9 @@ class Responses:
 
     @property
     def axis(self) -> RealArray:
-        """Frequencies (F,) of the bilinear plane [rad/s], in which sampled plants are fitted."""
+        """Frequencies (F,) [rad/s]; for sampled plants those of the bilinear plane, in which they
+        are fitted.
+        """
         return np.asarray(bilinear_frequency(self.omega, self.dt))
 
     @property
@@ -369,7 +375,9 @@ class Responses:
         return width / width.sum()
 
     def thinned(self, most: int) -> Responses:
-        """The same plants at ``most`` of the frequencies at most, with the first and the last."""
+        """The same plants at no more than ``most`` frequencies, including the first and the
+        last.
+        """
         if self.omega.size <= most:
             return self
         return self.at(np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int)))
@@ -377,7 +385,7 @@ class Responses:
     def within(self, low: float, high: float) -> Responses:
         """The same plants at the frequencies from `low` to `high` [Hz].
 
-        Raises InputError where fewer than two frequencies are left.
+        Raises InputError if fewer than two frequencies remain.
         """
         need_numbers(low=low, high=high)
         chosen = np.flatnonzero((self.frequency >= low) & (self.frequency <= high))
@@ -389,7 +397,7 @@ class Responses:
         return self.at(chosen)
 
     def at(self, chosen: np.ndarray) -> Responses:
-        """The same plants at some of the frequencies, by number."""
+        """The same plants at some of the frequencies, by index."""
         return replace(
             self,
             omega=self.omega[chosen],
@@ -400,20 +408,22 @@ class Responses:
         )
 
     def linear_within(self, share: float) -> Responses:
-        """The same plants, whose linear ones may lie off the responses by more than noise.
+        """The same plants with a larger variance, for nonlinear plants whose linear models differ
+        from the responses.
 
-        A plant that bends answers a large excitation otherwise than a small one. Periods scatter
-        not by it, and records of one size do not tell it: it is stated.
+        A nonlinear plant responds differently to large and to small excitations. Neither the
+        scatter of periods nor records with one amplitude show this difference, so it must be
+        stated.
 
         Parameters
         ----------
         share
-            Standard deviation of that difference, relative to the response; 0.01 is 1 %.
+            Standard deviation of the difference, relative to the response; 0.01 is 1 %.
 
         Raises
         ------
         InputError
-            The share is negative or not below 1; or the responses have no variance.
+            The share is negative or at least 1; or the responses have no variance.
 
         Examples
         --------
@@ -434,9 +444,10 @@ class Responses:
         return replace(self, variance=self.variance + added, ratios=ratios, assumption=assumption)
 
     def refined(self) -> Responses:
-        """The same plants with further frequencies of the band, at which resonances show.
+        """The same plants at further frequencies of the band that show the resonances of known
+        plants.
 
-        Where a plant was only measured nothing is known between the frequencies: they stay.
+        If a plant was only measured, nothing is known between the frequencies, and none are added.
         """
         known = list(self.known_plants.values())
         if len(known) < len(self.plants):
@@ -454,7 +465,7 @@ class Responses:
         return replace(self, omega=omega, values=values, present=present)
 
     def place(self, index: int) -> str:
-        """A frequency, for messages."""
+        """A frequency as text, for messages."""
         return f"{self.omega[index] / (2 * np.pi):.6g} Hz"
 
     @property
@@ -463,7 +474,7 @@ class Responses:
         return filled(self.values, self.present)
 
     def labelled(self) -> DataArray:
-        """The point sets with names and units, dims (frequency, plant)."""
+        """The point sets as a labelled array with names and units, dims (frequency, plant)."""
         import xarray as xr
 
         axis = {"units": "Hz", "long_name": "frequency"}

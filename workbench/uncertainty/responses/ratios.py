@@ -1,4 +1,4 @@
-"""Responses that are ratios of two estimates, as those of plants in closed loops are."""
+"""Responses that are ratios of two estimates, such as those of plants in closed loops."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from workbench.identification.responses.ratios import of_chosen, ratio_reach
 
 @dataclass(frozen=True, eq=False)
 class Ratios:
-    """Joint covariances of N responses y / u at F frequencies, for regions after Fieller.
+    """Joint covariances of N responses y / u at F frequencies, for Fieller's regions.
 
     Parameters
     ----------
     joint
-        Covariances (F, N, 2, 2) of the errors of y and u, over |u|^2.
+        Covariances (F, N, 2, 2) of the errors of y and u, divided by |u|^2.
     chosen
-        Share (N,) of the lines looked at that were chosen, because u is seen there.
+        Share (N,) of the frequency lines that were chosen because u is significant there.
 
     Examples
     --------
@@ -34,20 +34,22 @@ class Ratios:
     chosen: RealArray
 
     def at(self, chosen: np.ndarray) -> Ratios:
-        """The same responses at some of the frequencies, by number."""
+        """The covariances at some of the frequencies, by index."""
         return replace(self, joint=self.joint[chosen])
 
     def radius(self, values: ComplexArray, degrees: RealArray, confidence: float) -> RealArray:
-        """Radii (F, N) of the discs about the ratios that hold the true ones; some have no end."""
+        """Radii (F, N) of the discs around the ratios that contain the true ones; some are
+        infinite.
+        """
         return ratio_reach(values, self.joint, degrees, of_chosen(confidence, self.chosen))
 
     def scaled(self, factor: ComplexArray) -> Ratios:
-        """Those of the responses times factors (F,)."""
+        """The covariances for the responses times factors (F,)."""
         sides = np.stack([factor, np.ones_like(factor)], axis=-1)[:, None]
         return replace(self, joint=self.joint * sides[..., :, None] * sides[..., None, :].conj())
 
     def with_numerator(self, variance: RealArray) -> Ratios:
-        """Those with a further variance (F, N) of y over |u|^2."""
+        """The covariances with an additional variance (F, N) of y, divided by |u|^2."""
         joint = self.joint.copy()
         joint[..., 0, 0] += variance
         return replace(self, joint=joint)

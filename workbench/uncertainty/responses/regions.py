@@ -1,8 +1,9 @@
-"""Confidence regions of measured responses: what a cover of plants must contain, noise aside.
+"""Confidence regions of measured responses, which a cover of the plants must contain because of
+noise.
 
-An estimate lies off the true response by its noise. The region of a response is the disc about its
-estimate that holds the true one with a given probability; a cover that contains the regions
-contains the plants with that probability, at each single frequency.
+An estimate differs from the true response by its noise. The region of a response is the disc around
+its estimate that contains the true response with a given probability. A cover that contains the
+regions contains each plant with that probability, at each single frequency.
 """
 
 from __future__ import annotations
@@ -20,16 +21,17 @@ from workbench.input_checks import is_real
 from workbench.uncertainty.responses.plants import Responses
 
 REGION_CORNERS = 12
-"""Corners of the polygon around each disc; its corners lie 3.5 % outside."""
+"""Number of corners of the polygon around each disc; its corners lie 3.5 % outside."""
 
 
 def with_regions(responses: Responses, confidence: float) -> Responses:
-    """The responses, each replaced by the corners of a polygon around its confidence region.
+    """The responses, where each one is replaced by the corners of a polygon around its confidence
+    region.
 
     Raises
     ------
     InputError
-        The confidence is no probability, or the responses have no variance.
+        The confidence is not between 0 and 1, or the responses have no variance.
     """
     if not (is_real(confidence) and 0 < confidence < 1):
         raise InputError(f"confidence is {confidence!r}; it must lie between 0 and 1")
@@ -68,7 +70,9 @@ def with_regions(responses: Responses, confidence: float) -> Responses:
 
 
 def _with_ends(responses: Responses, confidence: float) -> Responses:
-    """The responses at the frequencies at which each region has an end; warns of the others."""
+    """The responses at the frequencies where all regions are finite; warns of the other
+    frequencies.
+    """
     endless = (responses.present & ~np.isfinite(region_radius(responses, confidence))).any(axis=1)
     if not endless.any():
         return responses
@@ -85,7 +89,9 @@ def _with_ends(responses: Responses, confidence: float) -> Responses:
 
 
 def _warn_of_noise(responses: Responses, radius: RealArray) -> None:
-    """Warn where a region holds zero: there is no telling whether the plant responds at all."""
+    """Warn if a region contains zero, since it is then unknown whether the plant responds at
+    all.
+    """
     hidden = (responses.present & (radius >= np.abs(responses.values))).any(axis=1)
     if hidden.any():
         at = responses.frequency[hidden]
@@ -100,9 +106,9 @@ def _warn_of_noise(responses: Responses, radius: RealArray) -> None:
 
 
 def region_radius(responses: Responses, confidence: float) -> RealArray:
-    """Radii (F, N) of the discs that hold the true responses with this probability, each.
+    """Radii (F, N) of the discs that each contain the true response with this probability.
 
-    Those of ratios may be infinite.
+    Radii for ratios may be infinite.
     """
     if responses.ratios is not None:
         return responses.ratios.radius(responses.values, responses.degrees, confidence)
@@ -115,7 +121,9 @@ def region_radius(responses: Responses, confidence: float) -> RealArray:
 
 
 def estimates(responses: Responses) -> ComplexArray:
-    """The estimates (F, N) in the middle of the regions; the responses where they have none."""
+    """The estimates (F, N) in the middle of the regions; the responses themselves without
+    regions.
+    """
     if responses.confidence is None:
         return responses.values
     corners = responses.values.reshape(len(responses.omega), -1, REGION_CORNERS)

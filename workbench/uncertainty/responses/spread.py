@@ -1,8 +1,8 @@
-"""A spread that is stated, about plants of which few are measured, or one alone.
+"""A stated spread of plants around a few measured ones, or around a single one.
 
-What is measured of one plant says nothing about the next one of its kind. Whoever knows states how
-far they lie apart: the others' responses lie in a disc about the measured one, relative to it, and
-their resonances at other frequencies.
+A measurement of one plant says nothing about the next plant of its kind. A user who knows their
+spread can state it: the other responses lie in a disc around the measured one, with a relative
+radius, and their resonances have other frequencies.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from workbench.errors import InputError
 from workbench.input_checks import is_real
 
 CORNERS = 12
-"""Corners of the polygon around a disc; its corners lie 3.5 % outside."""
+"""Number of corners of the polygon around a disc; its corners lie 3.5 % outside."""
 SHIFTS = 5
-"""Places of a resonance, from the lowest to the highest."""
+"""Number of shifts of a resonance, from the lowest to the highest."""
 
 
 def spread_about(
     found: dict[str, Any], spread: float | None, resonance_shift: float | None
 ) -> dict[str, Any]:
-    """Arguments of `Responses` by name, with each plant replaced by those of a stated spread.
+    """Arguments of `Responses` by name, where each plant is replaced by plants of a stated spread.
 
     Parameters
     ----------
     found
-        ``frequency`` (F,), ``values`` and ``variance`` (F, N), ``degrees`` and, if they have any,
-        ``plants`` and ``ratios`` of each plant.
+        Arguments for the measured plants: ``frequency`` (F,), ``values`` and ``variance`` (F, N),
+        ``degrees`` and, if there are any, ``plants`` and ``ratios``.
     spread
-        Radius of the disc about each response, relative to it; None: no disc.
+        Radius of the disc around each response, relative to the response; None for no disc.
     resonance_shift
-        Largest relative shift of a plant's frequencies: G(j omega / (1 + d)) for all |d| up to it;
-        None: none. Frequencies too near to the ends of the band are left out.
+        Largest relative shift of a plant's frequencies: G(j omega / (1 + d)) for all |d| up to
+        this; None for no shift. Frequencies too near to the ends of the band are left out.
 
     Raises
     ------
     InputError
-        A spread or a shift that is not between 0 and 1, or no frequencies that a shift leaves.
+        A spread or a shift is not between 0 and 1, or a shift leaves fewer than two frequencies.
     """
     for name, value in (("spread", spread), ("resonance_shift", resonance_shift)):
         if value is not None and not (is_real(value) and 0.0 < value < 1.0):
@@ -103,6 +103,6 @@ def _said(stated: list[str], count: int) -> str:
 
 
 def _at(places: RealArray, frequency: RealArray, x: ComplexArray | RealArray) -> Any:
-    """Columns (F, N) at other frequencies, by straight lines over log frequency."""
+    """Columns (F, N) at other frequencies, by linear interpolation over log frequency."""
     log = np.log(frequency)
     return np.stack([np.interp(np.log(places), log, column) for column in x.T], axis=1)

@@ -1,1 +1,3 @@
-"""Plants that miss assumptions of H-infinity synthesis: perturbed, or without poles of weights."""
+"""Plants that do not meet the assumptions of H-infinity synthesis: they are perturbed, or poles of
+weights move into the controller.
+"""

@@ -2,19 +2,20 @@
 
 An integrator in the weight of an error is a mode that no measurement shows, so no controller
 stabilises it. If a measurement y drives it, xi' = Lambda xi + L y + M u, then the controller can
-hold a copy of it, which knows xi from the start, and what is left to find is a controller of
+hold a copy of the mode, which knows xi from the start. It remains to find a controller of
 
     y' = y + F xi,    Lambda - L F stable,
 
-which shows xi. Nothing is lost: y follows from y', u and a stable system. The controller of the
-given plant has the poles of Lambda (internal model principle). In the loop that is certified, xi
-stands once, in the controller, and drives the performance outputs: the pole that weight and
-controller share is cancelled by construction. Its other states are those of the loop of the
-controller with the plant without these weights, so that its stability is that of this loop.
+where y' shows xi. No information is lost: y follows from y', u and a stable system. The controller
+of the given plant has the poles of Lambda (internal model principle). The certified loop contains
+xi only once, in the controller, where it drives the performance outputs: the pole that weight and
+controller share is cancelled by construction. The other states are those of the controller's loop
+with the plant without these weights, so the stability that is certified is the stability of that
+loop.
 
-The state that a measurement drives may be xi + T x with other states x. Modes that no control
-reaches, such as those of disturbances that are integrated noise, are absorbed by the transposed
-plant: their effect must be that of a control.
+The state that a measurement drives may also be xi + T x with other states x. Modes that no control
+reaches, such as those of disturbances that are integrated noise, are treated in the same way with
+the transposed plant: their effect must be that of a control.
 
 B. A. Francis, W. M. Wonham, The internal model principle of control theory, Automatica 12 (1976)
 457-465.
@@ -43,18 +44,21 @@ from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 RESPONSE_ROUNDING = 1e5
-"""Rounding errors of terms of a response, in units of the machine epsilon: controllers of nearly
-singular plants have poles of very different sizes, which cost digits."""
+"""Rounding errors of the terms of a response, in units of the machine epsilon. They are large
+because controllers of nearly singular plants have poles of very different sizes.
+"""
 POLE_DISTANCE = 1e-5
-"""Share of a frequency within which a pole spoils responses by cancellation."""
+"""A pole within this distance of a frequency, relative to it, spoils responses by cancellation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Absorbed:
-    """The ``plant`` that remains to be controlled, and the copies that the controller holds.
+    """The ``plant`` that remains to be controlled, and the copies of modes that the controller
+    holds.
 
-    Each of ``copies`` is a generalised plant with inputs (y, u') and outputs (u, y'), whose
-    controller is that of the next one. ``poles`` are the shared ones, in the plane of the plant.
+    Each of ``copies`` is a generalised plant with inputs (y, u') and outputs (u, y'). The next
+    copy, or at the end the controller of ``plant``, closes it. ``poles`` are the shared poles, in
+    the s or z plane of the plant.
     """
 
     plant: GeneralisedPlant
@@ -63,7 +67,7 @@ class Absorbed:
 
     @property
     def words(self) -> str:
-        """What is shared, in a sentence."""
+        """A sentence about the shared poles."""
         poles = ", ".join(f"{pole:.4g}" for pole in self.poles)
         return (
             f"shared with the controller: {poles}, poles on the stability boundary of the plant, "
@@ -71,7 +75,7 @@ class Absorbed:
         )
 
     def whole(self, K: StateSpace) -> StateSpace:
-        """The controller of the given plant, from one of ``plant``."""
+        """The controller of the given plant from a controller of ``plant``."""
         for copy in reversed(self.copies):
             K = copy.close(K)
         return K
@@ -87,9 +91,9 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
         can share; the message says which, and why.
     """
     given = standard_plant(plant)
-    seen = _shown(continuous(given), given.dt, "measurement")
+    seen = _with_modes_shown(continuous(given), given.dt, "measurement")
     copied = 0 if seen.copy is None else seen.copy.states
-    reached = _shown(seen.plant.dual, given.dt, "control", copied)
+    reached = _with_modes_shown(seen.plant.dual, given.dt, "control", copied)
     poles = seen.poles + reached.poles
     if not poles:
         return Absorbed(plant)
@@ -105,21 +109,21 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
     return Absorbed(
         replace(plant, system=system),
         tuple(_system(copy, given.dt) for copy in copies if copy is not None),
-        tuple(_place(pole, given.dt) for pole in poles),
+        tuple(_in_given_plane(pole, given.dt) for pole in poles),
     )
 
 
 def tested(plant: GeneralisedPlant, asked: Sequence[str] = ()) -> tuple[Absorbed, Scaled | None]:
     """The plant without modes that the controller shares, and scaled where it is regular.
 
-    ``asked`` names what the controller is asked to be, which leaves no room for poles of weights.
+    ``asked`` names the demands on the controller. They leave no room for poles of weights.
 
     Raises
     ------
     HiddenModeError
         A mode that the controller cannot share is not stabilisable or not detectable.
     InputError
-        Poles must be shared, and something is asked.
+        Poles must be shared, but there are demands on the controller.
     """
     try:
         return Absorbed(plant), scaled_if_regular(standard_plant(plant))
@@ -136,7 +140,9 @@ def tested(plant: GeneralisedPlant, asked: Sequence[str] = ()) -> tuple[Absorbed
 
 
 def loop_gains(plant: GeneralisedPlant, K: StateSpace, omega: RealArray) -> RealArray:
-    """Largest singular values (F,) of a loop by responses of plant and K, less their rounding."""
+    """Largest singular values (F,) of a loop from responses of plant and K, less their rounding
+    errors.
+    """
     P, k = plant.response(omega), response(K, omega)
     z, w = P.shape[-2] - plant.measurements, P.shape[-1] - plant.controls
     inner = np.eye(plant.measurements) - P[:, z:, w:] @ k
@@ -146,7 +152,7 @@ def loop_gains(plant: GeneralisedPlant, K: StateSpace, omega: RealArray) -> Real
         np.linalg.norm(part, 2, axis=(-2, -1))
         for part in (P[:, :z, :w], P[:, :z, w:], moved, closed)
     )
-    # Large terms cancel, of which those in the inner loop are as uncertain as it is near-singular.
+    # Large terms cancel. Those of the inner loop have errors proportional to its condition number.
     terms = direct + through * inward * np.linalg.cond(inner)
     lower: RealArray = np.maximum(size - RESPONSE_ROUNDING * EPS * terms, 0.0)
     return lower
@@ -168,21 +174,23 @@ def _system(copy: StandardPlant, dt: float) -> GeneralisedPlant:
     return GeneralisedPlant(system, None, copy.controls, copy.measurements)
 
 
-def _place(pole: complex, dt: float) -> complex:
-    """A pole of the transformed plant, in the plane of the given one."""
+def _in_given_plane(pole: complex, dt: float) -> complex:
+    """A pole of the transformed plant, in the s or z plane of the given plant."""
     return complex((1 + pole) / (1 - pole)) if dt else complex(pole)
 
 
-def _said(pole: complex, dt: float) -> str:
+def _pole_text(pole: complex, dt: float) -> str:
     return f"z = {pole:.6g}" if dt else f"{pole:.6g} rad/s"
 
 
-def _shown(plant: StandardPlant, dt: float, through: str, copied: int = 0) -> Shared:
-    """As `modes_shown`; `dt` and what it is shown `through` are for messages."""
+def _with_modes_shown(plant: StandardPlant, dt: float, through: str, copied: int = 0) -> Shared:
+    """As `modes_shown`; `dt` and `through` are for messages. `through` is "measurement" or
+    "control".
+    """
     try:
         return modes_shown(plant, copied)
     except HiddenPoleError as error:
-        where, unstable = _said(_place(error.pole, dt), dt), error.unstable
+        where, unstable = _pole_text(_in_given_plane(error.pole, dt), dt), error.unstable
     if through == "measurement":
         fails = "(C2, A) is not detectable: no measurement shows the mode"
         why = "no measurement drives it alone"
@@ -195,7 +203,7 @@ def _shown(plant: StandardPlant, dt: float, through: str, copied: int = 0) -> Sh
         remedy = "move the pole to the left"
     if unstable:
         raise HiddenModeError(
-            f"{fails} {where}; weights must be stable, but for poles on the stability boundary"
+            f"{fails} {where}; weights must be stable, except for poles on the stability boundary"
         )
     raise HiddenModeError(
         f"{fails} {where}, and {why}, so no controller can hold it in place of a weight: {remedy}"

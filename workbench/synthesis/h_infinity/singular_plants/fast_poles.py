@@ -1,7 +1,8 @@
-"""Controllers without the fast poles that small perturbations give them.
+"""Removal of the fast poles that small perturbations give to controllers.
 
-A perfect measurement lets an observer be as fast as its noise is small, so its poles go to infinity
-as the noise goes to 0. In the limit they are gone: the state feedback, say, is static.
+With a perfect measurement the observer is the faster, the smaller the noise is. As the noise goes
+to 0, its poles go to infinity. In the limit these poles disappear: for example, only a static state
+feedback remains.
 """
 
 from __future__ import annotations
@@ -15,15 +16,15 @@ from workbench.arrays import RealArray
 from workbench.systems.realisation import Matrices
 
 PAIR_ROUNDING = 1e-9
-"""Share by which rounding may part the sizes of the poles of a pair."""
+"""Relative difference that rounding may cause between the sizes of a pair's two poles."""
 
 
 def without_fast_poles(K: Matrices, good: Callable[[Matrices], bool]) -> Matrices:
-    """The good controller with the fewest of the slowest poles of K, else K.
+    """The controller with the fewest of K's slowest poles for which `good` is true; otherwise K.
 
-    The parts of the fast poles are replaced by their gain at frequency 0.
+    The part with the fast poles is replaced by its gain at frequency 0.
     """
-    for slow in _numbers(np.sort(np.abs(np.linalg.eigvals(K[0])))):
+    for slow in _splits(np.sort(np.abs(np.linalg.eigvals(K[0])))):
         try:
             fewer = _residualised(K, slow)
         except LinAlgError:
@@ -33,21 +34,23 @@ def without_fast_poles(K: Matrices, good: Callable[[Matrices], bool]) -> Matrice
     return K
 
 
-def _numbers(size: RealArray) -> list[int]:
-    """Numbers of slowest poles, less than all, that part no pair; of ascending sizes of poles."""
+def _splits(size: RealArray) -> list[int]:
+    """Possible numbers of slowest poles, fewer than all, that do not split a pair; `size` is
+    increasing.
+    """
     return [k for k in range(len(size)) if k == 0 or size[k] > (1.0 + PAIR_ROUNDING) * size[k - 1]]
 
 
 def _residualised(K: Matrices, slow: int) -> Matrices:
-    """K with all but its slowest poles replaced by a gain, exact at frequency 0.
+    """K with only its `slow` slowest poles; the rest becomes a gain that is exact at frequency 0.
 
-    Raises LinAlgError where the poles cannot be parted.
+    Raises LinAlgError if slow and fast poles cannot be separated.
     """
     A, B, C, D = K
     limit = np.sort(np.abs(np.linalg.eigvals(A)))[slow] / np.sqrt(1.0 + PAIR_ROUNDING)
     T, Q, kept = schur(A, sort=lambda real, imag=0.0: np.hypot(real, imag) < limit)
     if kept != slow:
-        raise LinAlgError("the poles are too near each other in size")
+        raise LinAlgError("the sizes of slow and fast poles are too close to each other")
     inner, across, fast = T[:slow, :slow], T[:slow, slow:], T[slow:, slow:]
     X = solve_sylvester(inner, -fast, -across)
     into, out = Q.T @ B, C @ Q

@@ -1,7 +1,8 @@
-"""Static controllers of plants whose measurements tell every state, and perhaps the disturbance.
+"""Static controllers for plants whose measurements determine every state, and perhaps the
+disturbance.
 
-Dynamic controllers do no better there, and one Riccati equation gives the static ones. Its least
-level bounds those of all plants that only measure less (P. P.
+Dynamic controllers are not better there, and one Riccati equation gives the static controller. Its
+least level is a lower bound for all plants that differ only in having fewer measurements (P. P.
 Khargonekar, I. R. Petersen, M. A. Rotea, H-infinity optimal control with state feedback, IEEE
 Trans. Automatic Control 33 (1988) 786-788).
 """
@@ -22,16 +23,16 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 TOLD = 1e-9
-"""Largest entry, in balanced units, by which the measurements may miss a state or a disturbance."""
+"""Largest error, in balanced units, for measurements that determine a state or a disturbance."""
 
 
 def static_controller(plant: StandardPlant, gamma: float, size: float) -> Matrices | None:
-    """A static controller of a continuous plant, made for a level that its loop may yet miss.
+    """A static controller of a continuous plant for a level; its loop may still exceed the level.
 
-    None where the measurements do not tell the states, or where no state feedback reaches the level
-    with the costs of ``size`` that a singular plant needs.
+    None if the measurements do not determine the states, or if no state feedback reaches the level.
+    A singular plant gets costs of size ``size``.
     """
-    one = _Scaled.of(costed(plant, size))
+    one = _ScaledPlant.of(costed(plant, size))
     n, m, p = plant.states, plant.controls, plant.measurements
     seen = np.hstack([plant.C2 / one.units, plant.D21])
     state = _combination(seen, np.eye(n, seen.shape[1]))
@@ -39,7 +40,7 @@ def static_controller(plant: StandardPlant, gamma: float, size: float) -> Matric
     if state is None or found is None:
         return None
     F1, F2 = np.split(found[1], [one.plant.D11.shape[1]])
-    gain: RealArray = F2 @ state  # the best against a disturbance as bad as it can be, F1 x
+    gain: RealArray = F2 @ state  # the best gain against the worst disturbance F1 x
     disturbance = _combination(seen, np.eye(seen.shape[1])[n:])
     if disturbance is not None:
         through = one.plant.D11[-m:]
@@ -50,14 +51,15 @@ def static_controller(plant: StandardPlant, gamma: float, size: float) -> Matric
 
 
 def informed_level(plant: StandardPlant, reached: float, tolerance: float) -> float:
-    """A level that no controller reaches, not even one that knows the states and disturbances.
+    """A level that no controller reaches, not even one that knows all states and disturbances.
 
-    ``reached`` is the norm that a controller has. NaN where u -> z misses an assumption, whose
-    Riccati equation alone this is, or where no such level is found within the tolerance of 0.
+    ``reached`` is the norm that some controller has. Only the Riccati equation of u -> z is used.
+    The result is NaN if u -> z does not meet an assumption, or if the level is closer to 0 than the
+    tolerance.
     """
     if not (reached > 0.0 and costed(plant, 1.0) is plant):
         return math.nan
-    scaled = _Scaled.of(plant).plant
+    scaled = _ScaledPlant.of(plant).plant
     low, high = 0.0, reached
     while high > (1.0 + tolerance) * low:
         trial = math.sqrt(low * high) if low else high / 2.0
@@ -70,18 +72,20 @@ def informed_level(plant: StandardPlant, reached: float, tolerance: float) -> fl
     return low
 
 
-class _Scaled(NamedTuple):
-    """A plant with D12 = [0; I] in units of its own: the states times ``units``, ``controls`` u."""
+class _ScaledPlant(NamedTuple):
+    """A plant with D12 = [0; I] in scaled units: scaled states are ``units`` x, scaled controls
+    ``controls`` u.
+    """
 
     plant: StandardPlant
     units: RealArray
     controls: RealArray
 
     @classmethod
-    def of(cls, plant: StandardPlant) -> _Scaled:
-        """A continuous plant with D12 of full rank, scaled."""
+    def of(cls, plant: StandardPlant) -> _ScaledPlant:
+        """Scale a continuous plant whose D12 has full rank."""
         rate, m = speed(plant.A, plant.B, plant.C), plant.controls
-        # Also the square root of time, whose unit B and C share.
+        # The factor sqrt(rate) is the share of the unit of time in B and in C.
         units = math.sqrt(rate) * state_units(plant.A / rate, plant.B, plant.C)
         whole, R = np.linalg.qr(plant.D12, mode="complete")
         Q, R = np.hstack([whole[:, m:], whole[:, :m]]), R[:m]
@@ -97,7 +101,7 @@ class _Scaled(NamedTuple):
 
 
 def _combination(seen: RealArray, wanted: RealArray) -> RealArray | None:
-    """A combination of the measurements that is what is wanted; None where there is none."""
+    """The combination of the measurements that equals `wanted`; None if there is none."""
     found = np.linalg.lstsq(seen.T, wanted.T, rcond=None)[0].T
     missed = np.abs(found @ seen - wanted).max(initial=0.0)
     return np.asarray(found) if missed <= TOLD else None

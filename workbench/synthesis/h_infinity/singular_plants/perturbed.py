@@ -1,11 +1,11 @@
-"""Plants that miss an assumption of H-infinity synthesis, made regular by a small perturbation.
+"""Small perturbations that make plants meet the assumptions of H-infinity synthesis.
 
-Every control, and where needed every state, becomes a performance output of a small size; every
-measurement, and where needed every state, gets a small disturbance. A plant that can be stabilised
-then meets every assumption: no x and u that are not both zero are free of cost. The loop contains
-that of the given plant, so its norm is at least as large, and its least norm tends to that of the
-given plant as the size falls: the norm of any one controller does. What is proven of a controller
-is proven of the given plant.
+Every control, and if needed every state, becomes a small performance output. Every measurement, and
+if needed every state, gets a small disturbance. A plant that can be stabilised then meets every
+assumption, because every nonzero (x, u) has a cost. The perturbed loop contains the loop of the
+given plant, so its norm is at least as large. As the perturbation goes to zero, its least norm
+tends to that of the given plant, since this holds for the norm with each fixed controller. All
+proofs are about the controller's loop with the given plant.
 
 A. A. Stoorvogel, The H-infinity Control Problem (1992), section 5.4 (singular problems as limits of
 regular ones).
@@ -27,34 +27,38 @@ from workbench.systems.frequency_response import frequency_response
 from workbench.systems.standard_plant import StandardPlant
 
 SLOW_SHARE, ROUNDED_POLE = 1e-6, 1e-8
-"""Share of a response at the slowest pole that counts, and of the fastest pole that is none."""
+"""Least share of the response at the slowest pole that is used; poles below the second share of the
+fastest pole count as zero.
+"""
 DEFAULT_SIZE = 1e-3
-"""Size of the perturbation where none is given, relative to the signals of the plant."""
+"""Default size of the perturbation, relative to the signals of the plant."""
 
 
 def made_regular(plant: StandardPlant, size: float = DEFAULT_SIZE) -> StandardPlant:
-    """A continuous plant with small costs and disturbances where an assumption fails.
+    """A continuous plant with small costs and disturbances, if an assumption fails.
 
-    A plant that meets the assumptions is returned unchanged. The controls and measurements are the
-    same, so a controller of the one is a controller of the other.
+    A plant that meets the assumptions is returned unchanged. Controls and measurements stay the
+    same, so both plants have the same controllers.
     """
-    return _disturbed(costed(plant, size), size)
+    return _with_disturbances(costed(plant, size), size)
 
 
 def wholly_perturbed(plant: StandardPlant, size: float) -> StandardPlant:
-    """A continuous plant with a cost on every control and state, and a disturbance of each."""
-    return _all_costed(_all_costed(plant, size).dual, size).dual
+    """A continuous plant with a cost on every control and state, and a disturbance on every
+    measurement and state.
+    """
+    return _with_all_costs(_with_all_costs(plant, size).dual, size).dual
 
 
-def _disturbed(plant: StandardPlant, size: float) -> StandardPlant:
-    """The plant with disturbances where D21 lacks rank or w -> y has zeros on the axis."""
+def _with_disturbances(plant: StandardPlant, size: float) -> StandardPlant:
+    """The plant with added disturbances if D21 lacks rank or w -> y has zeros on the axis."""
     dual = plant.dual
     larger = costed(dual, size)
     return plant if larger is dual else larger.dual
 
 
 def costed(plant: StandardPlant, size: float) -> StandardPlant:
-    """The plant with costs where D12 lacks rank or u -> z has zeros on the axis."""
+    """The plant with added costs if D12 lacks rank or u -> z has zeros on the axis."""
     if not has_rank(plant.D12):
         plant = with_outputs(plant, *control_costs(plant, size))
     if zeros_of(plant):
@@ -62,17 +66,18 @@ def costed(plant: StandardPlant, size: float) -> StandardPlant:
     return plant
 
 
-def _all_costed(plant: StandardPlant, size: float) -> StandardPlant:
+def _with_all_costs(plant: StandardPlant, size: float) -> StandardPlant:
     C, D = control_costs(plant, size)
     C_x, D_x = state_costs(plant, size)
     return with_outputs(plant, np.vstack([C, C_x]), np.vstack([D, D_x]))
 
 
 def control_costs(plant: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
-    """Rows of C1 and D12: u times `size` times the response of u -> z at a middle frequency.
+    """Rows of C1 and D12 for a cost on u, `size` times the response of u -> z at a middle
+    frequency.
 
-    Long chains of states leave nothing there of what they pass on slowly: at least a small share of
-    the response at a slow frequency counts.
+    Long chains of states have almost no response at a middle frequency. So the cost is also at
+    least a small share of the response at a low frequency.
     """
     A, B, C, _, _ = _in_units(plant)
     M = np.block([[A, B[:, -plant.controls :]], [C[: len(plant.C1)], plant.D12]])
@@ -86,7 +91,9 @@ def control_costs(plant: StandardPlant, size: float) -> tuple[RealArray, RealArr
 
 
 def state_costs(plant: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
-    """Rows of C1 and D12: balanced states times `size` times the largest entry of C1."""
+    """Rows of C1 and D12 for a cost on the balanced states, `size` times the largest entry of
+    C1.
+    """
     _, _, C, rate, factor = _in_units(plant)
     largest = float(np.abs(C[: len(plant.C1)]).max(initial=0.0)) or 1.0
     return (

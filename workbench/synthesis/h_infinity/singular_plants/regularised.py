@@ -1,4 +1,4 @@
-"""Plants made regular by small signals of their own, for whoever wants to see what is added."""
+"""Plants made regular by small named signals, so that a user can see what is added."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ from workbench.systems.standard_plant import StandardPlant, standard_plant
 T = TypeVar("T")
 
 NEAR_CORNER = 1e-9
-"""Share of the fastest pole's size within which it counts as a pole on the axis."""
+"""The fastest pole counts as on the axis within this distance, relative to its size."""
 ADDED = "regular_"
-"""How names of the signals begin that `regularised` adds."""
+"""Beginning of the names of signals that `regularised` adds."""
 
 
 def regularised(
@@ -51,21 +51,22 @@ def regularised(
     Where D12 lacks rank, every control becomes a performance output. Where D21 lacks rank, every
     measurement gets noise. Both pass through a first-order high-pass whose corner is the plant's
     fastest pole, so that they have no effect at low frequencies, where weights may integrate. For
-    each zero on the stability boundary, performance outputs show the states that move there
-    unseen, or disturbances move them (two for a zero other than 0).
+    each zero on the stability boundary, performance outputs show the motion of the states that was
+    not seen there, or disturbances cause it (two signals for a zero other than 0).
 
-    The weight of u is `size` times the largest response of u -> z at the corner, the weight of the
-    noise `size` times the largest response of w -> y there. The outputs for a zero are `size` times
-    as large as the terms of z that cancel there; where none do, as the largest entry of C1 for
-    balanced states (1 if that is zero). The disturbances are as large by w -> y. The closed loop
-    contains the old channels, so its norm is at least theirs.
+    The weight of u is `size` times the largest response of u -> z at the corner, and the weight of
+    the noise is `size` times the largest response of w -> y there. The outputs for a zero are
+    `size` times as large as the terms of z that cancel there. If no terms cancel, they are `size`
+    times the largest entry of C1 for balanced states (or `size` if that is zero). Disturbances are
+    scaled in the same way by w -> y. The new closed loop contains the old channels, so its norm is
+    at least as large as theirs.
 
-    Where this is not enough, as with controls that do the same, all of these are weighed at every
-    frequency instead, and balanced states are shown and moved where there are zeros. A plant that
-    can be stabilised then meets the assumptions. Synthesis does so by itself; the plant is wanted
-    to see the perturbed problem.
+    If this is not enough, for example because two controls have the same effect, all controls and
+    measurements get weights at every frequency instead, and in case of zeros all balanced states
+    get outputs and disturbances. A plant that can be stabilised then meets the assumptions.
+    Synthesis perturbs plants by itself; use this function to see the perturbed problem.
 
-    The size may be given by its place too, as before it had a default.
+    The size may also be given as the second argument, as in earlier versions.
 
     The new signals come after the old exogenous inputs and performance outputs. Their names are
     ``regular_u0`` (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
@@ -73,7 +74,7 @@ def regularised(
     Raises
     ------
     InputError
-        `size` is not positive and finite, or there are two; or as `standard_plant` and
+        `size` is not positive and finite, or is given twice; or as in `standard_plant` and
         `continuous`.
 
     Examples
@@ -104,16 +105,16 @@ def regularised(
         try:
             checked(standard_plant(found))
         except SingularPlantError:
-            found = _perturbed(plant, more(continuous(standard_plant(plant)), size))
-        except HiddenModeError:  # not for want of signals
+            found = _with_added_signals(plant, more(continuous(standard_plant(plant)), size))
+        except HiddenModeError:  # the failure has another reason than missing signals
             pass
     return found
 
 
 def on_regular(plant: GeneralisedPlant, made: Callable[[Scaled], T]) -> T:
-    """What is made of a continuous plant, scaled; of a perturbed one where it must be.
+    """Apply `made` to the scaled continuous plant; to a perturbed plant if it must be perturbed.
 
-    For steps of iterations, whose results are judged by the plant itself afterwards.
+    Steps of iterations use this. Their results are judged with the plant itself afterwards.
     """
     try:
         return made(normalised_plant(standard_plant(plant)))
@@ -127,16 +128,17 @@ def on_regular(plant: GeneralisedPlant, made: Callable[[Scaled], T]) -> T:
 def narrowly_regularised(
     plant: GeneralisedPlant, size: float, whether_needed: bool = True
 ) -> GeneralisedPlant:
-    """The plant with signals at high frequencies and at zeros on the boundary.
+    """The plant with added signals at high frequencies and for zeros on the stability boundary.
 
-    Those at high frequencies are left out where D12 or D21 has full rank, if ``whether_needed``.
+    With ``whether_needed``, the signals at high frequencies are left out if D12 or D21 has full
+    rank.
     """
     given = standard_plant(plant)
-    u, x_out = _additions(given, size, whether_needed)
-    y, x_in = _additions(given.dual, size, whether_needed)
+    u, x_out = _added_rows(given, size, whether_needed)
+    y, x_in = _added_rows(given.dual, size, whether_needed)
     a, b, c, d = _high_pass(given)
     (z, w), m, p = given.D11.shape, given.controls, given.measurements
-    # Order of the states: plant, high-passes of the controls, high-passes of the noises.
+    # Order of states: the plant, the high-passes of the controls, the high-passes of the noises.
     states, k, j = given.states, len(u), len(y)
     A = block_diag(given.A, a * np.eye(k), a * np.eye(j))
     B = np.zeros((len(A), w + j + len(x_in) + m))
@@ -149,21 +151,25 @@ def narrowly_regularised(
     out, into = slice(states, states + k), slice(states + k, None)
     B[out, -m:], C[rows, out], D[rows, -m:] = b * u, c * np.eye(k), d * u
     B[into, noise], C[-p:, into], D[-p:, noise] = b * np.eye(j), c * y.T, d * y.T
-    return _named(plant, (A, B, C, D), j, k)
+    return _with_names(plant, (A, B, C, D), j, k)
 
 
-def _perturbed(plant: GeneralisedPlant, larger: StandardPlant) -> GeneralisedPlant:
-    """The plant with the signals that a continuous one has in addition."""
+def _with_added_signals(plant: GeneralisedPlant, larger: StandardPlant) -> GeneralisedPlant:
+    """The plant with the additional signals that the larger continuous plant has."""
     given = continuous(standard_plant(plant))
     (z, w), (rows, columns) = given.D11.shape, larger.D11.shape
     costs = given.controls if rows > z and not has_rank(given.D12) else 0
     noises = given.measurements if columns > w and not has_rank(given.D21.T) else 0
     matrices = (larger.A, larger.B, larger.C, larger.D)
-    return _named(plant, to_sampled(matrices) if plant.system.dt else matrices, noises, costs)
+    return _with_names(plant, to_sampled(matrices) if plant.system.dt else matrices, noises, costs)
 
 
-def _named(plant: GeneralisedPlant, larger: Matrices, noises: int, costs: int) -> GeneralisedPlant:
-    """A larger plant, whose first new inputs are noises and first new outputs costs of u."""
+def _with_names(
+    plant: GeneralisedPlant, larger: Matrices, noises: int, costs: int
+) -> GeneralisedPlant:
+    """The larger plant with names; its first new inputs are noises, and its first new outputs costs
+    of u.
+    """
     system = plant.system
     inputs, outputs = list(system.input_labels), list(system.output_labels)
     w, z = len(inputs) - plant.controls, len(outputs) - plant.measurements
@@ -179,23 +185,23 @@ def _named(plant: GeneralisedPlant, larger: Matrices, noises: int, costs: int) -
     return replace(plant, system=named)
 
 
-def _additions(
+def _added_rows(
     given: StandardPlant, size: float, whether_needed: bool
 ) -> tuple[RealArray, RealArray]:
-    """Rows that make u and states performance outputs; no rows where not needed."""
+    """Rows that make u and states performance outputs; no rows if they are not needed."""
     n, m = given.states, given.controls
     plant = continuous(given)
     u = np.zeros((0, m))
     if not (whether_needed and has_rank(plant.D12)):
         M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
-        corner = _fastest(plant.A)
+        corner = _fastest_pole(plant.A)
         on_axis = np.isclose(np.linalg.eigvals(plant.A), 1j * corner, rtol=NEAR_CORNER).any()
         at = corner * (MIDDLE_POINT if on_axis else 1j)
         response = np.abs(frequency_response(M, n, [at])[0]).max(axis=0)
         u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
     Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
     rate = speed(plant.A, plant.B, plant.C)
-    # All channels count for the units, those of states that z does not show too.
+    # All channels determine the units of the states, including states that z does not show.
     factor = state_units(plant.A / rate, plant.B, plant.C)
     A, B2 = plant.A * factor[:, None] / factor, plant.B2 * factor[:, None]
     C1 = np.vstack([plant.C1 / factor, np.zeros((len(u), n))])
@@ -207,19 +213,19 @@ def _additions(
 
 def _high_pass(given: StandardPlant) -> tuple[float, float, float, float]:
     """A, B, C, D of s / (s + c) with c the size of the plant's fastest pole."""
-    corner = _fastest(continuous(given).A)
+    corner = _fastest_pole(continuous(given).A)
     one = np.eye(1)
     parts: Matrices = (-corner * one, corner * one, -one, one)
     a, b, c, d = (float(part[0, 0]) for part in (to_sampled(parts) if given.dt else parts))
     return a, b, c, d
 
 
-def _fastest(A: RealArray) -> float:
+def _fastest_pole(A: RealArray) -> float:
     """The magnitude of the largest pole [rad/s]; 1 where all are 0."""
     return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) or 1.0
 
 
 def _names(first: int, kind: str, count: int) -> list[str]:
-    """Names of added signals: ``first`` of a kind, the others of states."""
+    """Names of added signals: the first ``first`` are of `kind`, the others of states."""
     named = [f"{ADDED}{kind}{i}" for i in range(first)]
     return [*named, *(f"{ADDED}x{i}" for i in range(count - first))]

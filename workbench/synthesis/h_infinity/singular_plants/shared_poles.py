@@ -1,4 +1,4 @@
-"""Modes on the imaginary axis that no measurement shows, and what drives them."""
+"""Modes on the imaginary axis that no measurement shows, and the signals that drive them."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from workbench.systems.standard_plant import StandardPlant
 AXIS_SHARE = 1e-8
 """A hidden mode lies on the axis if its real part is at most this share of its size."""
 DRIVEN_SHARE = 1e-12
-"""Largest share of what drives a mode that may be neither a measurement nor a control."""
+"""Largest relative part of a mode's drive that may come from neither measurements nor controls."""
 
 
 class HiddenPoleError(Exception):
-    """A hidden pole that no controller can share with a weight; ``unstable`` or on the axis."""
+    """A hidden pole that no controller can share with a weight; it is ``unstable`` or on the
+    axis.
+    """
 
     def __init__(self, pole: complex, unstable: bool) -> None:
         super().__init__(pole, unstable)
@@ -29,10 +31,10 @@ class HiddenPoleError(Exception):
 
 
 class Shared(NamedTuple):
-    """A plant whose measurements show every mode on the axis, and how the given one has them.
+    """A plant whose measurements show every mode on the axis, and its relation to the given plant.
 
-    The ``copy`` of the modes has inputs (y, u') and outputs (u, y'); None where the modes only
-    repeat others. ``poles`` were hidden.
+    The ``copy`` of the modes has inputs (y, u') and outputs (u, y'); it is None if the modes only
+    repeat others. ``poles`` are the poles that were hidden.
     """
 
     plant: StandardPlant
@@ -44,7 +46,7 @@ def modes_shown(plant: StandardPlant, copied: int = 0) -> Shared:
     """A continuous plant whose measurements show every mode on the axis.
 
     The first states of the result are those of the copy. The first ``copied`` states of the plant
-    are states of a controller already, none of a weight, and must not be hidden.
+    already belong to a controller and not to a weight, so they must not be hidden.
 
     Raises
     ------
@@ -58,22 +60,22 @@ def modes_shown(plant: StandardPlant, copied: int = 0) -> Shared:
     V = _hidden_axis_modes(scaled, rate)
     if not V.shape[1]:
         return Shared(plant)
-    Lambda, W = V.T @ A @ V, _orthogonal(V)
+    Lambda, W = V.T @ A @ V, _orthogonal_complement(V)
     poles = tuple(rate * pole for pole in np.linalg.eigvals(Lambda).astype(complex).tolist())
     if np.abs(V[:copied]).max(initial=0.0) > DRIVEN_SHARE:
         raise HiddenPoleError(poles[0], False)
     for T, L, M in _drives(scaled, V, W):
-        # Only the part that y and u reach leaves 0.
-        R = _orthogonal(_unobservable(Lambda.T, np.hstack([L, M]).T))
+        # Only the part that y and u reach ever differs from 0.
+        R = _orthogonal_complement(_unobservable(Lambda.T, np.hstack([L, M]).T))
         drive = _Drive(T, R.T @ L, R.T @ M)
         if not _unobservable(R.T @ Lambda.T @ R, drive.L.T).shape[1]:
             break
     else:
         raise HiddenPoleError(poles[0], False)
-    # The states are now V^T x + T W^T x, of which R is the part that is left, and W^T x.
+    # The new states are R^T (V^T x + T W^T x), where R spans the remaining part, and W^T x.
     inward = np.vstack([R.T @ (V.T + T @ W.T), W.T])
     outward = np.hstack([V @ R, W - V @ T])
-    scaled, copy = _joined(
+    scaled, copy = _plant_and_copy(
         replace(scaled, A=inward @ A @ outward, B=inward @ B, C=C @ outward), drive
     )
     units = {"A": rate, "B": root, "C": root}
@@ -84,8 +86,10 @@ def modes_shown(plant: StandardPlant, copied: int = 0) -> Shared:
     return Shared(plant, kept if len(R.T) else None, poles)
 
 
-def _joined(plant: StandardPlant, drive: _Drive) -> tuple[StandardPlant, StandardPlant]:
-    """A plant whose first states, driven by y and u alone, are shown, and the copy of these."""
+def _plant_and_copy(plant: StandardPlant, drive: _Drive) -> tuple[StandardPlant, StandardPlant]:
+    """A plant that shows its first states, which only y and u drive, and the copy of these
+    states.
+    """
     q = len(drive.L)
     _, L, M = drive
     Lambda, columns, leaving = balanced(plant.A[:q, :q], np.hstack([L, M]), plant.C1[:, :q])
@@ -126,7 +130,7 @@ def _hidden_axis_modes(plant: StandardPlant, rate: float) -> RealArray:
 
 
 class _Drive(NamedTuple):
-    """T, L and M for which V^T x + T W^T x is driven by L y + M u."""
+    """T, L and M for which L y + M u drives V^T x + T W^T x."""
 
     T: RealArray
     L: RealArray
@@ -134,10 +138,11 @@ class _Drive(NamedTuple):
 
 
 def _drives(plant: StandardPlant, V: RealArray, W: RealArray) -> Iterator[_Drive]:
-    """What may drive the modes V, the simplest first, with W an orthonormal basis of other states.
+    """Possible drives of the modes V, the simplest first; W is an orthonormal basis of the other
+    states.
 
-    First without other states, then without controls (a mode that stands in the plant twice is
-    driven by nothing then), then by all.
+    The first one has no other states, the second one no controls (nothing drives a mode that the
+    plant contains twice), and the third one has everything.
     """
     Lambda, w = V.T @ plant.A @ V, plant.B1.shape[1]
     into, turned = (np.hstack([X.T @ plant.A @ W, X.T @ plant.B]) for X in (V, W))
@@ -146,7 +151,7 @@ def _drives(plant: StandardPlant, V: RealArray, W: RealArray) -> Iterator[_Drive
     (q, x), p = (V.shape[1], W.shape[1]), len(shown)
     for states, columns in ((0, x + w), (x, into.shape[1]), (x, x + w)):
         part = slice(columns)
-        # into + T turned - Lambda T kept = L shown, in rows stacked one after another.
+        # Solve into + T turned - Lambda T kept = L shown, with the rows stacked one after another.
         parts = [np.kron(np.eye(q), shown[:, part].T)]
         if states:
             turn = np.kron(np.eye(q), turned[:, part].T)
@@ -156,14 +161,16 @@ def _drives(plant: StandardPlant, V: RealArray, W: RealArray) -> Iterator[_Drive
         size = float(np.linalg.norm(into) + np.linalg.norm(Lambda) * (1 + np.linalg.norm(found)))
         missed = np.linalg.norm(matrix @ found - into[:, part].ravel())
         if missed <= DRIVEN_SHARE * size:
-            L = _cleared(np.asarray(found[: q * p].reshape(q, p)), shown, size)
+            L = _without_rounding(np.asarray(found[: q * p].reshape(q, p)), shown, size)
             T = found[q * p :].reshape(q, states) if states else np.zeros((q, x))
             M = (into + T @ turned - L @ shown)[:, x + w :]
-            yield _Drive(np.asarray(T), L, _cleared(M, plant.B2.T, size))
+            yield _Drive(np.asarray(T), L, _without_rounding(M, plant.B2.T, size))
 
 
-def _cleared(M: RealArray, rows: RealArray, whole: float) -> RealArray:
-    """M without rounding errors of a sum of size `whole`; its columns multiply `rows`."""
+def _without_rounding(M: RealArray, rows: RealArray, whole: float) -> RealArray:
+    """M without entries that are rounding errors in a sum of size `whole`; M's columns multiply
+    `rows`.
+    """
     sizes = np.linalg.norm(rows, axis=1)
     return np.where(np.abs(M) * sizes > DRIVEN_SHARE * whole, M, 0.0)
 
@@ -174,16 +181,18 @@ def _unobservable(A: RealArray, C: RealArray) -> RealArray:
     N = np.eye(len(A))
     shown = C
     while N.shape[1]:
-        kept = _null(shown @ N, small)
+        kept = _null_basis(shown @ N, small)
         if kept.shape[1] == N.shape[1]:
             return N
         N = N @ kept
-        shown = A - N @ (N.T @ A)  # what leaves the space of N
+        shown = A - N @ (N.T @ A)  # the part of A that leaves the space of N
     return N
 
 
-def _null(M: RealArray, small: float) -> RealArray:
-    """Orthonormal basis of what M takes to 0; unit vectors where it is spanned by such."""
+def _null_basis(M: RealArray, small: float) -> RealArray:
+    """Orthonormal basis of the null space of M; it consists of unit vectors if these span the
+    space.
+    """
     zero = np.abs(M).max(axis=0, initial=0.0) <= small
     _, values, Vh = np.linalg.svd(M)
     rank = int((values > small).sum())
@@ -192,6 +201,6 @@ def _null(M: RealArray, small: float) -> RealArray:
     return np.asarray(Vh[rank:].T)
 
 
-def _orthogonal(V: RealArray) -> RealArray:
-    """Orthonormal basis of what is orthogonal to the columns of V (n, k)."""
+def _orthogonal_complement(V: RealArray) -> RealArray:
+    """Orthonormal basis of the complement of the columns of V (n, k)."""
     return null_space(V.T) if V.shape[1] else np.eye(len(V))

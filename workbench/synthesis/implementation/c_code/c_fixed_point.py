@@ -1,7 +1,8 @@
-"""C code of cascades in fixed-point arithmetic: integers in, integers out, no rounding unseen.
+"""C code of cascades in fixed-point arithmetic: inputs and outputs are integers.
 
-Past outputs of last sections are what anti-windup and a start without a bump act on. What a control
-loses at its full scale is taken from them, in equal shares where several channels lead to it.
+Anti-windup and a start without a bump change the past outputs of last sections. The part of a
+control that saturation removes is subtracted from these outputs, in equal shares if several
+channels lead to the control.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from workbench.synthesis.implementation.fixed_point import (
 from workbench.synthesis.implementation.working_point.actuator import Actuator
 
 PLACES = 4
-"""Values in the memory of a section."""
+"""Number of values in the memory of a section."""
 
 _FRAME = """\
 /* Controller in second-order sections, fixed point.
@@ -79,17 +80,18 @@ def fixed_header(
     name: str = "controller",
     actuator: Actuator | None = None,
 ) -> str:
-    """Text of a C99 header of cascades in fixed point, for measurements of `signal_bits`.
+    """Text of a C99 header of cascades in fixed point, for measurements with `signal_bits` bits.
 
     Parameters
     ----------
     fixed, bits, signal_bits
-        From `fixed_point`, with no section that overflows; signals of at most 32 bits.
+        Result of `fixed_point`, in which no section overflows, and its numbers of bits; at most 32
+        for signals.
     scales
         Full scales of measurements and of controls.
     actuator
-        Limits within the full scales of the controls, and the working point from which signals are
-        counted then.
+        Limits within the full scales of the controls, and the working point, from which signals are
+        then counted.
 
     Raises
     ------
@@ -116,8 +118,8 @@ def fixed_header(
         for cascade in line:
             channels.append(_sections(cascade, place, signal_bits))
             place += PLACES * len(channels[-1])
-        step += _step(i, channels, counts.limited(i))
-        start += _start(i, channels, limited, counts.input)
+        step += _step_lines(i, channels, counts.limited(i))
+        start += _start_lines(i, channels, limited, counts.input)
     return _FRAME.format(
         inputs=inputs,
         outputs=outputs,
@@ -139,9 +141,10 @@ def fixed_header(
 
 @dataclass(frozen=True)
 class _Section:
-    """A section with sums over 2**exponent; from `place` on are two past inputs and outputs.
+    """A section whose sums are in units of 2**-exponent. From `place` on, its memory holds two past
+    inputs and two past outputs.
 
-    What it gives is its output divided by 2**shift.
+    The section passes on its output divided by 2**shift.
     """
 
     b: tuple[int, ...]
@@ -158,19 +161,21 @@ class _Section:
         """The rounded output for the input v."""
         (b0, b1, b2), (a1, a2), (v1, v2, w1, w2) = self.b, self.a, self.memory
         terms = f"({b0} * v + {b1} * {v1} + {b2} * {v2} - {a1} * {w1} - {a2} * {w2})"
-        return _shifted(terms, -self.exponent)
+        return _shift_text(terms, -self.exponent)
 
     def resting_output(self) -> str:
-        """The output that stays as it is while the input stays v."""
+        """The output that stays constant while the input is constantly v."""
         return f"{sum(self.b)} * v / {2**self.exponent + sum(self.a)}"
 
     def past_output(self, wanted: str) -> str:
-        """The past output, for both, after which a resting input v gives the output `wanted`."""
+        """The value for both past outputs after which a constant input v gives the output
+        `wanted`.
+        """
         return f"({sum(self.b)} * v - {2**self.exponent} * {wanted}) / {sum(self.a)}"
 
 
 def _sections(cascade: FixedCascade, place: int, signal_bits: int) -> list[_Section]:
-    """Sections of a channel; raises InputError where a sum needs more bits than there are."""
+    """Sections of a channel; raises InputError if a sum needs more than 64 bits."""
     found = []
     for k, shift in enumerate(cascade.shifts):
         nb, na = int(cascade.numerator_exponents[k]), int(cascade.denominator_exponents[k])
@@ -187,8 +192,10 @@ def _sections(cascade: FixedCascade, place: int, signal_bits: int) -> list[_Sect
     return found
 
 
-def _step(i: int, channels: list[list[_Section]], limited: Limited) -> list[str]:
-    """Lines of the step of output i: its sections, their sum, and what the sum loses."""
+def _step_lines(i: int, channels: list[list[_Section]], limited: Limited) -> list[str]:
+    """Lines of the step of output i: its sections, their sum, and the part that saturation
+    removes.
+    """
     lines = [*limited.bounds, "sum = 0;"]
     for j, sections in enumerate(channels):
         lines.append(f"v = {limited.input}[{j}];")
@@ -200,22 +207,22 @@ def _step(i: int, channels: list[list[_Section]], limited: Limited) -> list[str]
                 f"w = {limited.last(output, alone, section.shift) if section is last else output};",
                 f"{v2} = {v1}; {v1} = v; {w2} = {w1}; {w1} = w; v = w;",
             ]
-        lines.append(f"sum += {_shifted('v', sections[-1].shift)};")
+        lines.append(f"sum += {_shift_text('v', sections[-1].shift)};")
     lines.append(f"u[{i}] = (int32_t){limited.control('sum')};")
-    if len(channels) == 1:  # its last section is within the limits of the control
+    if len(channels) == 1:  # its last section stays within the limits of the control
         return lines
     lines.append(f"if (sum != u[{i}]) {{")
     for sections in channels:
         w1, shift = sections[-1].memory[2], sections[-1].shift
-        lost = _shifted(f"((sum - u[{i}]) / {len(channels)})", -shift)
+        lost = _shift_text(f"((sum - u[{i}]) / {len(channels)})", -shift)
         lines.append(f"    {w1} = {limited.full_scale(f'{w1} - {lost}')};")
     return [*lines, "}"]
 
 
-def _start(
+def _start_lines(
     i: int, channels: list[list[_Section]], limited: Callable[[str], str], word: str
 ) -> list[str]:
-    """Lines of the start of output i: one last section answers for what the others do not give."""
+    """Lines of the start of output i: one last section supplies what the others do not."""
     lasts = [sections[-1] for sections in channels]
     chosen = max(lasts, key=lambda last: abs(sum(last.a)) / 2**last.exponent)
     lines = [f"sum = u[{i}];"]
@@ -227,17 +234,17 @@ def _start(
             if section is not chosen:
                 lines.append(f"v = {w1} = {w2} = {limited(section.resting_output())};")
         if lasts[j] is not chosen:
-            lines.append(f"sum -= {_shifted('v', lasts[j].shift)};")
+            lines.append(f"sum -= {_shift_text('v', lasts[j].shift)};")
     w1, w2 = chosen.memory[2:]
     if sum(chosen.a):
-        wanted = limited(_shifted("sum", -chosen.shift))
+        wanted = limited(_shift_text("sum", -chosen.shift))
         lines.append(f"{w1} = {w2} = {limited(chosen.past_output(wanted))};")
-    else:  # without a memory of outputs nothing can be started
+    else:  # without a memory of outputs there is no state to set
         lines.append(f"{w1} = {w2} = 0; (void)sum;")
     return lines
 
 
-def _shifted(text: str, by: int) -> str:
+def _shift_text(text: str, by: int) -> str:
     """An integer expression times a power of two; rounded where the power is negative."""
     if by >= 0:
         return f"{text} * {2**by}" if by else text

@@ -1,4 +1,4 @@
-"""C code of a state space: a step, anti-windup at its limits, and a start without a bump."""
+"""C code of a state space: a step, anti-windup at the limits, and a start without a bump."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from workbench.heavy_types import StateSpace
 from workbench.synthesis.implementation.working_point.actuator import Actuator
 
 CONDITIONING_NOISE = 1e-4
-"""Error of a control, over the controller's own gain, in the design of the anti-windup gain."""
+"""Assumed error of a control in the design of the anti-windup gain, relative to the controller's
+gain.
+"""
 
 Number = Callable[[float], str]
-"""Function of a number that gives its C literal."""
+"""Function: number -> its C literal."""
 
 
 def step_code(
     K: StateSpace, name: str, number: Number, H: RealArray | None, actuator: Actuator
 ) -> str:
-    """Body of the step: outputs first, then limits, then the states that they are known to."""
+    """Body of the step: first the outputs, then the limits, then the states with anti-windup."""
     n, p = K.nstates, K.noutputs
     x, y = [f"x{i}" for i in range(n)], _inputs(K, actuator)
     lines = _errors(K, name, actuator)
@@ -31,49 +33,49 @@ def step_code(
     for i in range(p):
         terms = [*zip(K.C[i], x, strict=True), *zip(K.D[i], y, strict=True)]
         rest = f"{name}_rest[{i}] + " if actuator.point else ""
-        lines.append(f"u[{i}] = {rest}{_sum(terms, number)};".replace("+ -", "- "))
+        lines.append(f"u[{i}] = {rest}{_sum_text(terms, number)};".replace("+ -", "- "))
     if H is not None:
         for i in range(p):
-            lines += [f"const {name}_real w{i} = u[{i}];", *_limited(i, name, actuator)]
+            lines += [f"const {name}_real w{i} = u[{i}];", *_limit_lines(i, name, actuator)]
     for i in range(n):
         terms = [*zip(K.A[i], x, strict=True), *zip(K.B[i], y, strict=True)]
         if H is not None:
             terms += [(H[i, j], f"(u[{j}] - w{j})") for j in range(p)]
-        lines.append(f"state->x[{i}] = {_sum(terms, number)};")
+        lines.append(f"state->x[{i}] = {_sum_text(terms, number)};")
     if actuator.step is not None:
         lines += [f"state->before[{i}] = u[{i}];" for i in range(p)]
     if n == 0 and actuator.step is None:
         lines.append("(void)state;")
-    return "".join(f"    {line}\n" for line in lines + _unused(lines, y))
+    return "".join(f"    {line}\n" for line in lines + _unused_line(lines, y))
 
 
 def start_code(K: StateSpace, name: str, number: Number, actuator: Actuator) -> str:
-    """Body of the start: states from which the step answers measurements y with controls u."""
+    """Body of the start: states from which a step with measurements y gives the controls u."""
     from_y, from_u = start_gains(K)
     y = _inputs(K, actuator)
     u = [f"(u[{j}] - {name}_rest[{j}])" if actuator.point else f"u[{j}]" for j in range(K.noutputs)]
     sums = []
     for i in range(K.nstates):
         terms = [*zip(from_y[i], y, strict=True), *zip(from_u[i], u, strict=True)]
-        sums.append(_sum(terms, number))
+        sums.append(_sum_text(terms, number))
     lines = _errors(K, name, actuator)
     lines += [f"state->x[{i}] = {value};" for i, value in enumerate(sums or ["0"])]
     if actuator.step is not None:
         lines += [f"state->before[{i}] = u[{i}];" for i in range(K.noutputs)]
-    lines += _unused(lines, y)
+    lines += _unused_line(lines, y)
     if not any("u[" in line for line in lines):
         lines.append("(void)u;")
     return "".join(f"    {line}\n" for line in lines)
 
 
 def _inputs(K: StateSpace, actuator: Actuator) -> list[str]:
-    """Names of the controller's inputs: errors where the user's signals are given."""
+    """Names of the controller's inputs: errors e if the code takes the user's signals."""
     word = "e" if actuator.point else "y"
     return [f"{word}[{j}]" for j in range(K.ninputs)]
 
 
 def _errors(K: StateSpace, name: str, actuator: Actuator) -> list[str]:
-    """The line that makes errors of the set-points and the measurements."""
+    """The line that computes errors from set-points and measurements."""
     if actuator.point is None:
         return []
     one = "r[{0}] - y[{0}]" if actuator.sign < 0 else "y[{0}] - r[{0}]"
@@ -81,8 +83,8 @@ def _errors(K: StateSpace, name: str, actuator: Actuator) -> list[str]:
     return [f"const {name}_real e[{K.ninputs}] = {{{apart}}};"]
 
 
-def _limited(i: int, name: str, actuator: Actuator) -> list[str]:
-    """Lines that keep control i within its change in a sample, then within its limits."""
+def _limit_lines(i: int, name: str, actuator: Actuator) -> list[str]:
+    """Lines that limit the change of control i in a sample, and then its value."""
     bounds = []
     if actuator.step is not None:
         before, change = f"state->before[{i}]", f"{name}_change[{i}]"
@@ -101,24 +103,24 @@ def _limited(i: int, name: str, actuator: Actuator) -> list[str]:
     ]
 
 
-def _unused(lines: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """A line against a warning, where no line uses an input."""
+def _unused_line(lines: Sequence[str], inputs: Sequence[str]) -> list[str]:
+    """A line that avoids a compiler warning if no line uses an input."""
     word = inputs[0][0]
     used = any(re.search(rf"\b{word}\[\d+\](?! =)", line) for line in lines)
     return [] if used else [f"(void){word};"]
 
 
-def _sum(terms: Sequence[tuple[float, str]], number: Number) -> str:
-    """Sum of products, without those of zero."""
+def _sum_text(terms: Sequence[tuple[float, str]], number: Number) -> str:
+    """Text of a sum of products without terms that are zero."""
     there = [f"{number(float(value))} * {word}" for value, word in terms if value != 0.0]
     return " + ".join(there).replace("+ -", "- ") or "0"
 
 
 def start_gains(K: StateSpace) -> tuple[RealArray, RealArray]:
-    """Gains (n, inputs) and (n, outputs) from y and u to a state that gives u and moves least.
+    """Gains (n, inputs) and (n, outputs) from y and u to a state that gives u and changes least.
 
-    Of the states with C x + D y = u it is the one for which x+ - x is the least: with an integrator
-    and y = 0, the state at which u stays as it is.
+    Among the states with C x + D y = u it is the one with the smallest x+ - x. With an integrator
+    and y = 0, u stays constant at this state.
     """
     A, B, C, D = (np.asarray(part, dtype=float) for part in (K.A, K.B, K.C, K.D))
     moves = A - np.eye(len(A))
@@ -130,14 +132,15 @@ def start_gains(K: StateSpace) -> tuple[RealArray, RealArray]:
 
 
 def anti_windup_gain(K: StateSpace) -> RealArray:
-    """Gain H (n, outputs) of x+ = A x + B y + H (u - w), u the limited control and w the wanted.
+    """Gain H (n, outputs) in x+ = A x + B y + H (u - w), for the limited control u and the wanted
+    one w.
 
-    The limited control is taken as a measurement of the wanted one (conditioning technique: R.
-    Hanus, M. Kinnaert, J.-L. Henrotte, Automatica 23, 1987): the gain is that of the Kalman filter
-    whose noise enters as the controller's measurements do, B / D where the controller has a stable
-    inverse. A - H C is stable, so that a controller that is held at its limits forgets how long.
+    The limited control serves as a measurement of the wanted one (conditioning technique: R. Hanus,
+    M. Kinnaert, J.-L. Henrotte, Automatica 23, 1987). The gain is that of a Kalman filter whose
+    noise enters like the controller's measurements; it is B / D if the controller has a stable
+    inverse. A - H C is stable, so a controller at its limits forgets how long it has been there.
 
-    Raises SolverError where the Riccati equation has no solution.
+    Raises SolverError if the Riccati equation has no solution.
     """
     A, B, C, D = (np.asarray(part, dtype=float) for part in (K.A, K.B, K.C, K.D))
     if not len(A):

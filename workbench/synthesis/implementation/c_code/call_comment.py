@@ -1,4 +1,4 @@
-"""How a header is called: its comment, and the signals of its functions."""
+"""Use of a header: its comment, and the signals of its functions."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ CALLED = {
  * {name}_start(&state, r, y, u): no bump; in automatic {name}_step(&state, r, y, u) each sample.
 """,
 }
-"""Parts of the comment."""
+"""Texts of the comment."""
 
 
 def how_called(actuator: Actuator, places: Mapping[str, Any]) -> dict[str, str]:
-    """What a header says of its call, and how its functions take their signals."""
+    """The comment on the use of a header, and the parameters of its functions."""
     name, inputs, outputs = places["name"], places["inputs"], places["outputs"]
     y = f"const {name}_real y[{inputs}]"
     rest = "0"
@@ -68,6 +68,6 @@ def how_called(actuator: Actuator, places: Mapping[str, Any]) -> dict[str, str]:
 
 
 def ascii_of(text: str) -> str:
-    """A unit in the letters of C."""
+    """A unit in the characters that C allows."""
     plain = text.replace("°", "deg ").replace("µ", "u").replace("μ", "u").replace("Ω", "Ohm")
     return plain.encode("ascii", "replace").decode().replace("*/", "* /")

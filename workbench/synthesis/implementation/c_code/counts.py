@@ -50,32 +50,35 @@ static inline int64_t {name}_within(int64_t value, int64_t low, int64_t high)
 
 @dataclass(frozen=True)
 class Limited:
-    """C expressions that keep values of output i in bounds: its sum, and its last section."""
+    """C expressions that limit values of output i: its sum, and the output of its last section."""
 
     name: str
     input: str
     bounds: list[str]
 
     def full_scale(self, value: str) -> str:
-        """A value within full scale."""
+        """A value limited to full scale."""
         return f"{self.name}_limited({value})"
 
     def control(self, value: str) -> str:
-        """A sum within the limits of the control."""
+        """A sum limited to the limits of the control."""
         return f"{self.name}_within({value}, low, high)" if self.bounds else self.full_scale(value)
 
     def last(self, value: str, alone: bool, shift: int) -> str:
-        """The output of a last section; of a channel alone it is that of the control."""
+        """The limited output of a last section; if its channel is `alone`, this output is the
+        control.
+        """
         if not (alone and self.bounds):
             return self.full_scale(value)
-        # What a section gives is its output over a power of two, which makes it larger here.
+        # A section passes on its output divided by a power of two, so its limits are larger by this
+        # power.
         low, high = (f"{side} * {2**-shift}" if shift < 0 else side for side in ("low", "high"))
         return self.full_scale(f"{self.name}_within({value}, {low}, {high})")
 
 
 @dataclass(frozen=True)
 class Counts:
-    """The integers of a header: full scale of y and of u is 2**(signal_bits - 1) counts."""
+    """The integers of a header. Full scale of y and of u is 2**(signal_bits - 1) counts."""
 
     actuator: Actuator
     scales: tuple[float, float]
@@ -130,7 +133,7 @@ class Counts:
 
     @property
     def errors(self) -> list[str]:
-        """The lines that make errors of set-points and measurements, within full scale."""
+        """The lines that compute errors from set-points and measurements, limited to full scale."""
         if self.actuator.point is None:
             return []
         one = "r[{0}] - (int64_t)y[{0}]" if self.actuator.sign < 0 else "y[{0}] - (int64_t)r[{0}]"
@@ -139,7 +142,7 @@ class Counts:
 
     @property
     def bounds(self) -> list[str]:
-        """The line that declares the bounds of a control, where there are any."""
+        """The line that declares the bounds of a control, if it has any."""
         return ["int64_t low, high;"] if self.actuator.bounded else []
 
     @property
@@ -149,7 +152,7 @@ class Counts:
         return [f"state->before[{i}] = u[{i}];" for i in range(count)]
 
     def limited(self, i: int) -> Limited:
-        """How values of output i are kept in bounds."""
+        """The expressions that limit values of output i."""
         lines: list[str] = []
         if self.actuator.bounded:
             low, high = (-self.full, self.full) if self.limits is None else self.limits[i]
@@ -162,7 +165,7 @@ class Counts:
 
     @property
     def places(self) -> dict[str, str]:
-        """What the frame of a header has in its places."""
+        """The texts that fill the frame of a header."""
         (inputs, outputs), point, name = self.sizes, self.actuator.point, self.name
         guard = name.upper()
         one = f"const int32_t y[{inputs}]"

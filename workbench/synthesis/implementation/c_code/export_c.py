@@ -100,18 +100,20 @@ def header(
 ) -> str:
     """Text of a C99 header that defines ``name_state``, ``name_init`` and ``name_step``.
 
-    A state space also has ``name_start``, which takes over from another controller without a bump.
+    For a state space there is also ``name_start``, with which the controller takes over from
+    another one without a bump.
 
     Parameters
     ----------
     K
-        Sampled StateSpace or TransferFunction, computed in its own coordinates, or `Sections`.
+        Sampled StateSpace or TransferFunction, computed in its own state coordinates, or
+        `Sections`.
     name
         Prefix of every name in the header, a C identifier.
     actuator
-        Limits to which the outputs are clipped. The states of a state space are told (anti-windup,
-        see `anti_windup_gain`); those of sections are not. With a working point, which only a state
-        space can have, signals are in the user's units.
+        Limits to which the outputs are clipped. The states of a state space take the limits into
+        account (anti-windup, see `anti_windup_gain`); those of sections do not. With a working
+        point, which only a state space can have, signals are in the user's units.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""The working point of a loop: constant signals, limits of the control, and what they allow."""
+"""The working point of a loop: constant signals, limits of the control, and the static errors."""

@@ -1,4 +1,4 @@
-"""What an actuator allows: limits and rates of the controls, absolute, about a working point."""
+"""Limits of an actuator: absolute limits and rates of the controls, and the working point."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from workbench.input_checks import as_array, as_list
 from workbench.synthesis.implementation.working_point.point import WorkingPoint, told
 
 Limits = tuple[ArrayLike, ArrayLike]
-"""Lowest and highest value of each output; numbers, where there is one."""
+"""Lowest and highest value of each output; two numbers for a single output."""
 
 
 @dataclass(frozen=True, eq=False)
 class Actuator:
     """The limits of p controls.
 
-    ``lowest``, ``highest`` (p,): absolute limits; None: there are none. ``step`` (p,): largest
-    change from one sample to the next. ``point``: the working point, about which the controller
-    computes deviations. ``sign``: its input is sign (y - r).
+    ``lowest`` and ``highest`` (p,) are absolute limits, None without limits. ``step`` (p,) is the
+    largest change from one sample to the next. ``point`` is the working point; the controller works
+    with deviations from it. With ``sign`` the controller's input is sign (y - r).
     """
 
     lowest: RealArray | None = None
@@ -34,7 +34,7 @@ class Actuator:
 
     @property
     def bounded(self) -> bool:
-        """Whether a control can be kept from what the controller wants."""
+        """Whether limits can make a control differ from the value that the controller wants."""
         return self.lowest is not None or self.step is not None
 
     @property
@@ -46,7 +46,7 @@ class Actuator:
         return self.lowest - rest, self.highest - rest
 
     def within(self, wanted: RealArray, before: RealArray) -> RealArray:
-        """The controls that the code gives, after those of the sample before."""
+        """The limited controls, from the wanted ones and those of the sample before."""
         if self.step is not None:
             wanted = np.clip(wanted, before - self.step, before + self.step)
         return wanted if self.lowest is None else np.clip(wanted, self.lowest, self.highest)
@@ -60,10 +60,11 @@ def actuator(
     period: float,
     sign: int = -1,
 ) -> Actuator | None:
-    """The actuator of a controller with ``sizes`` (inputs, outputs); None where nothing is said.
+    """The actuator for a controller with ``sizes`` (inputs, outputs); None if there is neither
+    limit nor point.
 
-    Raises InputError for limits the wrong way round, a working point outside them or of other
-    sizes, and a rate that is not positive.
+    Raises InputError if the limits are in the wrong order, if the working point is outside them or
+    has other sizes, or if a rate is not positive.
     """
     if limits is None and rate_limit is None and point is None:
         return None
@@ -95,7 +96,7 @@ def actuator(
 
 
 def limits_of(limits: Limits, outputs: int) -> tuple[RealArray, RealArray]:
-    """Lowest and highest values (p,); raises InputError for wrong ones."""
+    """Lowest and highest values (p,) as arrays; raises InputError for wrong limits."""
     pair = as_list(limits, "limits")
     if len(pair) != 2:
         raise InputError(f"limits are {limits!r}; lowest and highest values are needed")

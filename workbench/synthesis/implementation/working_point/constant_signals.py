@@ -1,4 +1,4 @@
-"""What a loop makes of constant set-points and disturbances, for every plant of a set."""
+"""Static errors of a loop with constant set-points and disturbances, for every plant of a set."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ EVERY_PLANT = "for every plant of the set, at frequency zero"
 
 @dataclass(frozen=True)
 class ConstantSignals:
-    """Static errors of a loop that is stable for every plant of a set, at rest.
+    """Static errors of a loop that is stable for every plant of a set.
 
-    ``integral``: whether the controller has an exact integrator. ``gains``: least and largest
-    static gain of the plants; infinite for an integrating plant. ``error``: largest error that a
-    constant set-point or a disturbance at the output leaves, over its size. ``room``: how far below
-    and above its rest every plant can be held within the limits, infinite without limits.
+    ``integral`` is True if the controller has an exact integrator. ``gains`` are the least and the
+    largest static gain of the plants; infinite for an integrating plant. ``error`` is the largest
+    static error for a constant set-point or a disturbance at the output, relative to its size.
+    ``room`` is how far below and above its rest every plant can be held within the limits; infinite
+    without limits.
     """
 
     integral: bool
@@ -36,12 +37,12 @@ class ConstantSignals:
 
     @property
     def vanishes(self) -> bool:
-        """Whether a static gain may be zero: then no controller holds a set-point."""
+        """Whether a static gain may be zero, so that no controller can hold a set-point."""
         low, high = self.gains
         return low <= 0.0 <= high
 
     def words(self, unit: str) -> str:
-        """The statement, with its conditions."""
+        """The statement on static errors in words, with its conditions."""
         if self.vanishes:
             return "constant signals: a plant of the set may have static gain zero"
         if not self.integral:
@@ -60,7 +61,7 @@ class ConstantSignals:
         return f"constant signals: no static error for every plant of the set, {limits}"
 
     def check(self) -> Check:
-        """Check that what is left is less than the step; with an integrator nothing is."""
+        """Check that the static error is smaller than the step; it is zero with an integrator."""
         statement = "largest error that a constant set-point or disturbance leaves, over its size"
         value = math.inf if self.vanishes else self.error
         return Check("constant signals", statement, value, 0.0 if self.integral else 1.0,
@@ -70,9 +71,9 @@ class ConstantSignals:
 def constant_signals(
     model: UncertaintyModel, K: StateSpace, sign: int, actuator: Actuator
 ) -> ConstantSignals:
-    """What the loop u = sign K y of one control and one measurement makes of constant signals.
+    """Static errors of the loop u = sign K y with one control and one measurement.
 
-    The loop has to be stable for every plant of the set. Deviations at frequency zero are real.
+    The loop must be stable for every plant of the set. Deviations at frequency zero are real.
     """
     gains = static_gains(model)
     integral = has_pole_at_one(K)
@@ -89,7 +90,7 @@ def constant_signals(
 
 
 def static_gains(model: UncertaintyModel) -> tuple[float, float]:
-    """Least and largest gain at frequency zero of the plants of a model."""
+    """Least and largest gain at frequency zero over the plants of a model."""
     zero = np.zeros(1)
     with np.errstate(divide="ignore", invalid="ignore"):
         centre = float(np.real(model.nominal.response(zero)[0]))
@@ -101,7 +102,7 @@ def static_gains(model: UncertaintyModel) -> tuple[float, float]:
 
 
 def has_pole_at_one(K: StateSpace) -> bool:
-    """Whether a sampled system has a pole at z = 1, by the determinant of 1 - A in fractions."""
+    """Whether a sampled system has a pole at z = 1, by the exact determinant of 1 - A."""
     return not _determinant(np.eye(K.nstates) - np.asarray(K.A, dtype=float))
 
 

@@ -1,4 +1,4 @@
-"""The constant signals about which a linear model holds."""
+"""The constant signals around which a linear model holds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class WorkingPoint:
     WorkingPoint(u = 50 %, y = 71.3 degC)
     """
 
-    u: Any  # a tuple of floats after construction
+    u: Any  # it is a tuple of floats after construction
     y: Any
     u_unit: str = field(default="1", kw_only=True)
     y_unit: str = field(default="1", kw_only=True)

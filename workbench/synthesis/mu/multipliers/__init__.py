@@ -1,1 +1,1 @@
-"""(D, G)-K iteration: multipliers fitted by what they do to the loop."""
+"""(D, G)-K iteration: multipliers are fitted so that they prove the least bound for the loop."""

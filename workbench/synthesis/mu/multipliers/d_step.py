@@ -30,24 +30,26 @@ frequency and as divisors of its lowest."""
 CORNER_REACH = 3.0
 """Factor by which corners of scalings may lie outside the loop's own frequencies."""
 MOST_BIQUADS, MOST_IDLE = 4, 2
-"""Most biquads of a multiplier, and how many may be added without effect: where the bound has two
-peaks, the first one lowers one of them only."""
+"""Largest number of biquads of a multiplier, and number of biquads that may be added without gain.
+If the bound has two peaks, the first biquad lowers only one of them.
+"""
 FIT_TOLERANCE = 0.002
-"""More biquads must lower the relative miss of the bound by more than this to be used."""
+"""More biquads are used only if they lower the relative miss of the bound by more than this."""
 REFERENCE_FLOOR, REFERENCE_EXPONENT = 0.5, 0.25
 """Scalings need not follow the bound below the first share of its peak. With G the reference is the
-share of the peak raised to the second number: scalings with G cannot follow the bound everywhere,
-and if they had to, they would miss it at the peak and the rounds would not settle."""
+relative bound raised to the power of the second number: scalings with G cannot follow the bound
+everywhere. If they had to, they would miss it at the peak, and the rounds would not settle.
+"""
 GUESS_SHARE = 0.8
-"""A first guess uses the frequencies with a bound above this share of the largest."""
+"""The initial guess uses the frequencies with a bound above this share of the largest one."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExtendedLoopResponse:
     """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles.
 
-    Some frequencies lie farther out, where the loop no longer changes but scalings may. ``corners``
-    is the range [rad/s] of the corners of scalings.
+    Some frequencies lie farther out, where the response of the loop is constant but scalings may
+    still change. ``corners`` is the range [rad/s] for the corners of scalings.
     """
 
     omega: RealArray
@@ -69,12 +71,12 @@ def dg_step(
     within: FrequencyRange,
     before: tuple[Multipliers, RealArray] | None,
 ) -> tuple[tuple[Multipliers, RealArray], float]:
-    """Multipliers of all blocks but the last with as few biquads as needed, and what they miss.
+    """Multipliers of all blocks but the last with as few biquads as needed, and their miss.
 
     Multipliers of real scalars have G. The miss is the logarithm of the worst ratio of the bound
     that they prove to a reference. The reference is the upper bound, or `REFERENCE_FLOOR` times its
-    peak where this is larger; with G it is nearer to the peak. Corners lie `within` frequencies
-    [rad/s].
+    peak where this is larger. With G the reference is closer to the peak. Corners lie `within`
+    frequencies [rad/s].
     """
     found = upper_bound(loop.M, structure)
     blocks = Structure(structure.blocks[:-1])
@@ -91,7 +93,7 @@ def dg_step(
         scalings = Multipliers(blocks, biquads)
         known = [each for each in (before, best and best[0]) if each]
         starts = [scalings.carried(*each, middle) for each in known if each[0].biquads <= biquads]
-        # a guess has D only, so it is of little use where earlier multipliers have G
+        # a guess has no G, so it is of little use if earlier multipliers have G
         if tried is None or not (tried == biquads or scalings.real.size):
             starts += [_guess(scalings, found, middle, spread) for spread in CORNER_SPREADS]
         fits = [fit_multipliers(scalings, loop.M, loop.omega, reference, x, within) for x in starts]
@@ -108,7 +110,7 @@ def dg_step(
 
 
 def _guess(scalings: Multipliers, found: UpperBound, middle: float, spread: float) -> RealArray:
-    """Parameters near the constant D of the largest bounds, with corners about a log frequency."""
+    """Parameters near the constant D of the largest bounds, with corners around a log frequency."""
     bound, D = found.value, found.D_left
     high, worst = bound > GUESS_SHARE * bound.max(), int(np.argmax(bound))
     size = np.sqrt(D[:, -1, -1].real)

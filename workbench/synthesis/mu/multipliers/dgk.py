@@ -1,7 +1,7 @@
 """(D, G)-K iteration, and D-K iteration with a full D for repeated scalars.
 
-D-K iteration treats real scalars as complex. G in addition to D gives the bound of mixed mu. The
-plant absorbs both as multipliers (see `scaled_plant`), and a controller is made for this plant.
+D-K iteration treats real scalars as complex. D and G together give the upper bound on mixed mu. The
+plant absorbs both as multipliers (see `scaled_plant`), and a controller is designed for this plant.
 P. Young, Controller design with mixed uncertainties, American Control Conference (1994).
 """
 
@@ -41,12 +41,14 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 
 EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)
-"""Multiples of the last change of the multipliers by which they are moved farther on trial."""
+"""Multiples of the last change of the multipliers, tried as a further change in the same
+direction.
+"""
 
 
 @method(MuSynthesis, "dk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _dk(program: MuSynthesis, context: Context) -> Claim:
-    """D-K iteration with real scalars as complex ones and scalings fitted by their effect."""
+    """D-K iteration with real scalars taken as complex; scalings are fitted to their bound."""
     structure = program.closed.complexified()
     repeated = any(block.rows > 1 for block in structure if not isinstance(block, Full))
     return _from_dk(program, context, structure if repeated else None)
@@ -54,15 +56,15 @@ def _dk(program: MuSynthesis, context: Context) -> Claim:
 
 @method(MuSynthesis, "dgk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _dgk(program: MuSynthesis, context: Context) -> Claim:
-    """(D, G)-K iteration: D-K iteration, then rounds in which real scalars also have G."""
+    """(D, G)-K iteration: D-K iteration, followed by rounds in which real scalars also have G."""
     real = program.closed != program.closed.complexified()
     return _from_dk(program, context, program.closed if real else None)
 
 
 def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None) -> Claim:
-    """D-K iteration with one function per block, then rounds with multipliers of a structure.
+    """D-K iteration with one function per block, then rounds with the multipliers of a structure.
 
-    Without a structure (None) the second part is left out.
+    If the structure is None, the second part is left out.
     """
     kept = context.checkpoint.load()
     finish = Finish(program, context)
@@ -135,10 +137,10 @@ def iterated_with_multipliers(
 ) -> Claim:
     """Iterate K and D steps with multipliers of a structure and return the best controller.
 
-    The first round starts from the best controller so far.
+    The first round starts with the best controller so far.
     """
     try:
-        if finish.sure is None:  # the rounds so far were before an interruption
+        if finish.sure is None:  # these rounds were made before an interruption
             finish.resume(now.history)
         ended = _rounds(program, context, structure, now, finish)
     except TimeLimitError as error:
@@ -151,9 +153,9 @@ def iterated_with_multipliers(
 def _rounds(
     program: MuSynthesis, context: Context, structure: Structure, now: DGKState, finish: Finish
 ) -> MuController | str:
-    """Go over the rounds, and say how they ended; a controller that reaches the target ends them.
+    """Run the rounds and return why they ended; a controller that reaches the target ends them.
 
-    The first round starts from the best controller so far.
+    The first round starts with the best controller so far.
     """
     K: StateSpace | None = None
     if now.used is None:
@@ -186,15 +188,15 @@ def _rounds(
         now.history.append(last)
         context.record(last.row(len(now.history)))
         K = None
-        if _settled([each.peak for each in now.history[now.first :]]):
+        if _has_settled([each.peak for each in now.history[now.first :]]):
             return "settled"
         now.tried = tried + 1
         context.checkpoint.save(now.arrays())
     return context.stopped or f"stopped after {MOST_ROUNDS} rounds"
 
 
-def _settled(peaks: Sequence[float]) -> bool:
-    """Whether the least peak has not fallen for `PATIENCE` rounds and does not fall now."""
+def _has_settled(peaks: Sequence[float]) -> bool:
+    """Whether the least peak has not decreased for `PATIENCE` rounds and does not decrease now."""
     least = np.minimum.accumulate(peaks)
     falls = len(peaks) > 1 and peaks[-1] < (1 - SETTLED_FALL) * peaks[-2]
     return bool(
@@ -212,7 +214,7 @@ def _best_step(
 ) -> tuple[StateSpace, float, tuple[Multipliers, RealArray]]:
     """The controller with the least bound, this bound, and its multipliers.
 
-    Multipliers are used as they are and moved farther in the direction of their last change.
+    Multipliers are tried as they are, and moved farther in the direction of their last change.
     """
     multipliers, x = now
     K, level = dgk_k_step(program, multipliers, x, near)

@@ -1,4 +1,4 @@
-"""Fit of multipliers to a loop by the bound that they prove.
+"""Fit of multipliers to a loop: they minimise the bound that they prove.
 
 Multipliers at a frequency are not unique, and they are arbitrary where mu is small. The parameters
 are therefore not fitted to values of multipliers: the fit minimises the largest ratio, over
@@ -18,9 +18,13 @@ from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
 
 SHARPNESS_STAGES = (6.0, 25.0, 100.0, 400.0)
-"""Exponents of the mean that replaces the maximum; each fit starts from the one before."""
+"""Exponents of the power mean that replaces the maximum; each fit starts from the result of the one
+before.
+"""
 MOST_ITERATIONS, SETTLED = 80, 1e-6
-"""Most L-BFGS iterations for one exponent, and the fall of the logarithm that ends them sooner."""
+"""Largest number of L-BFGS iterations for one exponent; they end earlier if the logarithm falls by
+less than the second number.
+"""
 
 
 def fit_multipliers(
@@ -31,7 +35,7 @@ def fit_multipliers(
     x: RealArray,
     within: FrequencyRange,
 ) -> tuple[RealArray, float]:
-    """The best parameters near `x`, and the log of their largest ratio of bound to reference.
+    """The best parameters near `x`, and the logarithm of their largest ratio of bound to reference.
 
     Parameters
     ----------
@@ -40,7 +44,7 @@ def fit_multipliers(
     M, omega
         The loop's response (F, c, r) at frequencies (F,) [rad/s].
     reference
-        Values (F,), positive, that the proven bound is divided by.
+        Positive values (F,) by which the proven bound is divided.
     x
         Parameters (rows, P) to start from.
     within
@@ -62,7 +66,7 @@ def fit_multipliers(
         at = ScaledLoop.of(multipliers, M, omega, flat.reshape(x.shape))
         return float(np.max(at.log_beta - log_reference))
 
-    found = [x.ravel()]  # the start may be the best already
+    found = [x.ravel()]  # the start may already be the best
     for sharpness in SHARPNESS_STAGES:
         stage = minimize(
             cost,
@@ -79,7 +83,7 @@ def fit_multipliers(
 
 
 def _bounds(multipliers: Multipliers, within: FrequencyRange) -> list[tuple[float, float]]:
-    """Bounds of all parameters."""
+    """Lower and upper limits of all parameters."""
     row = multipliers.functions.bounds(within)
     no_gain = [(0.0, 0.0), *row[1:]]
     entry = triangles.parameter_bounds(multipliers.functions.size, within)

@@ -3,8 +3,8 @@
 A complex block has a function d as D. A channel of a real scalar has two functions m_+ and m_- of a
 multiplier m = m_+ m_-~ = D^2 (1 + jF) with |arg m| < pi/2 (F as in `scaled_bound`), so that |m| and
 arg m are independent. All these are biquad functions. The n channels of a repeated scalar are
-scaled by gains to similar sizes and then mixed by a stable T with a stable inverse (see
-`triangles`): D is diag(d) T diag(gains).
+scaled by gains to similar sizes, and then mixed by a stable T with a stable inverse (see
+`triangles`). So D is diag(d) T diag(gains).
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ from workbench.synthesis.mu.biquads import Biquads
 
 
 class Place(NamedTuple):
-    """Places of a block: the size of D, its channels, its entries of T, its outputs and inputs."""
+    """Position of a block: the size of its D, and the indices of its channels, entries of T,
+    outputs and inputs.
+    """
 
     n: int
     channels: slice
@@ -34,11 +36,11 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of a structure by functions with a number of biquads; parameters are (rows, P).
+    """Multipliers of a structure as functions with a number of biquads; parameters are (rows, P).
 
-    The rows are first d or m_+ of every channel (a full block has one channel), then m_- of the
-    real channels, whose gain is that of m_+, and then the entries of every T. A loop may have more
-    channels than the structure; D is 1 there.
+    The first rows are d or m_+ of every channel (a full block has one channel). Then come the rows
+    m_- of the real channels, with the same gain as m_+, and then the entries of every T. A loop may
+    have more channels than the structure; there D is 1.
     """
 
     structure: Structure
@@ -46,7 +48,7 @@ class Multipliers:
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
-        """The places of each block."""
+        """Position of each block."""
         return tuple(self._places())
 
     @cached_property
@@ -56,7 +58,7 @@ class Multipliers:
 
     @cached_property
     def real(self) -> Array:
-        """Number of each real channel, and its places among inputs and outputs, shape (3, k)."""
+        """Index of each real channel, and its indices among inputs and outputs, shape (3, k)."""
         found = [
             (place.channels.start + i, place.column.start + i, place.row.start + i)
             for block, place in zip(self.structure, self.places, strict=True)
@@ -83,8 +85,8 @@ class Multipliers:
     def carried(self, other: Multipliers, x: RealArray, middle: float) -> RealArray:
         """Parameters of these multipliers with the same effect as parameters of `other` ones.
 
-        The others belong to the same blocks and have no more biquads. New corners lie at the log
-        frequency ``middle`` and have no effect yet.
+        The `other` multipliers belong to the same blocks and have no more biquads. New corners lie
+        at the log frequency ``middle`` and have no effect at first.
         """
         known = other.functions.rows
         x = np.hstack([x, np.zeros((len(x), 4 * (self.biquads - other.biquads)))])
@@ -97,7 +99,7 @@ class Multipliers:
         return np.insert(x, self.channels, minus, axis=0)
 
     def _places(self) -> Iterator[Place]:
-        """The places of each block, one after the other."""
+        """Position of each block, one after the other."""
         first = second = 0
         s = self.structure
         for block, row, column in zip(s, s.column_slices, s.row_slices, strict=True):

@@ -1,4 +1,4 @@
-"""K steps with multipliers: the controller that lowers the bound that they prove."""
+"""K steps with multipliers: the controller with the least bound that they prove."""
 
 from __future__ import annotations
 
@@ -27,21 +27,23 @@ if TYPE_CHECKING:
 
 
 FIRST_FACTOR, SQUARINGS = 1.02, 10
-"""First factor between the bounds tried to bracket the least, and most squarings of this factor."""
+"""First factor between the bounds tried to bracket the least one, and largest number of squarings
+of this factor.
+"""
 
 
 def dgk_k_step(
     program: MuSynthesis, multipliers: Multipliers, x: RealArray, near: float
 ) -> tuple[StateSpace, float]:
-    """The best controller for multipliers with parameters x, and the bound that they then prove.
+    """The best controller for multipliers with parameters x, and the bound proven with it.
 
-    The search starts from the bound `near`. Raises SolverError where no controller is found.
+    The search starts from the bound `near`. Raises SolverError if no controller is found.
     """
     import control
 
     plant = program.plant
     if multipliers.real.size:
-        beta, made = _least(Multiplied.of(plant, multipliers, x), near)
+        beta, made = _least_beta(Multiplied.of(plant, multipliers, x), near)
         return control.ss(*made.K), beta
     system = scaled_by_D(plant, multipliers, x)
     made = central(
@@ -50,8 +52,8 @@ def dgk_k_step(
     return control.ss(*made.K), made.gamma
 
 
-def _least(family: Multiplied, near: float) -> tuple[float, Central]:
-    """The least beta for whose plant a controller has norm 1, and this controller."""
+def _least_beta(family: Multiplied, near: float) -> tuple[float, Central]:
+    """The least beta for which a controller of its plant has norm 1, and this controller."""
 
     def feasible(beta: float) -> bool:
         tick("H-infinity step")

@@ -1,4 +1,4 @@
-"""The bound of mixed mu that given scalings prove, with its derivatives, for a batch.
+"""The bound on mixed mu that given scalings prove, with its derivatives, for many frequencies.
 
 Let Y = D M D^-1, and let F be real and diagonal on the channels of real scalars, zero elsewhere.
 Mu is at most the least beta for which
@@ -23,9 +23,9 @@ from workbench.arrays import Array, RealArray
 class ScaledBound:
     """Bounds ``beta`` (F,) and the vectors that give their derivatives.
 
-    beta changes by beta * Re tr((p q^H - s t^H) dD D^-1), where D has its size at the outputs for
-    p, q and its size at the inputs for s, t; it also changes by beta * by_turn dF. Shapes are
-    (F, c) of p and q, (F, r) of s and t, and (F, k) of by_turn.
+    A change dD changes beta by beta * Re tr((p q^H - s t^H) dD D^-1), where D is that of the
+    outputs for p, q and that of the inputs for s, t. A change dF changes beta by beta * by_turn dF.
+    Shapes are (F, c) of p and q, (F, r) of s and t, and (F, k) of by_turn.
     """
 
     beta: RealArray
@@ -36,7 +36,7 @@ class ScaledBound:
     by_turn: RealArray
 
     def change(self, row: slice, column: slice) -> Array:
-        """p q^H - s t^H (F, n, n) for a square block."""
+        """The matrix p q^H - s t^H (F, n, n) of a square block."""
         p, q, s, t = self.p[:, row], self.q[:, row], self.s[:, column], self.t[:, column]
         out: Array = np.einsum("fi,fj->fij", p, q.conj()) - np.einsum("fi,fj->fij", s, t.conj())
         return out

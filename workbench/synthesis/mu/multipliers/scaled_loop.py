@@ -1,4 +1,4 @@
-"""Bound that scalings prove for a loop, its derivatives by their parameters, and a penalty."""
+"""The bound that scalings prove for a loop, its derivatives by their parameters, and a penalty."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_bound import ScaledBound, scaled_bound
 
 DAMPING_WEIGHT, DISTANCE_WEIGHT = 1e-4, 1e-5
-"""Weights, in the penalty, of squared logarithms of damping ratios and of ratios of zeros to poles.
-They keep both near 1 where the loop does not need other values."""
+"""Weights in the penalty: of squared logarithms of damping ratios, and of ratios of zeros to poles.
+They keep both near 1 if the loop does not need other values.
+"""
 FREE_PHASE, LARGEST_PHASE, PHASE_WEIGHT = 1.5, 1.565, 300.0
-"""Largest |arg m| [rad] without a penalty, largest |arg m| at all, and weight of the mean square
-excess over the first."""
+"""Largest |arg m| [rad] without a penalty, largest |arg m| allowed, and weight of the mean square
+excess over the first one.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ScaledLoop:
-    """A loop with scalings of parameters ``x``, and the derivatives of the scalings.
+    """A loop with scalings that have parameters ``x``, and the derivatives of the scalings.
 
-    ``log_d`` (channels, F) are log d, ``phase`` (k, F) is arg m of the real channels, and
-    ``entries`` are those of T. Their derivatives by x, each of shape (rows, P, F), are
+    ``log_d`` (channels, F) is log d, ``phase`` (k, F) is arg m of the real channels, and
+    ``entries`` holds the entries of T. Their derivatives by x, each of shape (rows, P, F), are
     ``functions_by_x`` of the logarithms of d, m_+ and m_-, ``phases_by_x`` of the phases of m_+ and
     m_-~, and ``entries_by_x``.
     """
@@ -54,7 +56,7 @@ class ScaledLoop:
         log_d[plus] /= 2
         log_d = log_d[:channels]
         entries, entries_by_x = triangles.responses(x[functions.rows :], omega)
-        Y = _scaled(scalings, M, log_d, x[:channels, 0], entries)
+        Y = _scaled_response(scalings, M, log_d, x[:channels, 0], entries)
         return cls(
             scalings,
             x,
@@ -94,14 +96,18 @@ class ScaledLoop:
         by_phase *= np.abs(self.phase) < LARGEST_PHASE
         by_d[plus] /= 2  # d is the square root of |m|
         functions, total = scalings.functions.rows, np.empty_like(self.x)
-        total[:functions] = _sum(np.concatenate([by_d, by_d[plus]]) * weight, self.functions_by_x)
-        total[functions:] = _sum(by_entry * weight, self.entries_by_x)
+        total[:functions] = _weighted_sum(
+            np.concatenate([by_d, by_d[plus]]) * weight, self.functions_by_x
+        )
+        total[functions:] = _weighted_sum(by_entry * weight, self.entries_by_x)
         self._add_phases(total, by_phase * weight)
         total[: scalings.channels, 0], total[scalings.minus, 0] = by_gain, 0.0
         return total
 
     def price(self) -> tuple[float, RealArray]:
-        """Penalty of dampings, distances and phases near a right angle; derivatives (rows, P)."""
+        """Penalty on dampings, distances and phases near a right angle, and its derivatives (rows,
+        P).
+        """
         x, functions = self.x, self.scalings.functions.rows
         slope = np.zeros_like(x)
         slope[:functions, 2::2] = 2 * DAMPING_WEIGHT * x[:functions, 2::2]
@@ -109,7 +115,7 @@ class ScaledLoop:
         distance = x[:functions, 1::4] - x[:functions, 3::4]
         slope[:functions, 1::4] += 2 * DISTANCE_WEIGHT * distance
         slope[:functions, 3::4] -= 2 * DISTANCE_WEIGHT * distance
-        price = float(np.sum(slope * x)) / 2  # a quadratic form so far
+        price = float(np.sum(slope * x)) / 2  # up to here a quadratic form
         if self.phase.size:
             excess = np.maximum(np.abs(self.phase) - FREE_PHASE, 0.0)
             price += PHASE_WEIGHT * float(np.mean(excess**2))
@@ -117,13 +123,13 @@ class ScaledLoop:
         return price, slope
 
     def _add_phases(self, slope: RealArray, by_phase: RealArray) -> None:
-        """Add to slopes (rows, P) those that act through arg m, given slopes by arg m (k, F)."""
-        turned = _sum(np.concatenate([by_phase, by_phase]), self.phases_by_x)
+        """Add to the slopes (rows, P) those through arg m, from the slopes by arg m (k, F)."""
+        turned = _weighted_sum(np.concatenate([by_phase, by_phase]), self.phases_by_x)
         slope[self.scalings.real[0]] += turned[: len(by_phase)]
         slope[self.scalings.minus] += turned[len(by_phase) :]
 
 
-def _scaled(
+def _scaled_response(
     scalings: Multipliers, M: Array, log_d: RealArray, gains: RealArray, entries: Array
 ) -> Array:
     """D M D^-1 (F, c, r)."""
@@ -141,6 +147,6 @@ def _scaled(
     return Y
 
 
-def _sum(by: Array, slopes: Array) -> RealArray:
-    """Sums over frequency of (rows, F) times (rows, P, F), real parts."""
+def _weighted_sum(by: Array, slopes: Array) -> RealArray:
+    """Real parts of the sums over frequency of (rows, F) times (rows, P, F)."""
     return np.asarray(np.einsum("bf,bpf->bp", by, slopes).real)

@@ -1,4 +1,4 @@
-"""Plants that absorb scalings; the controller of a K step is made for them.
+"""Plants that absorb scalings. The controller of a K step is designed for them.
 
 A channel w -> z of a real scalar with multiplier m = m_+ m_-~ and bound beta has
 
@@ -6,11 +6,11 @@ A channel w -> z of a real scalar with multiplier m = m_+ m_-~ and bound beta ha
     w' = (m_- (w + z / beta) + m_+ (w - z / beta)) / 2,
     z' = (m_- (w + z / beta) - m_+ (w - z / beta)) / 2.
 
-The scalings prove beta if the loop from w' and the other inputs to z' and the other outputs has
-norm 1. Solving for w and z' gives a feedback around the plant. It is stable because |arg m| < pi/2,
-and has no direct term if m_+ and m_- are equal at infinity. By the small-gain theorem a controller
-that gives norm 1 also stabilises the plant itself: with w = 0 the loop is in feedback with a
-contraction.
+The scalings prove beta if the loop from w' and the other inputs to z' and the other outputs has a
+norm of at most 1. Solving for w and z' gives a feedback around the plant. It is stable because |arg
+m| < pi/2, and has no direct term if m_+ and m_- are equal at infinity. By the small-gain theorem a
+controller that gives norm 1 also stabilises the plant itself: with w = 0 the loop is in feedback
+with a contraction.
 
 M. Safonov, R. Chiang, Real/complex K_m-synthesis without curve fitting, Control and Dynamic Systems
 56 (1993) 303-324; P. Young, Controller design with mixed uncertainties, American Control Conference
@@ -41,7 +41,7 @@ from workbench.systems.standard_plant import StandardPlant
 def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> StateSpace:
     """The system with D at its perturbation outputs and D^-1 at its perturbation inputs.
 
-    For real channels only T and the gains of D are absorbed.
+    For real channels, only T and the gains of D are absorbed.
     """
     import control
 
@@ -59,7 +59,7 @@ def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) ->
 def _D(
     scalings: Multipliers, x: RealArray, place: Place, dynamic: bool
 ) -> tuple[StateSpace, StateSpace]:
-    """D of a block and its inverse; if not `dynamic`, with the gains in the place of d."""
+    """D of a block and its inverse; unless `dynamic`, gains replace d."""
     import control
 
     functions = scalings.functions if dynamic else Biquads(place.n, 0)
@@ -78,11 +78,11 @@ def _D(
 
 @dataclass(frozen=True, eq=False)
 class Multiplied:
-    """A plant with scalings D and G, from which a standard plant follows for every beta.
+    """A plant with scalings D and G; it gives a standard plant for every beta.
 
-    ``into`` and ``out`` are the places of the real channels among its inputs and outputs. m_- and
-    m_+ are realised by x' = A x + B_w w + B_z z / beta, direct w = w' - C_w x and
-    z' = direct z / beta + C_z x.
+    ``into`` and ``out`` are the indices of the real channels among its inputs and outputs. m_- and
+    m_+ are realised by x' = A x + B_w w + B_z z / beta, direct w = w' - C_w x and z' = direct z /
+    beta + C_z x.
     """
 
     system: StateSpace
@@ -101,11 +101,11 @@ class Multiplied:
     def of(cls, plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> Multiplied:
         """The plant with multipliers of parameters x.
 
-        Raises SolverError where |arg m| is not below a right angle at every frequency.
+        Raises SolverError if |arg m| is not below a right angle at every frequency.
         """
         number, into, out = scalings.real
         rows = np.vstack([x[number], x[scalings.minus]])
-        rows[:, 0] = 0.0  # the gains are in D
+        rows[:, 0] = 0.0  # D contains the gains
         systems = scalings.functions.systems(rows)
         pairs = zip(systems[: len(number)], systems[len(number) :], strict=True)
         parts = zip(*(_channel(plus, minus) for plus, minus in pairs), strict=True)
@@ -123,7 +123,7 @@ class Multiplied:
         shrink[: system.noutputs - self.measurements] = 1 / beta
         A, B = system.A, system.B
         C, D = shrink[:, None] * system.C, shrink[:, None] * system.D
-        # the inputs of the plant are enters u' + feedback x
+        # the plant's inputs are enters u' + feedback x
         enters = np.eye(system.ninputs)
         enters[into, into] = 1 / self.direct
         feedback = np.zeros((system.ninputs, len(self.A)))
@@ -146,7 +146,9 @@ class Multiplied:
 
 
 def _channel(plus: StateSpace, minus: StateSpace) -> tuple[RealArray, ...]:
-    """A, B_w, B_z, C_w, C_z and direct of one channel, with m_+ and m_- made equal at infinity."""
+    """A, B_w, B_z, C_w, C_z and direct of one channel, where m_+ and m_- are made equal at
+    infinity.
+    """
     direct = np.sqrt(plus.D * minus.D)
     C_plus, C_minus = direct * plus.C / plus.D / 2, direct * minus.C / minus.D / 2
     A = block_diag(minus.A, plus.A)

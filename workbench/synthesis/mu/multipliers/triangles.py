@@ -1,4 +1,4 @@
-"""Stable transfer matrices T = U L with stable inverses, for mixing repeated channels.
+"""Stable transfer matrices T = U L with stable inverses, which mix repeated channels.
 
 U is upper triangular and L lower triangular, both with ones on the diagonal. Their n (n - 1) other
 entries may be any stable functions; here they are sums of second-order sections,
@@ -18,7 +18,7 @@ from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, Freq
 
 
 def beside(n: int) -> Any:
-    """Rows and columns of the n (n - 1) places off the diagonal, in the order of the entries."""
+    """Rows and columns of the n (n - 1) off-diagonal entries, in their order."""
     return np.nonzero(~np.eye(n, dtype=bool))
 
 
@@ -31,7 +31,7 @@ def triangular_factors(entries: Array, n: int) -> tuple[Array, Array]:
 
 
 def change(entries: Array, n: int, by: Array) -> tuple[Array, Array]:
-    """Derivatives of Re tr(by dT T^-1), where `by` has shape (F, n, n).
+    """Derivatives of Re tr(by dT T^-1) by the entries, where `by` has shape (F, n, n).
 
     Returns T^-1 by T, which multiplies the change T^-1 dT in the trace, and the factor
     (n (n - 1), F) that multiplies the change of each entry.
@@ -45,10 +45,11 @@ def change(entries: Array, n: int, by: Array) -> tuple[Array, Array]:
 
 
 def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
-    """Entries (rows, F) at frequencies [rad/s], and derivatives (rows, P, F) by their parameters.
+    """Entries (rows, F) at frequencies [rad/s], and their derivatives (rows, P, F) by the
+    parameters.
 
-    The parameters x have shape (rows, P). A row is c and, for each section, log p, log b, e, f. It
-    has as many parameters as a gain with the same number of biquads.
+    The parameters x have shape (rows, P). A row is c and, for each section, log p, log b, e, f. A
+    row has as many parameters as a gain with the same number of biquads.
     """
     value = np.repeat(x[:, :1], len(omega), axis=1).astype(complex)
     slope = np.zeros((*x.shape, len(omega)), complex)
@@ -68,7 +69,7 @@ def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
 
 
 def parameter_bounds(size: int, within: FrequencyRange) -> list[tuple[float, float]]:
-    """Bounds of the parameters of a row, with corners within frequencies [rad/s]."""
+    """Limits of the parameters of a row, with corners within frequencies [rad/s]."""
     low, high = np.log(within)
     section = [
         (float(low), float(high)),

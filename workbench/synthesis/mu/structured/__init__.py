@@ -1,1 +1,3 @@
-"""Controllers of fixed structure that lower mixed mu directly."""
+"""Methods that lower mixed mu, or a norm, directly over the parameters of a controller of fixed
+structure.
+"""

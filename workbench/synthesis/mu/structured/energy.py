@@ -1,8 +1,8 @@
-"""The square of the H2 norm of a loop as a function of the parameters of a family.
+"""The energy, which is the squared H2 norm of a loop, as a function of the parameters of a family.
 
-With gramians P and Q of the loop A_c, B_c, C_c the slope of tr(B_c' Q B_c) by the matrices of the
-controller is 2 (...) of products of P and Q (T. Rautert, E. W. Sachs, Computational design of
-optimal output feedback controllers, SIAM J. Optimization 7 (1997) 837-852).
+With the Gramians P and Q of the loop A_c, B_c, C_c, the derivative of tr(B_c' Q B_c) by the
+controller's matrices is twice a sum of products with P and Q (T. Rautert, E. W. Sachs,
+Computational design of optimal output feedback controllers, SIAM J. Optimization 7 (1997) 837-852).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from workbench.systems.realisation import Matrices, matrices_of, realisation
 from workbench.systems.standard_plant import StandardPlant
 
 DIFFERENCE = 1e-6
-"""Step of differences of the loop's matrices, in units of the parameters."""
+"""Step of the differences of the loop's matrices, in units of the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,19 +37,21 @@ class EnergyProblem:
     demands: Shippable
 
     def controller(self, x: RealArray) -> StateSpace:
-        """The controller of parameters x, in the plant's time."""
+        """The controller with parameters x, in the plant's time."""
         return from_continuous_plane(self.family.system(x), self.plant.dt)
 
     def closed(self, x: RealArray) -> Matrices:
-        """The closed loop of parameters x; raises LinAlgError where it is not determined."""
+        """The closed loop with parameters x; raises LinAlgError if direct terms leave it
+        undetermined.
+        """
         return self.plant.close(matrices_of(self.controller(x)))
 
     def value(self, x: RealArray) -> float:
-        """The energy; infinite where the loop is not stable or K is not what is asked."""
+        """The energy; infinite if the loop is not stable or K does not meet the demands."""
         return self._gramians(x)[0]
 
     def slopes(self, x: RealArray) -> RealArray:
-        """Derivatives of the energy by the parameters x (k,) of a stable loop."""
+        """Derivatives (k,) of the energy by the parameters x of a stable loop."""
         value, P, Q, (A, B, C, D) = self._gramians(x)
         assert math.isfinite(value)
         by_A = Q @ A @ P if self.plant.dt else Q @ P
@@ -57,26 +59,28 @@ class EnergyProblem:
         return np.asarray(sum(2.0 * np.einsum("kij,ij->k", each, by) for each, by in parts))
 
     def direct(self, x: RealArray) -> tuple[RealArray, RealArray]:
-        """Direct terms (r,) of a continuous loop, which must be zero, and their slopes (r, k)."""
+        """Direct terms (r,) of a continuous loop, which must be zero, and their derivatives
+        (r, k).
+        """
         if self.plant.dt:
             return np.zeros(0), np.zeros((0, len(x)))
         slopes = self._derivatives(x)[3].reshape(len(x), -1).T
         return self.closed(x)[3].ravel(), slopes
 
     def free_directions(self, x: RealArray) -> RealArray:
-        """Directions (k, f) of the parameters that move no direct term of a continuous loop."""
+        """Directions (k, f) of the parameters that change no direct term of a continuous loop."""
         moved = self.direct(x)[1]
         return np.asarray(null_space(moved) if moved.any() else np.eye(len(x)), dtype=float)
 
     def without_direct(self, x: RealArray) -> RealArray:
-        """Parameters near x whose continuous loop has no direct term, where there are any."""
+        """Parameters near x whose continuous loop has no direct term, if there are any."""
         value, moved = self.direct(x)
         if not len(value):
             return x
         return x - np.asarray(np.linalg.lstsq(moved, value, rcond=None)[0], dtype=float)
 
     def _gramians(self, x: RealArray) -> tuple[float, RealArray, RealArray, Matrices]:
-        """The energy, both gramians, and the loop."""
+        """The energy, both Gramians, and the loop."""
         none = np.zeros((0, 0))
         dt = self.plant.dt
         unstable = math.inf, none, none, (none,) * 4
@@ -94,7 +98,7 @@ class EnergyProblem:
             return unstable
         try:
             P, Q = _gramian(A, B, dt), _gramian(A.T, C.T, dt)
-        except (LinAlgError, RuntimeWarning):  # the equation is singular, up to rounding
+        except (LinAlgError, RuntimeWarning):  # the Lyapunov equation is singular up to rounding
             return unstable
         return float(np.trace(B.T @ Q @ B) + np.sum(D**2)), P, Q, loop
 
@@ -111,7 +115,7 @@ class EnergyProblem:
 
 
 def _gramian(A: RealArray, B: RealArray, dt: float) -> RealArray:
-    """The controllability gramian of a stable system; warnings of SciPy are raised."""
+    """The controllability Gramian of a stable system; warnings of SciPy become errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         found = (

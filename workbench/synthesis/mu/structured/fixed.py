@@ -1,9 +1,9 @@
-"""Mu synthesis of controllers with fixed structure by nonsmooth optimisation of the parameters.
+"""Mu synthesis over controllers with fixed structure by nonsmooth optimisation of their parameters.
 
 The peak is a maximum over frequency of functions that are smooth almost everywhere, with known
 gradients. A step minimises the largest of their linearisations at all frequencies near the peak,
-plus half the quadratic form of a quasi-Newton Hessian, within a trust region; it is taken if the
-loop is stable and the peak falls.
+plus half the quadratic form of a quasi-Newton Hessian, within a trust region. The step is accepted
+if the loop is stable and the peak decreases.
 """
 
 from __future__ import annotations
@@ -37,25 +37,31 @@ from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainErro
 from workbench.synthesis.mu.structured.starts.search import Start
 
 MOST_STEPS, TRIAL_STEPS = 300, 8
-"""Most steps of the optimisation, and of a trial from each of several starts."""
+"""Largest number of steps of the optimisation, and of a trial from each of several starts."""
 FINALISTS, TRIAL_SHARE = 2, 0.5
-"""Starts that go on after the trials, and the share of the time left that trials may take."""
+"""Number of starts that are continued after the trials, and share of the remaining time for
+trials.
+"""
 LOWERED_SHARE = 0.6
-"""A step lowers the bounds at all frequencies where they are above this share of the peak."""
+"""A step considers the bounds at all frequencies where they are above this share of the peak."""
 FIRST_RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 0.1, 2.0, 1e-8
-"""First, largest and smallest trust radius, in units of the parameters."""
+"""Initial, largest and smallest trust radius, in units of the parameters."""
 ACCEPTED_SHARE, SHRINKING_SHARE, GROWING_SHARE = 0.02, 0.25, 0.7
-"""Shares of the promised fall above which a step is taken, below which the radius is halved, and
-above which it may grow."""
+"""Shares of the predicted decrease: a step is accepted above the first one, the radius is halved
+below the second one, and it may grow above the third one.
+"""
 START_SPREAD, DRAWS_PER_START = 0.5, 20
-"""Standard deviation of random starts, in units of the parameters, and the most draws per start
-that is wanted."""
+"""Standard deviation of random starts, in units of the parameters, and largest number of draws for
+each wanted start.
+"""
 GIVEN = "the given start"
-"""What the rule of a start that is given is called."""
+"""Name of the rule for a start given by the user."""
 SHORTEST = 1e-3
-"""Time for a start that comes late: it is its own answer [s]."""
+"""Time [s] for the descent from a start that is found late: practically the start itself is the
+answer.
+"""
 LEAST_PROMISE = 1e-6
-"""Share of the peak that a step must promise."""
+"""Least predicted decrease of a step, relative to the peak."""
 SETTLED_FALL, PATIENCE = 1e-4, 12
 """The optimisation is settled if the peak falls by less than this share over this number of
 rounds."""
@@ -63,10 +69,10 @@ rounds."""
 
 @method(MuSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
-    """Nonsmooth optimisation over a family or an order, from the start or from those it finds."""
+    """Nonsmooth optimisation over a family or an order, from a given start or found ones."""
     finish = Finish(program, context, reduces=False)
     try:
-        history, said = _searched(program, context, finish)
+        history, said = _search(program, context, finish)
     except NoStabilisingGainError:
         return None, Outcome.INFEASIBLE, ""
     except TimeLimitError as error:
@@ -74,36 +80,38 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     return finish.claim(history, said)
 
 
-def _searched(program: MuSynthesis, context: Context, finish: Finish) -> tuple[list[Iterate], str]:
-    """The rounds that lead to the best controller found, and what is said of them."""
+def _search(program: MuSynthesis, context: Context, finish: Finish) -> tuple[list[Iterate], str]:
+    """The rounds that lead to the best controller found, and a message."""
     starts = _starts(program, context)
     if program.further_plants or program.largest_gain is not None:
         return limited_search(program, starts, context)
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
     rules = list(dict.fromkeys(start.rule for start in starts))
     if len(starts) > 1:
-        starts = _ahead(program, starts, context, target)
+        starts = _best_after_trials(program, starts, context, target)
     (first, x), *others = [_problem(program, start.K) for start in starts]
-    others += [(first, member) for member in _members(first, x, program.random, context.rng)]
+    others += [(first, member) for member in _stable_members(first, x, program.random, context.rng)]
     finish.offer(starts[0].K, float(first.curve(first.stable_loop(x))[1].max()))
     context.progress(f"from {starts[0].rule}", 0, 1)
-    minima = [_minimised(first, x, context, target)]
-    beside = partial(_minimised_until, _end(context), target, MOST_STEPS)
+    minima = [_minimise_peak(first, x, context, target)]
+    beside = partial(_minimise_peak_until, _time_at(context), target, MOST_STEPS)
     where = context.executor or InProcess()
     further = spread(beside, others, where, context.progress, "further starts")
     minima += [(unpacked(rounds), said) for rounds, said in further]
     best = min(range(len(minima)), key=lambda place: minima[place][0][-1].peak)
     history, said = minima[best]
     won = starts[best].rule if best < len(starts) else "a random one"
-    return history, _told(rules, won) + said
+    return history, _message(rules, won) + said
 
 
-def _ahead(
+def _best_after_trials(
     program: MuSynthesis, starts: list[Start], context: Context, target: float
 ) -> list[Start]:
-    """The starts from which some steps lead farthest down, moved to where these end."""
+    """The starts from which a few steps lead to the lowest peaks, moved to the ends of these
+    steps.
+    """
     problems = [_problem(program, start.K) for start in starts]
-    trial = partial(_minimised_until, _end(context, TRIAL_SHARE), target, TRIAL_STEPS)
+    trial = partial(_minimise_peak_until, _time_at(context, TRIAL_SHARE), target, TRIAL_STEPS)
     where = context.executor or InProcess()
     rules = ", ".join(dict.fromkeys(start.rule for start in starts))
     ended = spread(trial, problems, where, context.progress, f"first steps from {rules}")
@@ -113,36 +121,40 @@ def _ahead(
         there = Start(last.K, start.rule, last.peak)
         try:
             _problem(program, there.K)
-        except InputError:  # poles that met have no common block
+        except InputError:  # equal real poles cannot form a block
             there = replace(there, K=start.K)
         moved.append(there)
     return sorted(moved, key=lambda one: one.peak)[:FINALISTS]
 
 
-def _end(context: Context, share: float = 1.0) -> float | None:
-    """The time at which a share of the time left is over [s since the epoch]; None: no limit."""
+def _time_at(context: Context, share: float = 1.0) -> float | None:
+    """The time [s since the epoch] when a share of the remaining time has passed; None without a
+    limit.
+    """
     return None if np.isinf(context.left) else time.time() + share * context.left
 
 
 def _starts(program: MuSynthesis, context: Context) -> list[Start]:
-    """Controllers to start from: the one given, or those that are found."""
+    """Controllers to start from: the given one, or those that are found."""
     if program.start is not None:
         failed = [c.name for c in program.demands.checks(program.start) if not c.holds]
         if failed:
             raise InputError(
-                f"the start does not meet what is asked of the controller: {'; '.join(failed)}"
+                f"the start does not meet the demands on the controller: {'; '.join(failed)}"
             )
         return [Start(program.start, GIVEN)]
     if program.order is None and program.family is None:
         raise InputError(
-            "which controllers to search is not said: give start, or order, or a family such as "
-            "PID()"
+            "it is unknown which controllers to search: give start, or order, or a family such "
+            "as PID()"
         )
     return found_starts(program, context)
 
 
-def _told(rules: list[str], won: str) -> str:
-    """By which rules starts were found, and from which of them the answer descends."""
+def _message(rules: list[str], won: str) -> str:
+    """Message with the rules that found starts, and the rule of the start that led to the
+    answer.
+    """
     if rules == [GIVEN]:
         return ""
     more = f", best from {won}" if rules != [won] else ""
@@ -150,17 +162,19 @@ def _told(rules: list[str], won: str) -> str:
 
 
 def _problem(program: MuSynthesis, start: StateSpace) -> tuple[PeakProblem, RealArray]:
-    """Mu over the parameters of the family, or of all controllers of the start's order."""
+    """Mu as a function of the parameters of the family, or of all controllers of the start's
+    order.
+    """
     family, x = (program.family or Modal(start.nstates)).about(start)
     if isinstance(family, Modal):
-        x = _stirred(family, x)
+        x = _with_inputs_for_hidden_modes(family, x)
     return PeakProblem(program.plant, program.closed, family, program.demands), x
 
 
-def _stirred(family: Modal, x: RealArray) -> RealArray:
-    """The same controller, with inputs for modes that neither input nor output moves.
+def _with_inputs_for_hidden_modes(family: Modal, x: RealArray) -> RealArray:
+    """The same controller, where modes without input and output get an input.
 
-    Where B and C of a mode are zero no small step of either has an effect.
+    If B and C of a mode are both zero, small steps of them have no effect.
     """
     n, m, p = family.order, family.inputs or 1, family.outputs or 1
     _, B, C, _ = np.split(x, np.cumsum([n, n * m, p * n]))
@@ -172,10 +186,10 @@ def _stirred(family: Modal, x: RealArray) -> RealArray:
     return np.concatenate([x[:n], B.ravel(), x[n + n * m :]])
 
 
-def _members(
+def _stable_members(
     problem: PeakProblem, x: RealArray, count: int, rng: np.random.Generator
 ) -> Iterator[RealArray]:
-    """Random parameters around x with stable loops; fewer than `count` where few are stable."""
+    """Random parameters around x with stable loops; fewer than `count` if few loops are stable."""
     units = problem.family.units(x)
     found = 0
     for _ in range(DRAWS_PER_START * count):
@@ -185,7 +199,7 @@ def _members(
             yield member
 
 
-def _minimised(
+def _minimise_peak(
     problem: PeakProblem, x: RealArray, context: Context, target: float, steps: int = MOST_STEPS
 ) -> tuple[list[Iterate], str]:
     """Minimise the peak from parameters x.
@@ -207,11 +221,12 @@ def _minimised(
         peak = history[-1].peak
         if peak <= target:
             return history, "reached the target"
-        found = _lower(problem, x, (omega, bound), hessian, radius)
+        found = _lowering_step(problem, x, (omega, bound), hessian, radius)
         if isinstance(found, str):
             if begun == len(history) - 1:
                 return history, found
-            # Begin again: curvature seen far away, or poles in one block, may hide the way down.
+            # Restart without curvature: curvature from distant points, or poles in one block, may
+            # hide a descent.
             begun = len(history) - 1
             problem, x = problem.about(history[-1].K, x)
             omega, bound = problem.curve(problem.stable_loop(x))
@@ -230,19 +245,21 @@ def _minimised(
     return history, f"stopped after {steps} rounds"
 
 
-def _minimised_until(
+def _minimise_peak_until(
     until: float | None, target: float, steps: int, begun: tuple[PeakProblem, RealArray]
 ) -> tuple[dict[str, NDArray[Any]], str]:
-    """`_minimised`, stopped at a time [s since the epoch], wherever it runs; rounds as arrays."""
+    """`_minimise_peak` that stops at a time [s since the epoch], also in another process; rounds as
+    arrays.
+    """
     left = None if until is None else max(until - time.time(), SHORTEST)
-    history, said = _minimised(*begun, Context(Options(time_limit=left)), target, steps)
+    history, said = _minimise_peak(*begun, Context(Options(time_limit=left)), target, steps)
     return packed(history), said
 
 
-class _Lower(NamedTuple):
-    """Parameters with a lower peak, their curve (omega, bound), and what the step to them taught.
+class _LoweringStep(NamedTuple):
+    """Parameters with a lower peak, their curve (omega, bound), and data for the next step.
 
-    turned: change of the largest bound's gradient (k,).
+    `turned` is the change of the largest bound's gradient (k,).
     """
 
     x: RealArray
@@ -251,14 +268,16 @@ class _Lower(NamedTuple):
     next_radius: float
 
 
-def _lower(
+def _lowering_step(
     problem: PeakProblem,
     x: RealArray,
     curve: tuple[RealArray, RealArray],
     hessian: RealArray,
     radius: float,
-) -> _Lower | str:
-    """The first step within the trust radius, or a smaller one, that is taken; else why none is."""
+) -> _LoweringStep | str:
+    """The first accepted step within the trust radius or a smaller one; a message if there is
+    none.
+    """
     (omega, bound), units = curve, problem.family.units(x)
     peak = float(bound.max())
     near = omega[bound > LOWERED_SHARE * peak]
@@ -285,6 +304,6 @@ def _lower(
                     radius = min(2.5 * radius, LARGEST_RADIUS)
                 elif share < SHRINKING_SHARE:
                     radius *= 0.5
-                return _Lower(trial, new, turned, radius)
+                return _LoweringStep(trial, new, turned, radius)
         radius = 0.35 * min(radius, length)
     return "no step lowers the peak"

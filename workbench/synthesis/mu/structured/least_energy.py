@@ -1,7 +1,7 @@
-"""H2 synthesis of controllers of an order or a family, by descent along gradients.
+"""H2 synthesis over controllers of an order or a family, by descent along gradients.
 
-The norm is a smooth function of a controller that stabilises. Steps are those of BFGS with a line
-search that takes an unstable loop for one of infinite norm (A. S. Lewis, M. L. Overton, Nonsmooth
+The norm is a smooth function of a stabilising controller. Steps are those of BFGS with a line
+search that treats an unstable loop as one with infinite norm (A. S. Lewis, M. L. Overton, Nonsmooth
 optimization via quasi-Newton methods, Mathematical Programming 141 (2013) 135-163).
 """
 
@@ -42,33 +42,35 @@ from workbench.systems.realisation import matrices_of, realisation
 from workbench.systems.standard_plant import standard_plant
 
 NO_NORM = "no start was found whose loop is stable and has a finite norm"
-"""What is said without a start: in continuous time w -> z must have no direct term."""
+"""Message if there is no start. In continuous time w -> z must have no direct term."""
 MOST_STEPS = 300
-"""Most steps from one start."""
+"""Largest number of steps from one start."""
 FALL, SLOPE = 1e-4, 0.9
-"""Shares of a line search by Wolfe's weak conditions: least fall, and most of the slope left."""
+"""Constants of Wolfe's weak conditions in a line search: share of the predicted decrease, and share
+of the slope that may remain.
+"""
 MOST_HALVINGS = 40
-"""Most trials of a line search."""
+"""Largest number of trials in a line search."""
 SETTLED_FALL = 1e-9
-"""The descent is settled where a step lowers the norm by less than this share."""
+"""The descent is settled if a step lowers the norm by less than this share."""
 
 
 @method(H2Synthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: H2Synthesis, context: Context) -> Claim:
-    """Quasi-Newton descent over a family or an order, from the start or from those it finds."""
+    """Quasi-Newton descent over a family or an order, from a given start or found ones."""
     every, *_ = claim_of_step(program, riccati_step)
     try:
         begun = energy_starts(program, every, context)
     except NoStabilisingGainError:
         return None, Outcome.INFEASIBLE, ""
     if program.further_plants or program.largest_gain is not None:
-        return _limited(program, begun, context)
+        return _within_gain_limit(program, begun, context)
     best: H2Controller | None = None
     said = NO_NORM
     for K in context.track(begun, "starts"):
         try:
-            found, said = _descended(program, K, context)
-        except (InputError, LinAlgError):  # no member, or poles that have no common block
+            found, said = _descent(program, K, context)
+        except (InputError, LinAlgError):  # it is no member, or its poles cannot form a block
             continue
         except TimeLimitError:
             said = f"the time ended after {len(context.rows)} starts"
@@ -85,8 +87,10 @@ def _fixed(program: H2Synthesis, context: Context) -> Claim:
     return H2Controller(best.K, best.norm, least=least), Outcome.SOLVED, said
 
 
-def _limited(program: H2Synthesis, starts: Sequence[StateSpace], context: Context) -> Claim:
-    """The least of the largest norm of all plants within the limit of the gain."""
+def _within_gain_limit(
+    program: H2Synthesis, starts: Sequence[StateSpace], context: Context
+) -> Claim:
+    """Minimise the largest norm over all plants within the limit on the controller's gain."""
 
     def terms_of(family: Family) -> list[Term]:
         asked = program.demands.without_gain
@@ -108,10 +112,12 @@ def _limited(program: H2Synthesis, starts: Sequence[StateSpace], context: Contex
 def energy_starts(
     program: H2Synthesis, every: H2Controller | None, context: Context
 ) -> list[StateSpace]:
-    """The given start; or the best controller of all, reduced, and those of a small norm."""
+    """The given start; or the best of all controllers, reduced, and starts with a small H-infinity
+    norm.
+    """
     if program.start is not None:
-        return [program.start, *_drawn(program, program.start, context.rng)]
-    near = [] if every is None else list(_reduced(program, every.K))
+        return [program.start, *_random_members(program, program.start, context.rng)]
+    near = [] if every is None else list(_in_demanded_form(program, every.K))
     plant, dt = program.plant, float(program.plant.system.dt or 0.0)
     bare = GeneralisedPlant(plant.system, None, plant.controls, plant.measurements)
     mu = MuSynthesis(bare, **asked_form(program, plant.system.nstates))
@@ -122,11 +128,11 @@ def energy_starts(
     except SolverError:
         found = []
     near += [from_continuous_plane(K, dt) for K in found]
-    return near + [one for K in near[:1] for one in _drawn(program, K, context.rng)]
+    return near + [one for K in near[:1] for one in _random_members(program, K, context.rng)]
 
 
-def _reduced(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
-    """A controller of any order as one of the family or order that is asked for."""
+def _in_demanded_form(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
+    """A controller of any order, approximated by one of the demanded family or order."""
     if program.family is not None:
         dt = float(program.plant.system.dt or 0.0)
         omega = frequencies_of(in_continuous_plane(program.plant.close(K)))
@@ -147,13 +153,17 @@ def _reduced(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
 
 
 def _problem(program: H2Synthesis, K: StateSpace) -> tuple[EnergyProblem, RealArray]:
-    """The energy over the parameters of the family, or of all controllers of K's order."""
+    """The energy as a function of the parameters of the family, or of all controllers of K's
+    order.
+    """
     family, x = (program.family or Modal(K.nstates)).about(in_continuous_plane(K))
     return EnergyProblem(program.standard, family, program.demands), x
 
 
-def _drawn(program: H2Synthesis, K: StateSpace, rng: np.random.Generator) -> Iterator[StateSpace]:
-    """Random members about a controller whose loops are stable, as many as are asked for."""
+def _random_members(
+    program: H2Synthesis, K: StateSpace, rng: np.random.Generator
+) -> Iterator[StateSpace]:
+    """Random members around a controller with stable loops, as many as the program asks for."""
     if not program.random:
         return
     problem, x = _problem(program, K)
@@ -165,10 +175,12 @@ def _drawn(program: H2Synthesis, K: StateSpace, rng: np.random.Generator) -> Ite
             yield problem.controller(member)
 
 
-def _descended(
+def _descent(
     program: H2Synthesis, K: StateSpace, context: Context
 ) -> tuple[StateSpace | None, str]:
-    """The controller at the end of a descent from K, and why it ended; None without a start."""
+    """The controller at the end of a descent from K, and the reason for the end; None without a
+    start.
+    """
     problem, x = _problem(program, K)
     x = problem.without_direct(x)
     value = problem.value(x)
@@ -193,7 +205,7 @@ def _descended(
         if found is None or fallen < SETTLED_FALL:
             if not known:
                 return problem.controller(x), "settled"
-            inverse, known = units @ units.T, False  # curvature seen far away may hide the way
+            inverse, known = units @ units.T, False  # old curvature may hide a descent
         elif s @ y > 0:
             if not known:
                 inverse, known = inverse * (s @ y) / (y @ inverse @ y), True
@@ -203,7 +215,7 @@ def _descended(
 
 
 def _free_slope(problem: EnergyProblem, free: RealArray, x: RealArray) -> RealArray:
-    """Derivatives of the energy in the free directions."""
+    """Derivatives of the energy along the free directions."""
     return np.asarray(free.T @ problem.slopes(x))
 
 
@@ -215,7 +227,9 @@ def _line_search(
     free: RealArray,
     direction: RealArray,
 ) -> tuple[float, float, RealArray] | None:
-    """A length of Wolfe's weak conditions, with the energy and its slopes there; None without."""
+    """A step length that meets Wolfe's weak conditions, with energy and slopes there; None without
+    one.
+    """
     low, high, length = 0.0, math.inf, 1.0
     promised = float(g @ direction)
     if not promised < 0.0:

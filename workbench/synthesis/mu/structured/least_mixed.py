@@ -1,4 +1,4 @@
-"""Mixed H2/H-infinity synthesis over an order or a family, by descent of the norm itself."""
+"""Mixed H2/H-infinity synthesis over an order or a family, by descent of the H2 norm itself."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ CONIC = "clarabel"
 
 @method(H2HinfSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: H2HinfSynthesis, context: Context) -> Claim:
-    """Descent of the H2 norm within the limit, over a family or an order; else the plant's."""
-    limited = _limited(program)
+    """Descent of the H2 norm within the limit, over a family or an order (else the plant's)."""
+    limited = _least_limited_norm(program)
     try:
         starts = _starts(program, limited, context)
     except NoStabilisingGainError:
@@ -58,7 +58,7 @@ def _fixed(program: H2HinfSynthesis, context: Context) -> Claim:
 
 
 def _common_lyapunov(program: H2HinfSynthesis, context: Context) -> list[StateSpace]:
-    """The controller of one Lyapunov matrix for both norms, where it may be a start."""
+    """The controller found with one Lyapunov matrix for both norms, if it can be a start."""
     n = program.plant.system.nstates
     if program.family is not None or (program.order is not None and program.order < n):
         return []
@@ -69,8 +69,8 @@ def _common_lyapunov(program: H2HinfSynthesis, context: Context) -> list[StateSp
     return [] if answer is None else [answer.K]
 
 
-def _limited(program: H2HinfSynthesis) -> MuSynthesis:
-    """The least limited norm as a mu synthesis in continuous time."""
+def _least_limited_norm(program: H2HinfSynthesis) -> MuSynthesis:
+    """The problem of the least limited norm, as a mu synthesis in continuous time."""
     asked = asked_form(program, program.plant.system.nstates)
     asked["further_plants"] = tuple(one.perturbation() for one in program.further_plants)
     mu = MuSynthesis(program.plant.perturbation(), target=program.gamma, **asked)
@@ -78,7 +78,7 @@ def _limited(program: H2HinfSynthesis) -> MuSynthesis:
 
 
 def _starts(program: H2HinfSynthesis, mu: MuSynthesis, context: Context) -> list[StateSpace]:
-    """The given start; or those of a small H2 norm, and those of a small limited norm."""
+    """The given start; or starts with a small H2 norm, and starts with a small limited norm."""
     if program.start is not None:
         return [program.start]
     asked = asked_form(program, program.plant.system.nstates)
@@ -91,6 +91,6 @@ def _starts(program: H2HinfSynthesis, mu: MuSynthesis, context: Context) -> list
         near += [from_continuous_plane(one.K, dt) for one in found_starts(mu, context)]
     except NoStabilisingGainError:
         raise
-    except SolverError:  # the others may do
+    except SolverError:  # other starts may be enough
         pass
     return near

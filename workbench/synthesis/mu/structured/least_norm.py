@@ -1,7 +1,7 @@
-"""H-infinity synthesis of controllers of an order or a family: mu synthesis without perturbation.
+"""H-infinity synthesis over controllers of an order or a family: mu synthesis without perturbation.
 
-With a full block alone mu is the largest singular value, so the search of method "fixed" for the
-least peak of mu is one for the least norm.
+With only a full block, mu is the largest singular value. So the search of method "fixed" for the
+least peak of mu finds the least norm.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ ASKED = (
     *("order", "family", "stable", "fastest_pole", "start", "random"),
     *("largest_gain", "further_plants"),
 )
-"""What is asked of the controller, by the same names in all Programs."""
+"""Names of the demands on the controller; they are the same in all Programs."""
 
 
 def nothing_asked(program: ControllerSynthesis) -> str | None:
-    """Why there is nothing to search for; None where there is."""
-    return None if asked_of(program) else "nothing is asked of the controller: give order or family"
+    """The reason why there is nothing to search; None if there is something."""
+    return None if asked_of(program) else "no demand on the controller: give order or family"
 
 
 def asked_form(program: ControllerSynthesis, order: int) -> dict[str, Any]:
-    """What is asked of the controller, by name; an order where no form is told."""
+    """The demands on the controller by name; with an order if no form is given."""
     asked = {name: getattr(program, name) for name in ASKED}
     if program.order is None and program.family is None and program.start is None:
         asked["order"] = order
@@ -47,7 +47,7 @@ def asked_form(program: ControllerSynthesis, order: int) -> dict[str, Any]:
     HinfSynthesis, "trust_region", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE
 )
 def by_trust_region(program: HinfSynthesis, context: Context) -> Claim:
-    """Steps within a trust region on the linearisations of all frequencies near the peak."""
+    """Trust region steps on the linearisations at all frequencies near the peak."""
     given = program.absorbed.plant
     plant = GeneralisedPlant(given.system, None, given.controls, given.measurements)
     asked = asked_form(program, given.system.nstates)
@@ -63,11 +63,13 @@ def by_trust_region(program: HinfSynthesis, context: Context) -> Claim:
 
 
 def least_of_all(program: HinfSynthesis, reached: float) -> float:
-    """A level that no controller of any order reaches, of the plants as given; NaN: none is known.
+    """A level that no controller of any order reaches with the given plants; NaN if none is known.
 
-    That of the plant for which it is largest: a controller for all is one for each. Where a plant
-    lacks an assumption it is a level that none reaches that knows states and disturbances, or that
-    moves every state: perturbed plants have larger ones.
+    It is the largest of the levels for each plant, since a controller for all plants is a
+    controller for each. For a plant that does not meet an assumption, it is a level that no
+    controller reaches even if it measures all states and disturbances, or moves every state. The
+    least level of a perturbed plant is no such bound, since it is larger than that of the given
+    plant.
     """
     others = map(HinfSynthesis, program.further_plants)
     levels = [_least_of_one(one, reached) for one in (program, *others)]

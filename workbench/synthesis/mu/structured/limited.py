@@ -1,11 +1,11 @@
 """Descent of the largest of several norms over a family, with limits on others.
 
-From a point with the largest norm f and the largest excess c of a limit, a step lowers the larger
-of f's change and the excess: until the limits hold they are what falls, and then they stay
-(E. Polak, Optimization (1997), section 2.6; P. Apkarian, D. Noll, A. Rondepierre, Mixed
-H2/H-infinity control via nonsmooth optimization, SIAM J. Control and Optimization 47 (2008)
-1516-1546). A step minimises the largest of the linearised terms plus half a quasi-Newton form in a
-trust region.
+At a point with the largest norm f and the largest excess c over a limit, a step lowers the larger
+one of f's change and the excess. So the excess decreases until the limits hold, and afterwards they
+continue to hold (E. Polak, Optimization (1997), section 2.6; P. Apkarian, D. Noll, A. Rondepierre,
+Mixed H2/H-infinity control via nonsmooth optimization, SIAM J. Control and Optimization 47 (2008)
+1516-1546). A step minimises the largest of the linearised terms plus half a quasi-Newton form
+within a trust region.
 """
 
 from __future__ import annotations
@@ -28,30 +28,36 @@ from workbench.synthesis.mu.structured.minimax_step import known_units, minimax_
 from workbench.synthesis.mu.structured.terms import Curve, Term
 
 MOST_STEPS, TRIAL_STEPS, FINALISTS = 300, 10, 2
-"""Most steps, steps of a trial from each of several starts, and starts that go on."""
+"""Largest number of steps, number of steps of a trial from each of several starts, and number of
+starts that are continued.
+"""
 FIRST_RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 0.1, 2.0, 1e-8
-"""Trust radius, in units of the parameters."""
+"""Initial, largest and smallest trust radius, in units of the parameters."""
 ACCEPTED_SHARE, SHRINKING_SHARE, GROWING_SHARE = 0.02, 0.25, 0.7
-"""Shares of the promised fall above which a step is taken, below which the radius is halved, and
-above which it may grow."""
+"""Shares of the predicted decrease: a step is accepted above the first one, the radius is halved
+below the second one, and it may grow above the third one.
+"""
 LOWERED_SHARE = 0.6
-"""Values above this share of the largest, or of the limit, are lowered by a step."""
+"""A step considers all values above this share of the largest value, or of the limit."""
 LIMIT_WEIGHT = 10.0
-"""Weight of the excess of a limit beside the relative fall of the norm."""
+"""Weight of the excess over a limit, compared with the relative change of the norm."""
 SLACK = 0.1
-"""Relative rise of the norm that is let pass, besides the excess, while a limit does not hold: the
-last step to the limit would be as short as the excess without it."""
+"""Relative rise of the norm that is allowed, in addition to the excess, while a limit does not
+hold. Without it, the last step to the limit would be as short as the excess.
+"""
 LEAST_PROMISE = 1e-7
-"""Relative fall that a step must promise."""
+"""Least predicted relative decrease of a step."""
 SETTLED_FALL, PATIENCE = 1e-5, 12
 """The descent is settled if the norm falls by less than this share over this number of steps."""
 START_SPREAD, DRAWS_PER_START = 0.5, 20
-"""Standard deviation of random starts, in units of the parameters, and most draws of each."""
+"""Standard deviation of random starts, in units of the parameters, and largest number of draws for
+each.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class SearchPoint:
-    """Parameters (k,) of a family, and the curve of every term there."""
+    """Parameters (k,) of a family, and the curve of every term at these parameters."""
 
     family: Family
     terms: Sequence[Term]
@@ -60,12 +66,12 @@ class SearchPoint:
 
     @cached_property
     def norm(self) -> float:
-        """The largest of the norms that are lowered."""
+        """The largest of the norms to be minimised."""
         return max(float(curve[1].max()) for term, curve in self._pairs if term.limit is None)
 
     @cached_property
     def excess(self) -> float:
-        """The largest of the limited norms over its limit, less 1; 0 where all limits hold."""
+        """The largest ratio of a limited norm to its limit, less 1; 0 if all limits hold."""
         over = [
             float(curve[1].max()) / term.limit - 1.0
             for term, curve in self._pairs
@@ -75,12 +81,12 @@ class SearchPoint:
 
     @property
     def rank(self) -> tuple[float, float]:
-        """What orders places: the excess, then the norm."""
+        """Key for the order of points: first the excess, then the norm."""
         return self.excess, self.norm
 
     @property
     def _slack(self) -> float:
-        """By how much the norm may rise where a limit does not hold, relatively."""
+        """Relative rise of the norm that is allowed while a limit does not hold."""
         return self.excess + SLACK if self.excess > 0.0 else 0.0
 
     @property
@@ -88,7 +94,7 @@ class SearchPoint:
         return list(zip(self.terms, self.curves, strict=True))
 
     def merit(self, other: SearchPoint) -> float:
-        """How the norm, or the excess of a limit, of another place changes; negative is better."""
+        """Largest change of the norm and of the excesses at another point; negative is better."""
         changes = [other.norm / self.norm - 1.0 - self._slack]
         changes += [
             LIMIT_WEIGHT * (float(curve[1].max()) / term.limit - 1.0 - self.excess)
@@ -98,7 +104,7 @@ class SearchPoint:
         return max(changes)
 
     def near(self) -> list[RealArray]:
-        """The places of each term whose values are lowered by a step."""
+        """The places (such as frequencies) of each term that a step considers."""
         found = []
         for term, (places, values) in self._pairs:
             top = self.norm if term.limit is None else max(term.limit, float(values.max()))
@@ -106,7 +112,7 @@ class SearchPoint:
         return found
 
     def linear(self, x: RealArray, near: Sequence[RealArray]) -> tuple[RealArray, RealArray]:
-        """The changes (F,) that `merit` takes the largest of, and their gradients (F, k), at x."""
+        """The changes (F,) whose largest is `merit`, and their gradients (F, k), at x."""
         values, slopes = [], []
         for (term, _), places in zip(self._pairs, near, strict=True):
             if not len(places):
@@ -122,7 +128,9 @@ class SearchPoint:
 
 
 def search_point(family: Family, terms: Sequence[Term], x: RealArray) -> SearchPoint | None:
-    """Parameters as a place; None where a loop is not stable or not what is asked."""
+    """Parameters as a point; None if a loop is unstable or the controller does not meet the
+    demands.
+    """
     curves = []
     for term in terms:
         curve = term.curve(x)
@@ -135,12 +143,12 @@ def search_point(family: Family, terms: Sequence[Term], x: RealArray) -> SearchP
 def first_point(
     family: Family, terms_of: Callable[[Family], Sequence[Term]], x: RealArray
 ) -> SearchPoint:
-    """The place where a descent from parameters begins, with no direct terms that must not be.
+    """The point where a descent from parameters begins; direct terms that must be zero are removed.
 
-    Raises SolverError where a norm is not finite there.
+    Raises SolverError if a norm is not finite there.
     """
     terms = terms_of(family)
-    value, slope = _direct(terms, x)
+    value, slope = _direct_terms(terms, x)
     if value.any():
         x = x - np.linalg.lstsq(slope, value, rcond=None)[0]
     place = search_point(family, terms, x)
@@ -156,33 +164,41 @@ def limited_descent(
     target: float = 0.0,
     steps: int = MOST_STEPS,
 ) -> tuple[list[SearchPoint], str]:
-    """Places, each better than the one before, and why they ended. The clock ends them too."""
+    """Points, each better than the one before, and the reason for the end. The time limit also ends
+    them.
+    """
     history = [place]
-    begun_at, radius, hessian = 0, FIRST_RADIUS, _none(place)
-    free = _free(place)
+    begun_at, radius, hessian = 0, FIRST_RADIUS, _no_curvature(place)
+    free = _free_directions(place)
     while len(history) <= steps:
         place = history[-1]
         if place.excess == 0.0 and place.norm <= target:
             return history, "reached the target"
         if context.late:
             return history, "the time ended"
-        found = _stepped(place, free, hessian, radius, halfspaces(place.family))
+        found = _accepted_step(place, free, hessian, radius, halfspaces(place.family))
         if isinstance(found, str):
             if begun_at == len(history) - 1:
                 return history, found
             begun_at = len(history) - 1
-            history[-1] = _rebased(place)  # curvature seen far away may hide the way down
-            radius, hessian, free = FIRST_RADIUS, _none(place), _free(history[-1])
+            history[-1] = _in_suitable_parameters(
+                place
+            )  # curvature from distant points may hide a descent
+            radius, hessian, free = (
+                FIRST_RADIUS,
+                _no_curvature(place),
+                _free_directions(history[-1]),
+            )
             continue
         new, hessian, radius = found
         history.append(new)
-        if _settled(history):
+        if _has_settled(history):
             return history, "settled"
     return history, f"stopped after {steps} steps"
 
 
-def _settled(history: Sequence[SearchPoint]) -> bool:
-    """Whether the last steps changed little."""
+def _has_settled(history: Sequence[SearchPoint]) -> bool:
+    """Whether the last steps changed norm or excess only little."""
     if len(history) <= PATIENCE:
         return False
     then, now = history[-1 - PATIENCE], history[-1]
@@ -191,20 +207,22 @@ def _settled(history: Sequence[SearchPoint]) -> bool:
     return now.norm > (1 - SETTLED_FALL) * then.norm
 
 
-def _stepped(
+def _accepted_step(
     place: SearchPoint,
     free: RealArray,
     hessian: RealArray,
     radius: float,
     halfspaces: tuple[RealArray, RealArray],
 ) -> tuple[SearchPoint, RealArray, float] | str:
-    """The first step within the trust radius, or a smaller one, that is taken; else why none is."""
+    """The first accepted step within the trust radius or a smaller one; a message if there is
+    none.
+    """
     x, near = place.x, place.near()
     if not place.norm:
         return "the norm is zero"
     value, slope = place.linear(x, near)
     sizes = known_units(place.family.units(x), slope, 1.0)
-    units = free @ (free.T @ (sizes[:, None] * free))  # parameters (k,) of a step (f,)
+    units = free @ (free.T @ (sizes[:, None] * free))  # maps a step (f,) to parameters (k,)
     inner = free.T @ units
     rows, sides = halfspaces
     room = (rows @ units, sides - rows @ x) if len(rows) else None
@@ -228,31 +246,33 @@ def _stepped(
     return "no step lowers the norm"
 
 
-def _none(place: SearchPoint) -> RealArray:
-    """No curvature."""
-    size = _free(place).shape[1]
+def _no_curvature(place: SearchPoint) -> RealArray:
+    """A Hessian without curvature."""
+    size = _free_directions(place).shape[1]
     return np.zeros((size, size))
 
 
-def _free(place: SearchPoint) -> RealArray:
-    """Directions (k, f) of parameters that move no direct term that must be zero."""
-    _, slope = _direct(place.terms, place.x)
+def _free_directions(place: SearchPoint) -> RealArray:
+    """Directions (k, f) of the parameters that keep direct terms zero that must be zero."""
+    _, slope = _direct_terms(place.terms, place.x)
     return null_space(slope) if slope.any() else np.eye(len(place.x))
 
 
-def _direct(terms: Sequence[Term], x: RealArray) -> tuple[RealArray, RealArray]:
+def _direct_terms(terms: Sequence[Term], x: RealArray) -> tuple[RealArray, RealArray]:
     """Direct terms (r,) that must be zero, and their gradients (r, k)."""
     values, slopes = zip(*(term.direct(x) for term in terms), strict=True)
     return np.concatenate(values), np.vstack(slopes)
 
 
-def _rebased(place: SearchPoint) -> SearchPoint:
-    """The place in parameters that suit its controller, where the family has a choice."""
+def _in_suitable_parameters(place: SearchPoint) -> SearchPoint:
+    """The point in parameters that suit its controller, if the family has a choice of
+    parameters.
+    """
     if not isinstance(place.family, Modal):
         return place
     try:
         family, x = place.family.about(place.family.system(place.x))
-    except InputError:  # poles that met have no common block
+    except InputError:  # equal real poles cannot form a block
         return place
     new = search_point(family, [term.in_family(family) for term in place.terms], x)
     return place if new is None or new.rank > place.rank else new
@@ -267,9 +287,9 @@ def best_descent(
     context: Context,
     target: float = 0.0,
 ) -> tuple[list[SearchPoint], str, int]:
-    """The descent that ends best: some steps from each start, and more from the best of these.
+    """The descent with the best end: a few steps from each start, and more from the best of these.
 
-    Returns its places, why it ended, and the number of its start.
+    Returns its points, the reason for its end, and the index of its start.
     """
     tried: list[tuple[list[SearchPoint], str, int]] = []
     several = len(starts) > 1
@@ -289,8 +309,8 @@ def best_descent(
 
 
 def drawn_points(place: SearchPoint, count: int, rng: np.random.Generator) -> Iterator[SearchPoint]:
-    """Random places around one, of finite norms; fewer than `count` where few are."""
-    units, found, free = place.family.units(place.x), 0, _free(place)
+    """Random points around one with finite norms; fewer than `count` if few are found."""
+    units, found, free = place.family.units(place.x), 0, _free_directions(place)
     for _ in range(DRAWS_PER_START * count):
         move = free @ (free.T @ (START_SPREAD * units * rng.normal(size=place.x.size)))
         member = search_point(place.family, place.terms, place.x + move) if found < count else None

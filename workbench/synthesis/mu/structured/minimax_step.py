@@ -1,4 +1,4 @@
-"""The step that lowers the largest of linear functions, and the units in which it is measured."""
+"""The step that minimises the largest of several linear functions, and units for it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from workbench.arrays import RealArray
 
 SMALLEST_SLOPE = 1e-12
-"""Slope over the peak that counts as none: it tells no unit."""
+"""A slope below this share of the peak counts as zero, so it gives no unit."""
 
 
 def known_units(units: RealArray, slope: RealArray, peak: float) -> RealArray:
-    """Units of parameters, where they are zero the step that moves a bound by the peak."""
+    """Units of the parameters; where they are zero, the step that changes a bound by the peak."""
     steepest = np.abs(slope).max(axis=0)
     moved = steepest > SMALLEST_SLOPE * peak
     by_slope = np.where(moved, peak / np.where(moved, steepest, 1.0), 1.0)

@@ -1,4 +1,4 @@
-"""The peak of mixed mu as a function of the parameters of a family, with its slopes."""
+"""The peak of mixed mu as a function of the parameters of a family, with its gradient."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 
 RESOLVED_SHARE, MAXIMUM_TOLERANCE, GRID_REFINEMENTS = 0.8, 5e-4, 5
 """Maxima above the first share of the peak are refined until neighbours differ by less than the
-second share of the peak, at most as often as the third number says."""
+second share of the peak. The third number is the largest number of refinements.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,9 @@ class PeakProblem:
 
     @cached_property
     def opened(self) -> GeneralisedPlant:
-        """The plant with the controls as exogenous inputs too, and the measurements as outputs."""
+        """The plant whose controls are also exogenous inputs, and whose measurements are also
+        outputs.
+        """
         import control
 
         system, m, p = self.plant.system, self.plant.controls, self.plant.measurements
@@ -53,18 +56,18 @@ class PeakProblem:
         return GeneralisedPlant(doubled, None, m, p)
 
     def loop(self, x: RealArray) -> StateSpace | None:
-        """The closed loop; None where it is not stable, or K not what is asked."""
+        """The closed loop; None if it is unstable or K does not meet the demands."""
         K = self.family.system(x)
         if self.demands.asked and not self.demands.admits(K):
             return None
         try:
             loop = self.plant.close(K)
-        except InputError:  # direct terms that cancel: the loop is not determined
+        except InputError:  # direct terms cancel, so the loop is not determined
             return None
         return loop if stability_of(loop).holds else None
 
     def stable_loop(self, x: RealArray) -> StateSpace:
-        """The closed loop of parameters known to be stabilising."""
+        """The closed loop for parameters that are known to stabilise."""
         loop = self.loop(x)
         if loop is None:
             raise SolverError(
@@ -73,14 +76,12 @@ class PeakProblem:
         return loop
 
     def about(self, K: StateSpace, x: RealArray) -> tuple[PeakProblem, RealArray]:
-        """The problem, and parameters x, with the family of all controllers made for K."""
+        """The problem and the parameters x, where the family of all controllers is scaled for K."""
         if not isinstance(self.family, Modal):
             return self, x
         try:
             family, new = self.family.about(K)
-        except (
-            InputError
-        ):  # poles that met have no common block: go on with the corners as they are
+        except InputError:  # equal real poles cannot form a block, so keep the present corners
             return self, x
         return replace(self, family=family), new
 
@@ -89,7 +90,7 @@ class PeakProblem:
         omega = frequencies_of(loop)
         bound = self._bound(loop, omega)
         for _ in range(GRID_REFINEMENTS):
-            new = _beside(omega, bound)
+            new = _refining_frequencies(omega, bound)
             if not new.size:
                 break
             place = np.argsort(np.concatenate([omega, new]))
@@ -99,7 +100,8 @@ class PeakProblem:
 
     def linear(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
         """Bounds (F,) at frequencies [rad/s] and their gradients (F, k) by the parameters."""
-        # The loop as it is closed: the open one may have poles on the imaginary axis.
+        # The response is computed from the closed loop, since the open loop may have poles on the
+        # imaginary axis.
         m, p = self.plant.controls, self.plant.measurements
         whole = response(self.opened.close(self.family.system(x)), omega)
         N, back, out = whole[:, :-p, :-m], whole[:, :-p, -m:], whole[:, -p:, :-m]
@@ -110,17 +112,17 @@ class PeakProblem:
         return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
 
     def iterate(self, x: RealArray, bound: RealArray) -> Iterate:
-        """The round that ends at x with bounds (F,)."""
+        """The record of a round that ends at x with bounds (F,)."""
         return Iterate(float(bound.max()), np.nan, np.nan, self.family.system(x))
 
     def _bound(self, loop: StateSpace, omega: RealArray) -> RealArray:
-        """Upper bounds of mixed mu (F,) at frequencies [rad/s]."""
+        """Upper bounds on mixed mu (F,) at frequencies [rad/s]."""
         value: RealArray = upper_bound(response(loop, omega), self.structure).value
         return value
 
 
-def _beside(omega: RealArray, bound: RealArray) -> RealArray:
-    """Frequencies to add on either side of maxima that are not resolved."""
+def _refining_frequencies(omega: RealArray, bound: RealArray) -> RealArray:
+    """Frequencies to add on both sides of maxima that are not resolved."""
     top = bound.max()
     left = np.concatenate([[0.0], bound[:-1]])
     right = np.concatenate([bound[1:], [0.0]])

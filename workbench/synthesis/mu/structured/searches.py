@@ -27,18 +27,18 @@ from workbench.synthesis.mu.structured.terms import PeakTerm, Term, gain_term
 from workbench.systems.bilinear import from_continuous_plane, in_continuous_plane
 
 INSIDE = 1.0 - 2.0 * NORM_TOLERANCE
-"""Share of a limit that a search stays below, so that the proven norm keeps the limit."""
+"""A search stays below this share of a limit, so that the proven norm satisfies the limit."""
 NO_NORM = "no start was found whose loops are stable and have finite norms"
-"""What is said without a start."""
+"""Message if there is no start."""
 NOT_MET = "no controller within the limits was found; the nearest exceeds one by"
-"""What is said where a limit does not hold."""
+"""Message if a limit does not hold."""
 
 Terms = Callable[[Family], Sequence[Term]]
-"""The terms of a search in the parameters of a family."""
+"""Function: family -> the terms of a search in the family's parameters."""
 
 
 def peak_terms(program: MuSynthesis, family: Family) -> list[Term]:
-    """The peak of mu of each plant, and the limit of the controller's gain."""
+    """Terms for the peak of mu of each plant and for the limit on the controller's gain."""
     asked = program.demands.without_gain
     peaks = [
         PeakTerm(PeakProblem(plant, plant.performance_structure, family, asked))
@@ -48,7 +48,7 @@ def peak_terms(program: MuSynthesis, family: Family) -> list[Term]:
 
 
 def gain_limit(program: MuSynthesis | ControllerSynthesis, family: Family) -> list[Term]:
-    """The limit of the controller's gain, where one is asked for."""
+    """The term for the limit on the controller's gain, if there is a limit."""
     gain = program.demands.gain
     if gain is None:
         return []
@@ -59,10 +59,10 @@ def gain_limit(program: MuSynthesis | ControllerSynthesis, family: Family) -> li
 def limited_search(
     program: MuSynthesis, starts: Sequence[Start], context: Context
 ) -> tuple[list[Iterate], str]:
-    """Rounds that lower the largest peak of all plants within the limit of the gain."""
+    """Rounds that lower the largest peak over all plants within the limit on the gain."""
     rules = [start.rule for start in starts]
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
-    places, said, number = _from_starts(
+    places, said, number = _best_descent_from(
         program,
         [start.K for start in starts],
         lambda family: peak_terms(program, family),
@@ -86,9 +86,9 @@ def limited_search(
 def searched(
     program: ControllerSynthesis, starts: Sequence[StateSpace], terms_of: Terms, context: Context
 ) -> tuple[StateSpace | None, str]:
-    """The best controller found, in the plant's time, and what is said; None: none was found."""
+    """The best controller found, in the plant's time, and a message; None if none was found."""
     try:
-        places, said, _ = _from_starts(program, starts, terms_of, context, 0.0, 0)
+        places, said, _ = _best_descent_from(program, starts, terms_of, context, 0.0, 0)
     except SolverError as error:
         return None, str(error)
     last = places[-1]
@@ -99,7 +99,7 @@ def searched(
     return from_continuous_plane(last.family.system(last.x), dt), said
 
 
-def _from_starts(
+def _best_descent_from(
     program: MuSynthesis | ControllerSynthesis,
     starts: Sequence[StateSpace],
     terms_of: Terms,
@@ -107,14 +107,16 @@ def _from_starts(
     target: float,
     random: int,
 ) -> tuple[list[SearchPoint], str, int]:
-    """The best descent, why it ended, and the number of its start; SolverError without a start."""
+    """The best descent, the reason for its end, and the index of its start. Raises SolverError
+    without a start.
+    """
     places: list[SearchPoint] = []
     numbers = []
     for number, K in enumerate(starts):
         try:
             family, x = (program.family or Modal(K.nstates)).about(in_continuous_plane(K))
             places.append(first_point(family, terms_of, x))
-        except (InputError, SolverError):  # no member, or no finite norm
+        except (InputError, SolverError):  # it is no member, or its norm is not finite
             continue
         numbers.append(number)
     if not places:

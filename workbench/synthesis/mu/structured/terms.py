@@ -1,4 +1,4 @@
-"""Norms of loops as functions of the parameters of a family: terms of an objective, or limited."""
+"""Norms of loops as functions of a family's parameters: terms to minimise or to limit."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ from workbench.systems.norms import norm_and_place
 from workbench.systems.realisation import matrices_of, realisation
 
 Curve = tuple[RealArray, RealArray]
-"""Places (F,), such as frequencies [rad/s], and the values (F,) there."""
+"""Places (F,), such as frequencies [rad/s], and values (F,) at these places."""
 
 
 class Term(ABC):
-    """The largest of some values, to be lowered, or to be kept below a ``limit``."""
+    """The largest of several values, which is minimised or kept below a ``limit``."""
 
     limit: float | None
 
     @abstractmethod
     def curve(self, x: RealArray) -> Curve | None:
-        """Values at places that tell the largest; None where the loop is not what is asked."""
+        """Values at places that determine the largest one; None if the loop is unstable or K does
+        not meet the demands.
+        """
 
     @abstractmethod
     def linear(self, x: RealArray, places: RealArray) -> tuple[RealArray, RealArray]:
@@ -37,10 +39,10 @@ class Term(ABC):
 
     @abstractmethod
     def in_family(self, family: Family) -> Term:
-        """The same term in other parameters."""
+        """The same term as a function of another family's parameters."""
 
     def direct(self, x: RealArray) -> tuple[RealArray, RealArray]:
-        """What must be zero for the term to be finite (r,), and its gradients (r, k)."""
+        """Quantities (r,) that must be zero for a finite term, and their gradients (r, k)."""
         return np.zeros(0), np.zeros((0, len(x)))
 
 
@@ -58,7 +60,7 @@ class PeakTerm(Term):
         places, values = self.problem.curve(loop)
         if len(self.problem.structure.blocks) > 1 or self.limit is None:
             return places, values
-        # frequencies tell a limited norm to a thousandth only
+        # the frequencies resolve a limited norm only to 1e-3
         size, omega = norm_and_place(matrices_of(loop))
         if not 0.0 < omega < math.inf:
             return places, values
@@ -95,7 +97,7 @@ class EnergyTerm(Term):
 
 
 def gain_term(family: Family, inputs: int, outputs: int, limit: float) -> PeakTerm:
-    """The largest gain of the controller itself: that of its loop with w = y and z = u."""
+    """Term for the controller's own largest gain: the norm of a loop with w = y and z = u."""
     n = inputs + outputs
     D = np.zeros((n, n))
     D[:outputs, inputs:], D[outputs:, :inputs] = np.eye(outputs), np.eye(inputs)

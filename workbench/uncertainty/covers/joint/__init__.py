@@ -1,1 +1,1 @@
-"""Nominal and weights of a cover chosen together, for the smallest sets of the model."""
+"""Joint search for nominal and weights of a cover with the smallest sets."""

@@ -1,4 +1,6 @@
-"""Quasi-Newton descent of the size of a model, compiled: a step costs as much as the arithmetic."""
+"""Quasi-Newton descent of the size of a model, compiled, so that a step costs only its
+arithmetic.
+"""
 
 from __future__ import annotations
 
@@ -9,30 +11,31 @@ from workbench.compiled import unchecked
 from workbench.uncertainty.covers.joint.model_size import SizeData, model_size
 
 FALL, RISE = 1e-4, 0.9
-"""Least share of the slope by which a step must lower the size, and largest share of the slope that
-may be left at its end: the weak Wolfe conditions."""
+"""Constants of the weak Wolfe conditions: least share of the predicted decrease of a step, and
+largest share of the slope that may remain at its end.
+"""
 STEP_LENGTHS = 30
-"""Most lengths that are tried for a step."""
+"""Largest number of lengths tried for a step."""
 
 
 @unchecked
 def least_size(
     x: RealArray, unit: RealArray, inverse: RealArray, data: SizeData, power: int, steps: int
 ) -> tuple[float, RealArray, RealArray]:
-    """Size, place (P,) and inverse second derivatives (P, P) after so many steps of BFGS at most.
+    """Size, parameters (P,) and inverse Hessian (P, P) after at most `steps` steps of BFGS.
 
-    Step lengths are bisected until the weak Wolfe conditions hold, which suits a size with sharp
-    bends (Lewis and Overton, Mathematical Programming 141, 2013). The search ends where no length
-    lowers the size.
+    Step lengths are bisected until the weak Wolfe conditions hold, which suits a nonsmooth size
+    (Lewis and Overton, Mathematical Programming 141, 2013). The search ends if no length lowers the
+    size.
 
     Parameters
     ----------
     x
         Parameters (P,) at the start, in units ``unit`` (P,).
     inverse
-        Estimate (P, P) of the inverse second derivatives; 0 where nothing is known.
+        Estimate (P, P) of the inverse Hessian; 0 if nothing is known.
     data, power
-        As `model_size` takes them.
+        As in `model_size`.
     """
     count = x.size
     inverse = inverse.copy()
@@ -44,7 +47,7 @@ def least_size(
     for _ in range(steps):
         step = -(inverse @ slope)
         fall = step @ slope
-        if not fall < 0.0:  # lost to rounding: begin anew
+        if not fall < 0.0:  # rounding has spoiled it, so start again
             if fresh:
                 break
             _reset(inverse, 1.0)
@@ -86,7 +89,7 @@ def least_size(
 
 @unchecked
 def _reset(inverse: RealArray, size: float) -> None:
-    """Make a matrix a multiple of the identity."""
+    """Set a matrix to a multiple of the identity."""
     inverse[:] = 0.0
     for i in range(len(inverse)):
         inverse[i, i] = size

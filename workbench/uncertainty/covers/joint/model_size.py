@@ -1,9 +1,9 @@
 """Mean square size of the sets of a model that contains its plants, and its gradient, compiled.
 
 The size is the mean over log frequency of |W_c|^2 + length_weight |W_r|^2, in units of the
-deviations. W_c is scaled so that it reaches the radius about the segment of W_r that each plant
-needs at each frequency. The largest ratio of a needed radius to |W_c| is a norm of high power, so
-that the size is smooth.
+deviations. W_c is scaled so that it reaches, at each frequency, the radius around the segment of
+W_r that each plant needs. A norm of high power replaces the largest ratio of a needed radius to
+|W_c|, so that the size is smooth.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from workbench.fitting.factored_values import factored_values
 from workbench.uncertainty.covers.weights import SUFFICIENT_DAMPING
 
 TINY = float(np.finfo(float).tiny)
-"""Smallest size that is divided by."""
+"""Least divisor, against division by zero."""
 LEAST_PULL = 1e-18
-"""Share of the largest in the norm below which a ratio does not count."""
+"""A ratio below this share of the largest one is neglected in the norm."""
 RESOLVED_MARGIN = 1.02
-"""Damping that roots of weights keep, over what the frequencies resolve."""
+"""Least damping of roots of weights, relative to the damping that the frequencies resolve."""
 NOMINAL, REAL, CIRCLE = 0, 1, 2
 """Parts of a model: the nominal, W_r and W_c."""
 
 
 class SizeData(NamedTuple):
-    """What the size of a model depends on, besides its parameters (P,).
+    """Data on which the size of a model depends, besides its parameters (P,).
 
-    ``points`` (F, N) are the plants at frequencies ``omega`` (F,) [rad/s], ``unit`` (F,) the unit
-    of their deviations and ``floor`` (F,) what is added to radii. ``nominal`` (F,) is the response
-    of a given nominal, and ``shares`` (F,) weight the frequencies. W_c is looked at at ``reached``
-    (R,) [rad/s], where its own size counts with ``counted`` (R,). There it needs the radii of the
-    frequencies numbered ``row`` (R,) or, where ``onward`` (R,) is not 0, those on the straight line
-    to the next in log-log scale, at that share of the way. The square of W_r at ``far`` [rad/s]
-    over that of ``far_unit`` is added.
+    ``points`` (F, N) are the plants at frequencies ``omega`` (F,) [rad/s], ``unit`` (F,) is the
+    unit of their deviations, and ``floor`` (F,) is added to radii. ``nominal`` (F,) is the response
+    of a given nominal, and ``shares`` (F,) are weights of the frequencies. W_c is evaluated at
+    ``reached`` (R,) [rad/s], where its own size has the weight ``counted`` (R,). There it must
+    reach the radii at the frequencies with index ``row`` (R,). Where ``onward`` (R,) is not 0, it
+    must reach the radius interpolated in log-log scale at this share of the way to the next
+    frequency. The square of W_r at ``far`` [rad/s] over that of ``far_unit`` is added.
 
     ``level``, ``coefficients``, ``moving`` and ``positive`` are the factors as `factored_values`
-    takes them. Part k of the model has those from ``factor[k]`` to ``factor[k + 1]``, of which
-    ``numerators[k]`` are in the numerator, and the parameters from ``parameter[k]`` to
-    ``parameter[k + 1]``; a part that is given or missing has none.
+    takes them. Part k of the model has the factors from ``factor[k]`` to ``factor[k + 1]``, of
+    which ``numerators[k]`` are in the numerator, and the parameters from ``parameter[k]`` to
+    ``parameter[k + 1]``. A part that is given or missing has none.
 
     ``damping`` and ``tone`` (K, P + 1) give the logarithms of damping and frequency of the pairs of
     roots of the weights, the last column without parameters. ``gap`` are the distances of
@@ -77,10 +77,11 @@ class SizeData(NamedTuple):
 
 @unchecked
 def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, RealArray]:
-    """Mean square size and its gradient (P,), with a norm of a given power, a power of two.
+    """Mean square size and its gradient (P,), with a norm of the given power, which is a power of
+    two.
 
-    Where a pair of roots of a weight is damped less than the frequencies resolve, what lies between
-    them is unknown, and the size is made larger.
+    If a pair of roots of a weight has less damping than the frequencies resolve, the response
+    between them is unknown, and a penalty enlarges the size.
     """
     count, plants = data.points.shape
     first, second = data.parameter[1], data.parameter[2]
@@ -93,7 +94,9 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
         end, by_end = _part(vector, data.omega, data, REAL)
     circle, by_circle = _part(vector, data.reached, data, CIRCLE)
 
-    away = np.empty((count, plants), dtype=np.complex128)  # from the nearest point of the segment
+    away = np.empty(
+        (count, plants), dtype=np.complex128
+    )  # distance from the nearest point of the segment
     along = np.empty((count, plants))
     radius = np.empty((count, plants))
     for f in range(count):
@@ -109,7 +112,7 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
             size = away[f, i].real ** 2 + away[f, i].imag ** 2
             radius[f, i] = max(np.sqrt(size), TINY) + data.floor[f]
 
-    # The norm of the ratios; pull is the share of each radius in its logarithm.
+    # The norm of the ratios; `pull` is the share of each radius in the norm's logarithm.
     rows = data.reached.size
     width, ratio, most = np.empty(rows), np.empty((rows, plants)), 0.0
     for k in range(rows):
@@ -145,7 +148,7 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
     value = gain * mean
 
     gradient = np.zeros(vector.size)
-    slope = 2 * value  # of the size by the logarithm of the norm
+    slope = 2 * value  # derivative of the size by the logarithm of the norm
     for k in range(rows):
         own = 0.0
         for i in range(plants):
@@ -201,7 +204,7 @@ def _part(
 
 @unchecked
 def _raised(value: float, power: int) -> float:
-    """The value to a power that is a power of two."""
+    """The value raised to a power that is a power of two."""
     while power > 1:
         value *= value
         power //= 2
@@ -210,7 +213,9 @@ def _raised(value: float, power: int) -> float:
 
 @unchecked
 def _add(gradient: RealArray, start: int, slope: complex, derivatives: ComplexArray) -> None:
-    """Add the real part of slope times the derivatives (Q,) to the gradient from a place on."""
+    """Add the real part of slope times the derivatives (Q,) to the gradient, beginning at
+    `start`.
+    """
     for a in range(derivatives.size):
         each = derivatives[a]
         gradient[start + a] += slope.real * each.real - slope.imag * each.imag
@@ -220,7 +225,9 @@ def _add(gradient: RealArray, start: int, slope: complex, derivatives: ComplexAr
 def _resolved(
     value: float, gradient: RealArray, vector: RealArray, data: SizeData
 ) -> tuple[float, RealArray]:
-    """The size and its gradient, larger where roots are damped less than frequencies resolve."""
+    """The size and its gradient with a penalty for roots with less damping than the frequencies
+    resolve.
+    """
     count = vector.size
     excess, turn = 0.0, np.zeros(count)
     for j in range(len(data.damping)):

@@ -1,17 +1,18 @@
-"""Nominal and weights that make the sets of a model small, all chosen together.
+"""Joint search for nominal and weights that make the sets of a model small.
 
-Near a resonance that moves from plant to plant no curve of low order passes through the centres
-of the smallest shapes, and no weight of low order follows the radii about a nominal. The size of
-the sets of the model is what matters, so nominal, real weight and complex weight are chosen to
-minimise it. The cost is the mean over log frequency of
+Near a resonance that differs from plant to plant, no curve of low order passes through the centres
+of the smallest shapes, and no weight of low order follows the radii around a nominal. So nominal,
+real weight and complex weight are chosen together to minimise the size of the model's sets. The
+cost is the mean over log frequency of
 
     circles     |W_c|^2
     stadiums    |W_c|^2 + HALF_LENGTH_WEIGHT |W_r|^2
 
 where W_c reaches the largest distance of a deviation from the nominal, or from the segment of the
-real weight. Sizes are relative to the nominal or, for additive models, to the plants. Beyond the
-frequencies nothing is known: there the squares of both weights count a little, or they could grow
-without limit at zero frequency, and W_c is no smaller than at the ends.
+real weight. Sizes are relative to the nominal or, for additive models, to the plants. Nothing is
+known outside the range of frequencies. There the squares of both weights have a small weight in the
+cost, since otherwise they could grow without limit at zero frequency, and W_c is not smaller than
+at the ends.
 """
 
 from __future__ import annotations
@@ -45,16 +46,18 @@ from workbench.uncertainty.covers.sets import outermost
 from workbench.uncertainty.covers.weights import between, beyond
 
 MAX_BFGS_STEPS = 200
-"""Most quasi-Newton steps with each power."""
+"""Largest number of quasi-Newton steps with each power."""
 LEAST_UNIT = 0.3
-"""Least unit of a coefficient or of its logarithm in the search."""
+"""Least unit of a coefficient, or of its logarithm, in the search."""
 SEARCHED_LOG_STEP = 0.1
-"""Largest step of log omega between frequencies at which W_c is looked at in the search."""
+"""Largest step of log omega between the frequencies at which the search evaluates W_c."""
 COVER_ROOT_REACH = 1e3
 """Largest factor from the first or last frequency to a root of the nominal or of a weight."""
 BEYOND, BEYOND_DECADES = 0.01, 4
-"""Weight of the mean square of a weight beyond the given frequencies, at one frequency a decade;
-of the real weight in so many decades below and above, of W_c where it is looked at."""
+"""Weight of the mean square of a weight outside the given frequencies, with one frequency in each
+decade. For the real weight this covers the given number of decades below and above, for W_c the
+frequencies at which it is evaluated.
+"""
 
 
 class FoundModel(NamedTuple):
@@ -68,9 +71,9 @@ class FoundModel(NamedTuple):
 
 @dataclass(frozen=True)
 class ModelSize:
-    """Mean square size of a model, as a function of the parameters of its parts.
+    """Mean square size of a model as a function of the parameters of its parts.
 
-    ``nominal`` is None if the program gives it, ``W_r`` is None for circles.
+    ``nominal`` is None if the program gives it; ``W_r`` is None for circles.
     """
 
     program: UncertaintyCover
@@ -80,7 +83,7 @@ class ModelSize:
 
     @classmethod
     def of(cls, program: UncertaintyCover, model: FoundModel) -> ModelSize:
-        """The size about a model from which a search starts."""
+        """The size function for a search that starts from a model."""
         omega = program.responses.axis
         band = float(omega[0]), float(omega[-1])
 
@@ -106,7 +109,7 @@ class ModelSize:
 
     @property
     def parts(self) -> tuple[FactoredRational | None, ...]:
-        """Nominal, real weight and complex weight; None for what has no parameters."""
+        """Nominal, real weight and complex weight; None for a part without parameters."""
         return self.nominal, self.W_r, self.W_c
 
     @cached_property
@@ -125,12 +128,12 @@ class ModelSize:
 
     @cached_property
     def ends(self) -> np.ndarray:
-        """Places (4,) in the vector where the parts begin, and its size."""
+        """Indices (4,) of the vector at which the parts begin, and its size."""
         return np.cumsum([0, *(part.start.size if part else 0 for part in self.parts)])
 
     @cached_property
     def data(self) -> SizeData:
-        """What the compiled size takes."""
+        """The data for the compiled size function."""
         program, responses = self.program, self.program.responses
         omega, unit, given = responses.axis, program.unit, program.nominal
         tables = [part.table if part else NO_FACTORS for part in self.parts]
@@ -175,7 +178,9 @@ class ModelSize:
         )
 
     def _pairs(self, k: int) -> tuple[RealArray, RealArray]:
-        """Logarithms of damping and frequency of the pairs of a weight, by the whole vector."""
+        """Logarithms of damping and frequency of the root pairs of a weight, as functions of the
+        whole vector.
+        """
         part, count = self.parts[k], self.start.size
         if part is None:
             return np.zeros((0, count + 1)), np.zeros((0, count + 1))
@@ -195,7 +200,7 @@ NO_FACTORS = (
     np.zeros(0, dtype=bool),
     0,
 )
-"""The table of a part that is not factored."""
+"""The table of factors of a part without parameters."""
 
 
 def smallest_model(
@@ -205,12 +210,12 @@ def smallest_model(
     context: Context,
     spread: float = 0.0,
 ) -> FoundModel:
-    """The model of the smallest sets found from a start; a local optimum.
+    """The model with the smallest sets found from a start, which is a local optimum.
 
-    The search begins at random about the start, with a standard deviation of ``spread`` units of
-    each parameter. It takes quasi-Newton steps on the coefficients of quadratic factors, and
-    approaches the largest ratio of a needed radius to the complex weight by norms of given powers,
-    which are powers of two and rise.
+    The search begins at a random point around the start, with a standard deviation of ``spread``
+    units of each parameter. It makes quasi-Newton steps on the coefficients of quadratic factors.
+    Norms with the given increasing powers, which are powers of two, approximate the largest ratio
+    of a needed radius to the complex weight.
     """
     size = ModelSize.of(program, start)
     vector, omega = size.start, program.responses.axis

@@ -1,4 +1,6 @@
-"""Starts of the search for a small model, which has many local minima, most of all for stadiums."""
+"""Starts for the search for a small model. The search has many local minima, in particular for
+stadiums.
+"""
 
 from __future__ import annotations
 
@@ -34,24 +36,26 @@ from workbench.uncertainty.covers.weights import (
 )
 
 STARTING_HALF_LENGTH_SHARE = 0.1
-"""Factor of a stadium's half-length in the size that weights the errors of a starting weight."""
+"""Factor of a stadium's half-length in the size used to weight the errors of a starting weight."""
 STARTING_CIRCLES = ("sk", "sb10yd")
-"""Methods of the magnitude fit that give starts of the complex weight."""
+"""Methods of the magnitude fit that give starts for the complex weight."""
 STARTING_POWER = 8
-"""Power of the norm by which starts are compared."""
+"""Power of the norm that compares starts."""
 
 Start = tuple[str, FoundModel | None, str]
-"""Name of a start, the model, and why there is none."""
+"""Name of a start, the model, and the reason if there is no model."""
 
 
 def starts(program: UncertaintyCover, context: Context) -> Iterator[Start]:
-    """Models from which a search may start: from each nominal, with each real weight."""
+    """Models from which a search may start, for each nominal and each real weight."""
     for name, (response, sizes) in nominals(program).items():
         try:
             nominal = program.nominal
             if nominal is None:
                 nominal = _nearest(nominal_fit(response, sizes, program), context)
-            away = program.away(nominal, program.points)  # raises where it passes through zero
+            away = program.away(
+                nominal, program.points
+            )  # raises InputError if the nominal passes through zero
             weights: dict[str, Rational | None] = {"": None}
             if isinstance(program, StadiumCover):
                 weights = real_weights(program, away, context)
@@ -68,9 +72,10 @@ def starts(program: UncertaintyCover, context: Context) -> Iterator[Start]:
 def real_weights(
     program: StadiumCover, away: ComplexArray, context: Context
 ) -> dict[str, Rational | None]:
-    """Real weights fitted to the third set of deviations (F, N): of its order, and a constant.
+    """Real weights fitted to the third set of deviations (F, N): one of the given order, and a
+    constant.
 
-    The constant has the order too, by equal poles and zeros, which a search moves apart.
+    The constant gets the same order by equal poles and zeros, which the search separates.
     """
     third = program.third_set(away)
     end = unwrapped(third.half_length * np.exp(1j * third.angle))
@@ -92,7 +97,9 @@ def _with_circle(
     W_r: Rational | None,
     context: Context,
 ) -> tuple[FoundModel | None, str]:
-    """The smallest model with W_c fitted to the radii of deviations (F, N); why there is none."""
+    """The smallest model with W_c fitted to the radii of deviations (F, N), or the reason why there
+    is none.
+    """
     omega = program.responses.axis
     radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
     share = share_of_size(radius, np.maximum(np.abs(away).max(axis=1), radius))
@@ -112,7 +119,7 @@ def _with_circle(
 
 
 def nominals(program: UncertaintyCover) -> dict[str, tuple[ComplexArray, Circle | Stadium]]:
-    """Starting responses of the nominal, and the sets whose sizes weight the errors, by name."""
+    """Starting responses of the nominal and the sets whose sizes weight the errors, by name."""
     first = program.first_set(program.points)
     centres = first.center
     return {
@@ -123,5 +130,5 @@ def nominals(program: UncertaintyCover) -> dict[str, tuple[ComplexArray, Circle 
 
 
 def _nearest(fit: ResponseFit, context: Context) -> Rational:
-    """The best of fits by relocated poles alone: a search refines them."""
+    """The best fit by pole relocation only, since the search refines it."""
     return min(relocated_fits(fit, context), key=lambda found: worst_error(fit, found))

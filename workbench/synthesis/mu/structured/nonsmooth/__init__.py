@@ -1,2 +1,3 @@
-"""Local minimisation of functions with kinks that are infinite outside a set, and how far from a
-stationary point it ends."""
+"""Local minimisation of nonsmooth functions that are infinite outside a set, and a measure of
+stationarity at its end.
+"""

@@ -1,10 +1,10 @@
-"""BFGS for functions with kinks, and gradients sampled about the place where it ends.
+"""BFGS for nonsmooth functions, and gradient sampling around the point where it ends.
 
-A line search by Wolfe's weak conditions keeps the updates positive definite across kinks, and takes
-an infinite value for a step that is too long (A. S. Lewis, M. L. Overton, Nonsmooth optimization
-via quasi-Newton methods, Mathematical Programming 141 (2013) 135-163). Where it ends, the least
-element in the hull of gradients at points nearby gives directions that lead on along the kink
-(J. V. Burke, A. S. Lewis, M. L. Overton, A robust gradient sampling algorithm for nonsmooth,
+A line search by Wolfe's weak conditions keeps the updates positive definite across kinks; an
+infinite value means that the step is too long (A. S. Lewis, M. L. Overton, Nonsmooth optimization
+via quasi-Newton methods, Mathematical Programming 141 (2013) 135-163). Where BFGS ends, the
+shortest vector in the convex hull of gradients at points nearby gives descent directions along the
+kink (J. V. Burke, A. S. Lewis, M. L. Overton, A robust gradient sampling algorithm for nonsmooth,
 nonconvex optimization, SIAM J. Optimization 15 (2005) 751-779).
 """
 
@@ -20,30 +20,35 @@ from workbench.executor.clock import time_is_up
 from workbench.synthesis.mu.structured.nonsmooth.hull import least_in_hull
 
 Valued = Callable[[RealArray], tuple[float, RealArray]]
-"""A function of parameters y (k,): its value, infinite where it has none, and its slopes (k,)."""
+"""Function: parameters y (k,) -> value (infinite where it is not defined) and gradient (k,)."""
 
 FALL, SLOPE = 1e-4, 0.5
-"""Shares of a line search by Wolfe's weak conditions: least fall, and most of the slope left."""
+"""Constants of Wolfe's weak conditions in a line search: share of the predicted decrease, and share
+of the slope that may remain.
+"""
 MOST_TRIALS, LONGEST = 40, 500.0
-"""Most trials of a line search, and its longest step over the first trial."""
+"""Largest number of trials of a line search, and its longest step relative to the first trial."""
 PATIENCE, SETTLED_FALL = 10, 1e-6
-"""BFGS is settled where the value falls by less than this within so many steps."""
+"""BFGS is settled if the value decreases by less than the first number within the second number of
+steps.
+"""
 RADII = (1e-1, 1e-2, 1e-3, 1e-4)
-"""Radii in which gradients are sampled, in units of the parameters."""
+"""Radii within which gradients are sampled, in units of the parameters."""
 MOST_SAMPLED_STEPS = 20
-"""Most steps with one radius."""
+"""Largest number of steps with one radius."""
 LEAST_SLOPE = 1e-5
-"""Length of the least element of the hull below which the radius shrinks."""
+"""The radius shrinks if the shortest vector in the hull is shorter than this."""
 LONGEST_STEP, LEAST_STEP = 1.0, 1e-9
-"""Longest first trial along a sampled direction, and the shortest trial."""
+"""Longest first trial along a sampled direction, and shortest trial."""
 
 
 def bfgs_end(
     valued: Valued, y: RealArray, most_steps: int, enough: float = -math.inf
 ) -> tuple[RealArray, float]:
-    """The end of BFGS from y, where the value is finite, and the value there.
+    """The end of BFGS from y, and the value there. The value at y must be finite.
 
-    It ends where it is settled, where a value is `enough`, after the most steps, or with the clock.
+    BFGS ends if it is settled, if a value is at most `enough`, after the largest number of steps,
+    or at the time limit.
     """
     value, slope = valued(y)
     inverse = np.eye(len(y)) / max(float(np.linalg.norm(slope)), 1.0)
@@ -103,9 +108,10 @@ def sampled_end(
 def stationarity(
     valued: Valued, y: RealArray, rng: np.random.Generator, radius: float = RADII[-1]
 ) -> float:
-    """Length of the least element in the hull of the gradients within a radius about y.
+    """Length of the shortest vector in the convex hull of gradients within a radius around y.
 
-    Zero at a stationary point as the radius shrinks; an end of a descent is local, whatever it is.
+    As the radius shrinks, it tends to zero at a stationary point. Such a point is only a local
+    result.
     """
     near = [y, *(y + radius * _in_ball(rng, 2 * len(y) + 2, len(y)))]
     slopes = [slope for value, slope in map(valued, near) if math.isfinite(value)]
@@ -113,7 +119,7 @@ def stationarity(
 
 
 def _in_ball(rng: np.random.Generator, count: int, size: int) -> RealArray:
-    """Points (count, size) that fill the unit ball evenly."""
+    """Random points (count, size), uniform in the unit ball."""
     direction = rng.normal(size=(count, size))
     length = rng.uniform(size=(count, 1)) ** (1.0 / size)
     found: RealArray = length * direction / np.linalg.norm(direction, axis=1, keepdims=True)
@@ -128,9 +134,10 @@ def _line_search(
     direction: RealArray,
     enough: float,
 ) -> tuple[float, float, RealArray] | None:
-    """A length by Wolfe's weak conditions, with value and slopes there; None where none falls.
+    """A step length by Wolfe's weak conditions, with value and gradient there; None if no step
+    decreases the value.
 
-    It ends too where the value is `enough`, and where a function falls ever on.
+    The search also ends if the value is at most `enough`, or if the function decreases without end.
     """
     low, high, length = 0.0, math.inf, 1.0
     promised = float(slope @ direction)

@@ -1,4 +1,4 @@
-"""Evolution of a normal distribution whose covariance adapts (CMA-ES), without slopes.
+"""Evolution strategy with covariance matrix adaptation (CMA-ES), which needs no gradients.
 
 N. Hansen, The CMA evolution strategy: a tutorial, arXiv:1604.00772 (2016): rank-one and rank-mu
 updates of the covariance, and control of the step by the length of the evolution path.
@@ -15,10 +15,11 @@ from workbench.arrays import RealArray
 from workbench.executor.clock import time_is_up
 
 FIRST_SPREAD = 0.3
-"""First standard deviation, in units of the parameters."""
+"""Initial standard deviation, in units of the parameters."""
 LEAST_SPREAD, LEAST_SPAN = 1e-6, 1e-7
-"""The search ends where its largest standard deviation, or the span of a generation's values, is
-less."""
+"""The search ends if its largest standard deviation, or the range of a generation's values, is
+below this.
+"""
 
 
 def evolution_end(
@@ -28,7 +29,7 @@ def evolution_end(
     generations: int,
     spread: float = FIRST_SPREAD,
 ) -> tuple[RealArray, float]:
-    """The best place found from y (k,), and its value; infinite values count as the worst."""
+    """The best point found from y (k,), and its value; infinite values count as the worst."""
     n = len(y)
     count = 4 + int(3 * math.log(n)) if n > 1 else 6
     kept = count // 2

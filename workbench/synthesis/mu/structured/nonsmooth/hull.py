@@ -1,4 +1,6 @@
-"""The least element of the hull of gradients: a steepest descent, and the measure of a kink."""
+"""The shortest vector in the convex hull of gradients: steepest descent direction and measure of
+stationarity.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,9 @@ from workbench.arrays import RealArray
 
 
 def least_in_hull(gradients: RealArray) -> RealArray:
-    """The element of least length (k,) of the convex hull of the rows of gradients (G, k).
+    """The shortest vector (k,) in the convex hull of the rows of gradients (G, k).
 
-    Nonnegative weights that minimise |sum w g|^2 + (1 - sum w)^2 have its direction, since for each
+    Nonnegative weights w that minimise |sum w g|^2 + (1 - sum w)^2 give its direction: for each
     direction the best length gives |g|^2 / (1 + |g|^2), which grows with |g|.
     """
     size = float(np.abs(gradients).max(initial=0.0))

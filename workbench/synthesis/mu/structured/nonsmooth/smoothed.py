@@ -1,4 +1,4 @@
-"""IPOPT, through CasADi, for a smooth function that Python evaluates with its slopes."""
+"""IPOPT, through CasADi, for a smooth function that Python evaluates together with its gradient."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ IPOPT: dict[str, Any] = {
     "tol": 1e-7,
     "acceptable_tol": 1e-5,
 }
-"""No output, and curvature from slopes."""
+"""Options of IPOPT: no output, and Hessians approximated from gradients."""
 
 
 def ipopt_minimum(valued: Valued, y: RealArray, most_steps: int, radius: float) -> RealArray:
-    """The best place that IPOPT looks at from y (k,), in a box of a radius about it.
+    """The best point that IPOPT evaluates, starting at y (k,), in a box of this radius around y.
 
-    Where the value is infinite IPOPT is told nothing, and shortens its step.
+    Where the value is infinite, IPOPT gets no value and shortens its step.
     """
     import casadi
 
-    seen = _Seen(valued, y)
+    seen = _Remembering(valued, y)
 
     class Slopes(casadi.Callback):
         def __init__(self) -> None:
@@ -76,15 +76,15 @@ def ipopt_minimum(valued: Valued, y: RealArray, most_steps: int, radius: float) 
     return seen.best
 
 
-class _Seen:
-    """A function that remembers its last and its best place."""
+class _Remembering:
+    """A function that remembers its last and its best point."""
 
     def __init__(self, valued: Valued, y: RealArray) -> None:
         self.valued, self.best, self.least = valued, y, math.inf
         self.last: tuple[RealArray, tuple[float, RealArray]] | None = None
 
     def at(self, y: RealArray) -> tuple[float, RealArray]:
-        """The value and slopes at y."""
+        """The value and the gradient at y."""
         if self.last is None or not np.array_equal(self.last[0], y):
             self.last = y.copy(), self.valued(y)
             if self.last[1][0] < self.least:

@@ -1,8 +1,8 @@
-"""Branch and bound over constant gains: a norm below which no gain of a box comes, proven.
+"""Branch and bound over constant gains: a proven lower bound on the norm for all gains of a box.
 
-Boxes are halved until each has a proof: at one frequency no gain in it can lower the norm below the
-level, or no gain in it stabilises (`workbench.certify.proofs.gain_boxes`). Proofs are looked for in
-doubles and made in balls.
+Boxes are halved until each one has a proof: at some frequency no gain in the box gives a norm below
+the level, or no gain in the box stabilises (`workbench.certify.proofs.gain_boxes`). Proofs are
+searched in doubles and made in ball arithmetic.
 """
 
 from __future__ import annotations
@@ -28,22 +28,24 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 MOST_GAINS = 6
-"""Most gains of a box: the number of boxes grows as its power."""
+"""Largest number of gains that vary in a box. The number of boxes grows exponentially with it."""
 FREQUENCIES, DECADES = 120, 3.0
-"""Frequencies that are looked at, and decades of them beyond the plant's poles."""
+"""Number of frequencies that are tried, and decades that they extend beyond the plant's poles."""
 BESIDE = 1.001
-"""Ratio of frequencies that are looked at beside resonances of the plant, to these."""
+"""Ratio of the frequencies tried beside a resonance of the plant to the resonance."""
 VOLUME_ROUNDING = 1e-9
-"""Rounding of the sum of volumes over that of the whole box."""
+"""Rounding error of the sum of volumes, relative to the volume of the whole box."""
 
 
 Matrix = tuple[RealArray, RealArray]
-"""The least and the largest gains of a box."""
+"""The lowest and the highest gains of a box."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Proof:
-    """What is proven of the gains of a box: by a form that none stabilises, or by a frequency."""
+    """The proof for a box of gains: a form proves that none stabilises, or a frequency proves a
+    level.
+    """
 
     plant: StandardPlant
     box: Matrix
@@ -53,7 +55,7 @@ class _Proof:
     dual: bool = False
 
     def level(self) -> float:
-        """The level proven for the box, in balls; infinite where none stabilises."""
+        """The level proven for the box, in ball arithmetic; infinite if no gain stabilises."""
         P = self.plant
         if self.form is not None:
             return math.inf if is_unstable_box(P.A, P.B2, P.C2, self.box, self.form) else 0.0
@@ -67,11 +69,12 @@ class _Proof:
 
 @dataclass(frozen=True, eq=False)
 class GainBoxBound:
-    """What is proven of the norms of loops with the gains K of a box, low <= K <= high.
+    """Proven bound on the norms of loops with the gains K of a box, low <= K <= high.
 
-    ``lower`` is proven to be at most the norm of every loop with a stabilising gain of the box;
-    infinite where none stabilises. ``gain`` is the best gain that was seen, and ``upper`` the norm
-    of its loop, in doubles; infinite without one. The certificate makes all proofs once more.
+    ``lower`` is a proven lower bound on the norm of every loop with a stabilising gain of the box;
+    it is infinite if none stabilises. ``gain`` is the best gain that was found, and ``upper`` the
+    norm of its loop, in doubles; infinite without such a gain. The certificate makes all proofs
+    again.
 
     Examples
     --------
@@ -91,17 +94,21 @@ class GainBoxBound:
     upper: float
     gain: RealArray
     finished: bool
-    """Whether lower came as close to upper as was asked, rather than the boxes ran out."""
+    """Whether lower came as close to upper as demanded, before the largest number of boxes was
+    reached.
+    """
     proofs: tuple[_Proof, ...] = field(repr=False)
 
     @property
     def boxes(self) -> int:
-        """Number of boxes that have proofs."""
+        """Number of boxes with proofs."""
         return len(self.proofs)
 
     @cached_property
     def certificate(self) -> Certificate:
-        """The proofs of all boxes made once more in balls, and whether the boxes fill the whole."""
+        """Checks that make the proofs of all boxes again in ball arithmetic, and whether the boxes
+        fill the whole box.
+        """
         least = min(proof.level() for proof in self.proofs)
         behind = 0.0 if least >= self.lower else 1.0 - least / self.lower
         moving = self.low < self.high
@@ -156,21 +163,23 @@ def least_norm_in_box(
     distance: float = 0.05,
     most_boxes: int = 20_000,
 ) -> GainBoxBound:
-    """Prove how small the norm of a loop with a constant gain in a box can be.
+    """Prove a lower bound on the norm of a loop with a constant gain in a box.
 
     Parameters
     ----------
     plant
         A continuous plant without direct term from the controls to the measurements; u = K y with
-        positive feedback. Perturbation channels count as exogenous and performance. It needs as
-        many exogenous inputs as measurements, or as many performance outputs as controls.
+        positive feedback. Perturbation channels count as exogenous inputs and performance outputs.
+        The plant needs as many exogenous inputs as measurements, or as many performance outputs as
+        controls.
     low, high
-        The least and the largest gains (controls, measurements), six of which may differ.
+        The lowest and the highest gains (controls, measurements). They may differ in at most six
+        entries.
     distance
-        Relative distance of the proven bound from the best norm seen at which the search ends.
+        The search ends at this relative distance between the proven bound and the best norm found.
     most_boxes
-        Most boxes that are looked at; the bound of those left is then the answer, and ``finished``
-        is False.
+        Largest number of boxes. If it is reached, the answer is the bound of the boxes so far, and
+        ``finished`` is False.
 
     Raises
     ------
@@ -196,12 +205,14 @@ def least_norm_in_box(
     need_kind(plant, GeneralisedPlant, "plant")
     need_positive(distance, "distance")
     need_whole(most_boxes, "most_boxes")
-    search = _Search(standard_plant(plant), *_box(plant, low, high))
+    search = _Search(standard_plant(plant), *_checked_box(plant, low, high))
     return search.bounded(distance, most_boxes)
 
 
-def _box(plant: GeneralisedPlant, low: ArrayLike, high: ArrayLike) -> tuple[RealArray, RealArray]:
-    """The ends of a box, checked."""
+def _checked_box(
+    plant: GeneralisedPlant, low: ArrayLike, high: ArrayLike
+) -> tuple[RealArray, RealArray]:
+    """Check the box and return its lowest and highest gains."""
     if plant.system.dt:
         raise InputError(f"the plant is sampled (dt = {plant.system.dt}); it must be continuous")
     if np.any(plant.controlled().D):
@@ -220,7 +231,7 @@ def _box(plant: GeneralisedPlant, low: ArrayLike, high: ArrayLike) -> tuple[Real
             raise InputError(f"{name} has shape {end.shape}; finite gains {shape} are needed")
         ends.append(end)
     if (ends[0] > ends[1]).any():
-        raise InputError("low is above high somewhere: every gain must lie between them")
+        raise InputError("low is above high in some entry: every gain must lie between them")
     moving = int((ends[0] < ends[1]).sum())
     if moving > MOST_GAINS:
         raise InputError(f"{moving} gains may move; {MOST_GAINS} at most, since boxes are halved")
@@ -229,7 +240,7 @@ def _box(plant: GeneralisedPlant, low: ArrayLike, high: ArrayLike) -> tuple[Real
 
 @dataclass(eq=False)
 class _Search:
-    """Boxes of gains, and what is known of them."""
+    """The search over boxes of gains."""
 
     P: StandardPlant
     low: RealArray
@@ -239,9 +250,9 @@ class _Search:
     proofs: list[_Proof] = field(default_factory=list)
 
     def bounded(self, distance: float, most_boxes: int) -> GainBoxBound:
-        """Halve the box with the least bound until that is close to the best norm."""
+        """Halve the box with the least bound until this bound is close to the best norm."""
         number, lower, finished = 1, math.inf, True
-        level, proof = self._proven(self.low, self.high)
+        level, proof = self._proof_of_box(self.low, self.high)
         open_boxes = [(level, 0, proof)]
         while open_boxes:
             level, _, proof = open_boxes[0]
@@ -256,7 +267,7 @@ class _Search:
                 continue
             for half in self._halves(*proof.box):
                 number += 1
-                found, made = self._proven(*half)
+                found, made = self._proof_of_box(*half)
                 heapq.heappush(open_boxes, (found, number, made))
         self.proofs += [proof for _, _, proof in open_boxes]
         return GainBoxBound(
@@ -264,34 +275,41 @@ class _Search:
         )
 
     def _halves(self, low: RealArray, high: RealArray) -> list[tuple[RealArray, RealArray]]:
-        """The box cut across the gain whose range is the largest share of the first one."""
+        """Both halves of the box, cut along the gain whose range is the largest share of its
+        initial range.
+        """
         share = (high - low) / np.where(self.high > self.low, self.high - self.low, np.inf)
         place = np.unravel_index(int(np.argmax(share)), low.shape)
         below, above = high.copy(), low.copy()
         below[place] = above[place] = (low[place] + high[place]) / 2
         return [(low, below), (above, high)]
 
-    def _proven(self, low: RealArray, high: RealArray) -> tuple[float, _Proof]:
-        """The level proven for a box, and its proof."""
+    def _proof_of_box(self, low: RealArray, high: RealArray) -> tuple[float, _Proof]:
+        """The proven level of a box, and its proof."""
         centre, box = (low + high) / 2, (low, high)
         peak = math.nan
         if np.linalg.eigvals(self._closed(centre)).real.max(initial=-1.0) < 0:
-            peak = self._seen(centre)
+            peak = self._peak_frequency(centre)
         else:
-            proof = _Proof(self.P, box, self._form(low, high))
+            proof = _Proof(self.P, box, self._decreasing_form(low, high))
             if proof.form is not None and math.isinf(proof.level()):
                 return math.inf, proof
         omega = np.append(self._omega, peak if self._off_poles(np.array([peak]))[0] else np.inf)
         best = max(
-            (self._best_frequency(omega, centre, (high - low) / 2, dual) for dual in self._kinds),
+            (
+                self._best_frequency(omega, centre, (high - low) / 2, dual)
+                for dual in self._possible_proofs
+            ),
             key=lambda each: each[0],
         )
         proof = _Proof(self.P, box, None, *best[1:])
         return proof.level(), proof
 
     @property
-    def _kinds(self) -> list[bool]:
-        """Whether the plant itself, and whether the transposed one, may have proofs."""
+    def _possible_proofs(self) -> list[bool]:
+        """Whether proofs are possible with the plant itself, and whether with the transposed
+        plant.
+        """
         P = self.P
         own, dual = P.B1.shape[1] >= P.measurements, len(P.C1) >= P.controls
         return [kind for kind, fits in ((False, own), (True, dual)) if fits]
@@ -300,8 +318,10 @@ class _Search:
         closed: RealArray = self.P.A + self.P.B2 @ K @ self.P.C2
         return closed
 
-    def _seen(self, K: RealArray) -> float:
-        """The frequency of a stabilising gain's peak; the gain of the least norm is kept."""
+    def _peak_frequency(self, K: RealArray) -> float:
+        """The frequency of the peak for a stabilising gain; remembers the gain with the least
+        norm.
+        """
         none = np.zeros((0, 0))
         gain = none, np.zeros((0, K.shape[1])), np.zeros((K.shape[0], 0)), K
         size, omega = peak_of(self.P.close(gain))
@@ -309,8 +329,10 @@ class _Search:
             self.upper, self.gain = size, K
         return omega
 
-    def _form(self, low: RealArray, high: RealArray) -> RealArray | None:
-        """A form that falls at the corners of a box, in doubles; None where there is none."""
+    def _decreasing_form(self, low: RealArray, high: RealArray) -> RealArray | None:
+        """A quadratic form, in doubles, that decreases at the corners of a box; None if there is
+        none.
+        """
         A = self._closed((low + high) / 2)
         try:
             with warnings.catch_warnings():
@@ -327,7 +349,7 @@ class _Search:
 
     @cached_property
     def _omega(self) -> RealArray:
-        """Frequencies (F,) that are looked at, the last one infinite."""
+        """Frequencies (F,) that are tried; the last one is infinite."""
         poles = np.linalg.eigvals(self.P.A)
         sizes = np.abs(poles)
         top = float(sizes.max(initial=0.0)) or 1.0
@@ -339,7 +361,7 @@ class _Search:
         return np.append(omega[self._off_poles(omega)], np.inf)
 
     def _off_poles(self, omega: RealArray) -> Array:
-        """Which frequencies (F,) are positive and not close to a pole of the plant."""
+        """Mask of the frequencies (F,) that are positive and not close to a pole of the plant."""
         poles = np.linalg.eigvals(self.P.A)
         known = np.isfinite(omega)
         apart = np.abs(1j * np.where(known, omega, 0.0)[:, None] - poles).min(
@@ -352,7 +374,7 @@ class _Search:
         """The plant at frequencies (F,) [rad/s], some of them infinite."""
         P = self.P
         finite = np.isfinite(omega)
-        beyond = 1.0 + 2.0 * float(np.abs(P.A).sum())  # than any pole; its response does not count
+        beyond = 1.0 + 2.0 * float(np.abs(P.A).sum())  # than any pole; its response is not used
         inside = 1j * np.where(finite, omega, beyond)[:, None, None] * np.eye(P.states) - P.A
         moved = P.C @ np.linalg.solve(inside, np.broadcast_to(P.B, (len(omega), *P.B.shape)))
         found: ComplexArray = P.D + finite[:, None, None] * moved
@@ -365,7 +387,9 @@ class _Search:
     def _best_frequency(
         self, omega: RealArray, K: RealArray, radius: RealArray, dual: bool
     ) -> tuple[float, float, tuple[Array, Array] | None, bool]:
-        """The largest level of a box that a frequency proves in doubles, the frequency, w and y."""
+        """The largest level that one frequency proves for a box, in doubles, with the frequency, w
+        and y.
+        """
         P, whole = self.P, np.concatenate([self._on_grid, self._response(omega[-1:])])
         z, w = len(P.C1), P.B1.shape[1]
         if dual:

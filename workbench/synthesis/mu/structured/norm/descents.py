@@ -1,4 +1,6 @@
-"""Descents of the norm from a point: BFGS, sampled gradients, hops, evolution, and smoothing."""
+"""Descents of the norm from a point: BFGS, gradient sampling, random hops, evolution, and
+smoothing.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,17 @@ from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.realisation import realisation
 
 FIRST_STEPS, MOST_STEPS = 60, 400
-"""Steps of BFGS from every start, and from those that go on."""
+"""Number of BFGS steps from every start, and from the starts that are continued."""
 LED_ON = 1e-3
-"""Share of the norm by which BFGS must have lowered it to begin again."""
+"""BFGS starts again if it has lowered the norm by more than this share."""
 HOP_SPREADS = (0.05, 0.2, 0.5)
 """Standard deviations of random hops, in units of the parameters."""
 POWERS, IPOPT_STEPS, IPOPT_RADIUS = (8.0, 32.0, 128.0, 512.0), 100, 2.0
-"""Powers of the smoothed norm in turn, steps of IPOPT, and how far it may go in units."""
+"""Powers of the smoothed norm, used in turn; number of IPOPT steps; and largest distance in
+units.
+"""
 GENERATIONS = 400
-"""Generations of an evolution."""
+"""Number of generations of an evolution."""
 
 
 def first_steps(point: NormPoint) -> NormPoint:
@@ -34,7 +38,7 @@ def first_steps(point: NormPoint) -> NormPoint:
 
 
 def by_bfgs(point: NormPoint) -> NormPoint:
-    """The end of BFGS from a point, begun again in new units while that leads on."""
+    """The end of BFGS from a point, restarted in new units as long as this lowers the norm."""
     while True:
         y, _ = bfgs_end(point.scaled, np.zeros(len(point.x)), MOST_STEPS)
         new = point.moved(y)
@@ -44,13 +48,13 @@ def by_bfgs(point: NormPoint) -> NormPoint:
 
 
 def along_kinks(point: NormPoint, rng: np.random.Generator) -> NormPoint:
-    """The end of steps along sampled gradients."""
+    """The end of gradient sampling from a point."""
     y, _ = sampled_end(point.scaled, np.zeros(len(point.x)), rng)
     return min(point.moved(y), point, key=lambda one: one.value)
 
 
 def hopped(point: NormPoint, rng: np.random.Generator, count: int) -> NormPoint:
-    """The best end of descents from random places about a point, each about the best so far."""
+    """The best end of descents from random points, each around the best point so far."""
     for number in range(count):
         if time_is_up("hops"):
             break
@@ -68,7 +72,7 @@ def by_evolution(point: NormPoint, rng: np.random.Generator) -> NormPoint:
 
 
 def by_smoothing(point: NormPoint) -> NormPoint:
-    """The best end of IPOPT on smoothed norms, each closer to the norm, on frequencies of the loop.
+    """The best end of IPOPT on smoothed norms, which approach the norm, at frequencies of the loop.
 
     The power mean (sum of s^p over singular values and frequencies)^(1/p) has no kinks, and tends
     to the largest of them.
@@ -84,7 +88,9 @@ def by_smoothing(point: NormPoint) -> NormPoint:
 
 
 def _smoothed(point: NormPoint, power: float) -> Valued:
-    """The logarithm of the power mean over steps in units from a point, and its slopes."""
+    """The logarithm of the power mean as a function of a step in units from a point, and its
+    gradient.
+    """
     norm, units = point.norm, point.units
     loop = norm.closed(point.x)
     assert loop is not None

@@ -1,8 +1,9 @@
-"""Random starts: matrices of a controller, moved until the loop is stable.
+"""Random starts: random controllers, changed until the loop is stable.
 
-BFGS lowers the real part of the rightmost pole, and of the controller's own where that must be
-stable (J. V. Burke, D. Henrion, A. S. Lewis, M. L. Overton, HIFOO, a Matlab package for fixed-order
-controller design and H-infinity optimization, IFAC Symposium on Robust Control Design (2006)).
+BFGS lowers the real part of the loop's rightmost pole, and of the controller's own rightmost pole
+if the controller must be stable (J. V. Burke, D. Henrion, A. S. Lewis, M. L. Overton, HIFOO, a
+Matlab package for fixed-order controller design and H-infinity optimization, IFAC Symposium on
+Robust Control Design (2006)).
 """
 
 from __future__ import annotations
@@ -21,18 +22,20 @@ from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
 from workbench.systems.standard_plant import StandardPlant
 
 MOST_STEPS = 200
-"""Most steps that move a random controller until its loop is stable."""
+"""Largest number of steps until the loop of a random controller is stable."""
 WELL_STABLE = 0.02
-"""Distance of the rightmost pole from the axis, over the plant's speed, that is enough."""
+"""Distance of the rightmost pole from the axis, relative to the plant's speed, that is enough."""
 DECADES = 1.0
-"""Standard deviation of the size of random gains [decades]."""
+"""Standard deviation of the magnitude of random gains [decades]."""
 
 
 def stable_draws(
     norm: LoopNorm, family: FreeMatrices, rng: np.random.Generator, count: int
 ) -> Iterator[RealArray]:
-    """Parameters (k,) of random controllers whose loops are stable; fewer where few become so."""
-    speed, gains = _sizes(norm.plant)
+    """Parameters (k,) of random controllers with stable loops; fewer than `count` if few become
+    stable.
+    """
+    speed, gains = _speed_and_gains(norm.plant)
     n, m, p = family.order, family.inputs, family.outputs
     row, column = np.ones((n + p, 1)), np.ones((1, n + m))
     row[:n], column[0, :n] = math.sqrt(speed), math.sqrt(speed)
@@ -41,16 +44,18 @@ def stable_draws(
         units[n:, n:] = gains * 10.0 ** (DECADES * rng.normal())
         unit = units.ravel()
         start = unit * rng.normal(size=unit.size)
-        rightmost = partial(_rightmost, norm, family, speed, unit)
+        rightmost = partial(_rightmost_pole, norm, family, speed, unit)
         y, _ = bfgs_end(rightmost, start / unit, MOST_STEPS, enough=-WELL_STABLE)
         if math.isfinite(norm.value(y * unit)):
             yield y * unit
 
 
-def _rightmost(
+def _rightmost_pole(
     norm: LoopNorm, family: FreeMatrices, speed: float, unit: RealArray, y: RealArray
 ) -> tuple[float, RealArray]:
-    """Real part of the rightmost pole over the speed, and its slopes by parameters in units."""
+    """Real part of the rightmost pole over the speed, and its derivatives by parameters in
+    units.
+    """
     P, n = norm.plant, family.order
     X = (unit * y).reshape(n + family.outputs, n + family.inputs)
     B = np.block([[np.zeros((P.states, n)), P.B2], [np.eye(n), np.zeros((n, P.controls))]])
@@ -62,26 +67,30 @@ def _rightmost(
     try:
         right = np.linalg.solve(np.eye(len(C)) - D @ X, C)
         left = np.linalg.solve((np.eye(B.shape[1]) - X @ D).T, B.T).T
-        found = _moved(A + B @ X @ right, left, right)
+        found = _rightmost_eigenvalue(A + B @ X @ right, left, right)
         if norm.demands.stable and n:
             own = np.zeros((n, n + family.outputs)), np.zeros((n + family.inputs, n))
             own[0][:, :n] = own[1][:n] = np.eye(n)
-            found = max(found, _moved(X[:n, :n], *own), key=lambda each: each[0])
+            found = max(found, _rightmost_eigenvalue(X[:n, :n], *own), key=lambda each: each[0])
     except LinAlgError:
         return math.inf, np.zeros(len(y))
     return found[0] / speed, found[1].ravel() * unit / speed
 
 
-def _moved(A: RealArray, left: RealArray, right: RealArray) -> tuple[float, RealArray]:
-    """Real part of A's rightmost eigenvalue, and its slopes by X where A moves as left X right."""
+def _rightmost_eigenvalue(
+    A: RealArray, left: RealArray, right: RealArray
+) -> tuple[float, RealArray]:
+    """Real part of A's rightmost eigenvalue, and its derivatives by X if A changes by left dX
+    right.
+    """
     values, vectors = np.linalg.eig(A)
     place = int(np.argmax(values.real))
     row = np.linalg.inv(vectors)[place]
     return float(values[place].real), np.outer(row @ left, right @ vectors[:, place]).real
 
 
-def _sizes(P: StandardPlant) -> tuple[float, RealArray]:
-    """The plant's speed [rad/s], and the sizes (p, m) of gains from y to u that matter."""
+def _speed_and_gains(P: StandardPlant) -> tuple[float, RealArray]:
+    """The plant's speed [rad/s], and relevant magnitudes (p, m) of gains from y to u."""
     poles = np.abs(np.linalg.eigvals(P.A))
     poles = poles[poles > 1e-9 * poles.max(initial=0.0)]
     speed = float(np.exp(np.log(poles).mean())) if poles.size else 1.0

@@ -1,9 +1,9 @@
-"""The H-infinity norm of a loop as a function of the parameters of a controller, with its slopes.
+"""The H-infinity norm of a loop as a function of the parameters of a controller, with its gradient.
 
-At the frequency of the peak the largest singular value moves by Re(u* dN v), where u and v are its
-vectors and dN = back dK out. SLICOT finds peak and frequency (N. A. Bruinsma, M. Steinbuch, A fast
-algorithm to compute the H-infinity norm of a transfer function matrix, Systems & Control Letters 14
-(1990) 287-293).
+At the frequency of the peak the largest singular value changes by Re(u* dN v), where u and v are
+its singular vectors and dN = back dK out. SLICOT finds peak and frequency (N. A. Bruinsma, M.
+Steinbuch, A fast algorithm to compute the H-infinity norm of a transfer function matrix, Systems &
+Control Letters 14 (1990) 287-293).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 NORM_ACCURACY = 1e-8
-"""Relative accuracy of the norms that a descent compares."""
+"""Relative accuracy of norms that a descent compares."""
 FAR = 1e30
-"""Largest entry of a loop that is looked at."""
+"""Loops with a larger entry are not evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoopNorm:
-    """The norm of the loop of a plant in continuous time, over the parameters of a family."""
+    """The norm of a continuous plant's loop as a function of the parameters of a family."""
 
     plant: StandardPlant
     family: Family
@@ -39,14 +39,18 @@ class LoopNorm:
 
     @cached_property
     def _opened(self) -> StandardPlant:
-        """The plant with controls as exogenous inputs too, and measurements as outputs."""
+        """The plant whose controls are also exogenous inputs, and whose measurements are also
+        outputs.
+        """
         P = self.plant
         B, C = np.hstack([P.B1, P.B2, P.B2]), np.vstack([P.C1, P.C2, P.C2])
         D = np.block([[P.D11, P.D12, P.D12], *2 * [[P.D21, P.D22, P.D22]]])
         return StandardPlant(P.A, B, C, D, P.controls, P.measurements)
 
     def closed(self, x: RealArray) -> Matrices | None:
-        """The stable loop of parameters x, opened; None if unstable, or K is not what is asked."""
+        """The stable loop with parameters x of the opened plant; None if it is unstable or K does
+        not meet the demands.
+        """
         try:
             loop = self._opened.close(self.family.matrices(x))
         except LinAlgError:
@@ -58,12 +62,12 @@ class LoopNorm:
         return loop
 
     def value(self, x: RealArray) -> float:
-        """The norm; infinite where the loop is not stable or K not what is asked."""
+        """The norm; infinite if the loop is unstable or K does not meet the demands."""
         loop = self.closed(x)
         return math.inf if loop is None else self._peak(loop)[0]
 
     def valued(self, x: RealArray) -> tuple[float, RealArray]:
-        """The norm, and its slopes by the parameters (k,) at the peak."""
+        """The norm, and its gradient (k,) by the parameters at the peak."""
         loop = self.closed(x)
         peak, omega = (math.inf, 0.0) if loop is None else self._peak(loop)
         if loop is None or not math.isfinite(peak):
@@ -71,9 +75,9 @@ class LoopNorm:
         return peak, self._slopes(loop, x, np.array([min(omega, FAR)]), 1)[1][0, 0]
 
     def singular_values(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray] | None:
-        """Singular values (F, s) at omega (F,) [rad/s] and their slopes (F, s, k) by x.
+        """Singular values (F, s) at omega (F,) [rad/s], and their derivatives (F, s, k) by x.
 
-        None where the loop is not stable, or K not what is asked.
+        None if the loop is unstable or K does not meet the demands.
         """
         loop = self.closed(x)
         return None if loop is None else self._slopes(loop, x, omega, min(self._shape))
@@ -84,7 +88,7 @@ class LoopNorm:
         return len(self.plant.C1), self.plant.B1.shape[1]
 
     def _peak(self, loop: Matrices) -> tuple[float, float]:
-        """The norm of a stable loop, opened, and the frequency of its peak."""
+        """The norm of a stable opened loop, and the frequency of its peak."""
         A, B, C, D = loop
         z, w = self._shape
         return peak_of((A, B[:, :w], C[:z], D[:z, :w]))
@@ -92,7 +96,7 @@ class LoopNorm:
     def _slopes(
         self, loop: Matrices, x: RealArray, omega: RealArray, most: int
     ) -> tuple[RealArray, RealArray]:
-        """The largest singular values (F, most) of a loop, opened, and their slopes."""
+        """The largest singular values (F, most) of an opened loop, and their derivatives."""
         A, B, C, D = loop
         z, w = self._shape
         inside = 1j * omega[:, None, None] * np.eye(len(A)) - A
@@ -111,7 +115,7 @@ class LoopNorm:
 
 
 def peak_of(loop: Matrices) -> tuple[float, float]:
-    """The norm of a stable loop and the frequency of its peak [rad/s]; infinite where unknown."""
+    """The norm of a stable loop and the frequency of its peak [rad/s]; infinite if SLICOT fails."""
     A, B, C, D = loop
     if not len(A):
         return float(np.linalg.norm(D, 2)), 1.0

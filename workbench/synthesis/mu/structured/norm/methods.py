@@ -1,10 +1,10 @@
 """Methods for the least H-infinity norm over controllers of an order or a family.
 
-All take the same starts and differ in how they go down: by BFGS and sampled gradients, within a
-trust region on all linearisations near the peak, by IPOPT on smoothed norms, or by evolution.
-Method "fixed" begins with BFGS from every start and goes on from the best. Where its two best ends
-differ, it hops and evolves from the best one. For several plants or under a limit of the gain it is
-the trust region.
+All have the same starts. They differ in the descent: BFGS and gradient sampling, a trust region on
+all linearisations near the peak, IPOPT on smoothed norms, or evolution. Method "fixed" begins with
+BFGS from every start and continues from the best ones. If its two best ends differ, it uses random
+hops and evolution from the best one. For several plants or a limit on the gain, it uses the trust
+region.
 """
 
 from __future__ import annotations
@@ -37,40 +37,46 @@ from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 FINALISTS = 3
-"""Starts that go on after the first steps of each."""
+"""Number of starts that are continued after the first steps from each."""
 HOPS, ROUNDS = 6, 2
-"""Hops from the best point before an evolution, and rounds of hops and evolution."""
+"""Number of hops from the best point before an evolution, and number of rounds of hops and
+evolution.
+"""
 GAINED = 1e-3
-"""Share of the norm by which a round must lower it for another one to follow."""
+"""Another round follows if a round has lowered the norm by at least this share."""
 
 AGREED = 1e-4
-"""Relative difference of the best two ends of descents below which the search goes no further."""
+"""The search ends if the best two ends of descents differ by less than this, relative to the
+norm.
+"""
 
 Descent = Callable[[NormPoint, Context], NormPoint]
 
 
 def _limited(program: HinfSynthesis) -> bool:
-    """Whether there are several plants or a limit of the gain, which one norm does not tell."""
+    """Whether there are several plants or a limit on the gain, which a single norm does not
+    describe.
+    """
     return bool(program.further_plants) or program.largest_gain is not None
 
 
 def _unfit(program: HinfSynthesis) -> str | None:
     if _limited(program):
-        return "it takes one plant and no limit of the gain: ask fixed or trust_region"
+        return "it takes one plant and no limit on the gain: ask fixed or trust_region"
     return nothing_asked(program)
 
 
 @method(HinfSynthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: HinfSynthesis, context: Context) -> Claim:
-    """BFGS from several starts; at kinks sampled gradients, random hops and evolution go on."""
+    """BFGS from several starts; then gradient sampling, random hops and evolution at kinks."""
     if _limited(program):
         return by_trust_region(program, context)
-    return _claim(program, context, _by_bfgs, _on)
+    return _claim(program, context, _by_bfgs, _hops_and_evolution)
 
 
 @method(HinfSynthesis, "bfgs", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
 def _bfgs(program: HinfSynthesis, context: Context) -> Claim:
-    """BFGS with a line search by Wolfe's weak conditions, then sampled gradients."""
+    """BFGS with a line search by Wolfe's weak conditions, then gradient sampling."""
     return _claim(program, context, _by_bfgs, lambda point, _: point)
 
 
@@ -82,7 +88,7 @@ def _smoothed(program: HinfSynthesis, context: Context) -> Claim:
 
 @method(HinfSynthesis, "evolution", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
 def _evolution(program: HinfSynthesis, context: Context) -> Claim:
-    """Evolution of a normal distribution (CMA-ES), which takes no slopes."""
+    """Evolution of a normal distribution (CMA-ES), which needs no gradients."""
     return _claim(program, context, _by_evolution, lambda point, _: point)
 
 
@@ -98,8 +104,8 @@ def _by_evolution(point: NormPoint, context: Context) -> NormPoint:
     return descents.by_evolution(point, context.rng)
 
 
-def _on(point: NormPoint, context: Context) -> NormPoint:
-    """The best point of rounds of hops and evolution, while they gain."""
+def _hops_and_evolution(point: NormPoint, context: Context) -> NormPoint:
+    """The best point after rounds of hops and evolution, as long as they lower the norm."""
     for _ in range(ROUNDS):
         before = point.value
         point = descents.hopped(point, context.rng, HOPS)
@@ -110,7 +116,9 @@ def _on(point: NormPoint, context: Context) -> NormPoint:
 
 
 def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Descent) -> Claim:
-    """The controller where the best descent ends, with what the other starts reached."""
+    """The controller at the end of the best descent, with the norms that the other starts
+    reached.
+    """
     given = program.absorbed.plant
     bare = GeneralisedPlant(given.system, None, given.controls, given.measurements)
     stated = MuSynthesis(bare, **asked_form(program, given.system.nstates))
@@ -124,9 +132,9 @@ def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Desce
         raise
     except SolverError as error:
         return None, Outcome.FAILED, str(error)
-    ended = _descended(program, context, starts, descent)
+    ended = _descents(program, context, starts, descent)
     best = ended[0]
-    if not (_enough(program, best) or _agreed(ended)):
+    if not (_reaches_level(program, best) or _best_two_agree(ended)):
         best = on(best, context)
     K = bilinear_sampled(best.controller, dt) if dt else best.controller
     try:
@@ -141,10 +149,12 @@ def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Desce
     return answer, Outcome.SOLVED, f"searched from {len(starts)} starts"
 
 
-def _descended(
+def _descents(
     program: HinfSynthesis, context: Context, starts: Sequence[NormPoint], descent: Descent
 ) -> list[NormPoint]:
-    """Where descents from the best starts end, the best first: first some steps from each."""
+    """The ends of descents, the best first: a few steps from each start, and full descents from the
+    best.
+    """
     ahead = []
     for start in starts:
         ahead.append(start if time_is_up("first steps") else descents.first_steps(start))
@@ -152,7 +162,7 @@ def _descended(
     ahead.sort(key=lambda point: point.value)
     ended: list[NormPoint] = []
     for number, point in enumerate(ahead[:FINALISTS], start=1):
-        late = time_is_up("descents") or (ended and _enough(program, min(ended, key=_value)))
+        late = time_is_up("descents") or (ended and _reaches_level(program, min(ended, key=_value)))
         ended.append(point if late else descent(point, context))
         context.record({"start": number, "norm": ended[-1].value})
         context.progress("descents", number, FINALISTS)
@@ -163,11 +173,11 @@ def _value(point: NormPoint) -> float:
     return point.value
 
 
-def _agreed(ended: Sequence[NormPoint]) -> bool:
-    """Whether descents from two starts ended at the same norm, the least."""
+def _best_two_agree(ended: Sequence[NormPoint]) -> bool:
+    """Whether the best two descents ended at the same norm."""
     return len(ended) > 1 and ended[1].value <= (1 + AGREED) * ended[0].value
 
 
-def _enough(program: HinfSynthesis, point: NormPoint) -> bool:
-    """Whether the level that is asked for is reached."""
+def _reaches_level(program: HinfSynthesis, point: NormPoint) -> bool:
+    """Whether the given level is reached."""
     return program.gamma is not None and point.value <= program.gamma

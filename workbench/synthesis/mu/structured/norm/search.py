@@ -1,4 +1,4 @@
-"""What the methods for a least norm share: the norm over parameters, starts, and the claim."""
+"""Common parts of the methods for a least norm: the norm at a point, and the starts."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainErro
 from workbench.systems.standard_plant import standard_plant
 
 DRAWN = 8
-"""Random starts of a search over all controllers of an order."""
+"""Number of random starts in a search over all controllers of an order."""
 STARTING_SHARE = 0.3
-"""Share of the time left that other starts than random ones may take."""
+"""Share of the remaining time for starts that are not random."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +47,16 @@ class NormPoint:
 
     @cached_property
     def units(self) -> RealArray:
-        """Units of steps (k,) about the point."""
+        """Units of steps (k,) from the point."""
         slope = self.norm.valued(self.x)[1]
         return known_units(self.norm.family.units(self.x), slope[None], self.value)
 
     @property
     def scaled(self) -> Valued:
-        """The logarithm of the norm over steps from here in units, and its slopes.
+        """The logarithm of the norm as a function of a step in units from this point, with its
+        gradient.
 
-        A logarithm falls at the same rate however small the norm has become.
+        The logarithm decreases at the same rate, no matter how small the norm is.
         """
 
         def valued(y: RealArray) -> tuple[float, RealArray]:
@@ -78,14 +79,16 @@ class NormPoint:
 class NormSearch:
     """A search for the least norm of a continuous plant over controllers of an order or a family.
 
-    ``mu`` states it as a problem of mu without perturbation.
+    ``mu`` is the same problem as a mu synthesis without perturbation.
     """
 
     mu: MuSynthesis
     context: Context
 
     def about(self, K: StateSpace) -> NormPoint | None:
-        """A controller as a point; None where it is no member, or its loop unstable."""
+        """A controller as a point; None if it is no member of the family, or its loop is
+        unstable.
+        """
         family = self.mu.family
         try:
             own: Family
@@ -101,19 +104,19 @@ class NormSearch:
         return NormPoint(norm, x, value) if math.isfinite(value) else None
 
     def starts(self) -> list[NormPoint]:
-        """Stabilising members to start from, that of the least norm first.
+        """Stabilising members to start from, by increasing norm.
 
-        Raises NoStabilisingGainError or SolverError where there is none.
+        Raises NoStabilisingGainError or SolverError if there is none.
         """
         if self.mu.start is not None:
             given = self.about(self.mu.start)
             if given is None:
                 raise SolverError("rounding hides whether the loop of the start is stable")
-            return [given, *self._members(given)]
-        found = self._drawn()
+            return [given, *self._random_members(given)]
+        found = self._random_points()
         why: Exception = SolverError("no stabilising controller was found")
         try:
-            for one in found_starts(self.mu, self._share()):
+            for one in found_starts(self.mu, self._partial_context()):
                 point = self.about(one.K)
                 found += [] if point is None else [point]
         except NoStabilisingGainError:
@@ -123,16 +126,16 @@ class NormSearch:
         if not found:
             raise why
         found.sort(key=lambda one: one.value)
-        return [*found, *self._members(found[0])]
+        return [*found, *self._random_members(found[0])]
 
-    def _share(self) -> Context:
-        """A context with a part of the time left, for starts of other kinds than random ones."""
+    def _partial_context(self) -> Context:
+        """A context with a part of the remaining time, for starts that are not random."""
         left, options = self.context.left, self.context.options
         limit = None if math.isinf(left) else max(STARTING_SHARE * left, SHORTEST)
         return Context(replace(options, time_limit=limit), self.context.progress)
 
-    def _drawn(self) -> list[NormPoint]:
-        """Points of random controllers of an order."""
+    def _random_points(self) -> list[NormPoint]:
+        """Points with random controllers of an order."""
         family, plant = self.mu.family, self.mu.plant
         if not (family is None or isinstance(family, Modal)):
             return []
@@ -149,8 +152,8 @@ class NormSearch:
                 break
         return found
 
-    def _members(self, first: NormPoint) -> list[NormPoint]:
-        """Random members about a point whose loops are stable, as many as are asked for."""
+    def _random_members(self, first: NormPoint) -> list[NormPoint]:
+        """Random members around a point with stable loops, as many as the program asks for."""
         found: list[NormPoint] = []
         for _ in range(DRAWS_PER_START * self.mu.random):
             step = START_SPREAD * self.context.rng.normal(size=first.x.size)

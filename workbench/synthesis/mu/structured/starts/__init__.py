@@ -1,1 +1,1 @@
-"""Where method "fixed" starts: one module for each rule, and the choice among what they find."""
+"""The starts of method "fixed": one module for each rule, and the choice among the starts found."""

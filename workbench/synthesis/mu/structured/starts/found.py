@@ -1,4 +1,4 @@
-"""The starts of method "fixed": every rule is asked, and the best of what they find are kept."""
+"""The starts of method "fixed": the best of the starts that all rules find."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ from workbench.synthesis.mu.structured.starts.rightmost import SEARCHES, rightmo
 from workbench.synthesis.mu.structured.starts.search import Search, Start
 
 OF_A_RULE, ALIKE, IN_ALL = 3, 0.02, 8
-"""Most starts of a rule, the relative distance of their peaks, and most starts in all."""
+"""Largest number of starts of a rule, least relative distance of their peaks, and largest number of
+starts in all.
+"""
 MOST_SEARCHED = 4
-"""Results of the search for the rightmost pole that are compared."""
+"""Number of results of the search for the rightmost pole that are compared."""
 
 Rule = Callable[[Search], Iterable[StateSpace]]
 
@@ -34,27 +36,27 @@ RULES: dict[str, Rule] = {
     LAGS: lag_rules,
     FULL_ORDER: full_order_starts,
 }
-"""Rules by what messages call them, cheap ones first."""
+"""Rules by their names in messages, cheap ones first."""
 OF_AN_ORDER = (QUIET, FULL_ORDER)
-"""The rules that controllers of an order need."""
+"""The rules used for controllers of an order."""
 GAINS = "the ranges of stabilising gains"
 RIGHTMOST = "a search for the rightmost pole"
 
 
 class NoStabilisingGainError(SolverError):
-    """No constant gain stabilises the plant, which fractions tell."""
+    """No constant gain stabilises the plant, as exact arithmetic with fractions shows."""
 
 
 def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
-    """Members that stabilise and meet the demands, that of least peak first.
+    """Members that stabilise and meet the demands, by increasing peak.
 
-    Where neither a rule for lags nor a full-order controller leads to one, a search for the
-    rightmost pole joins. Descent ends at other places from each.
+    If neither a rule for lags nor a full-order controller gives a start, a search for the rightmost
+    pole is used too. Descents from different starts end at different points.
 
     Raises
     ------
     NoStabilisingGainError
-        A constant gain is asked for, and none stabilises.
+        A constant gain is demanded, but none stabilises.
     SolverError
         None was found.
     """
@@ -71,36 +73,36 @@ def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
         asked = {name: RULES[name] for name in OF_AN_ORDER}
     found: list[Start] = []
     for name, rule in asked.items():
-        found += _of_rule(search, name, rule, found)
+        found += _starts_of_rule(search, name, rule, found)
         if any(program.target and one.peak <= program.target for one in found):
             break
     if GAINS in asked and not found and none_stabilises(search):
         raise NoStabilisingGainError("no gain stabilises")
-    last: dict[str, Rule] = {LAGS: lag_rules, RIGHTMOST: _searched}
+    last: dict[str, Rule] = {LAGS: lag_rules, RIGHTMOST: _rightmost_results}
     if not any(one.rule != QUIET for one in found):
         for name in [name for name in last if name not in asked]:
-            found += _of_rule(search, name, last[name], found)
+            found += _starts_of_rule(search, name, last[name], found)
     if not found:
-        raise SolverError(_failed(search, [*asked, RIGHTMOST]))
+        raise SolverError(_failure_message(search, [*asked, RIGHTMOST]))
     return sorted(found, key=lambda one: one.peak)[:IN_ALL]
 
 
 def _need_demands_met(search: Search) -> None:
-    """Raise InputError where no member can be as stable or as slow as is asked."""
+    """Raise InputError if no member can be as stable or as slow as demanded."""
     examples = [K for each in search.corners for K in search.family.examples(each, search.gain)]
     demands = search.program.demands.without_gain
     if not examples or any(demands.admits(K) for K in examples):
         return
     failed = [c for c in demands.checks(examples[-1]) if not c.holds]
     raise InputError(
-        f"no member of {search.family} meets what is asked of the controller: "
+        f"no member of {search.family} meets the demands on the controller: "
         f"{'; '.join(c.name for c in failed)}. An integrator is not stable: give it a leak "
         "[rad/s]; a fixed filter is a pole of size 1 / filter"
     )
 
 
-def _of_rule(search: Search, name: str, rule: Rule, before: list[Start]) -> list[Start]:
-    """The best starts of a rule that are not alike; none once time is up, if there are others."""
+def _starts_of_rule(search: Search, name: str, rule: Rule, before: list[Start]) -> list[Start]:
+    """The best different starts of a rule; none if time is up and there are other starts."""
     context = search.context
     context.progress(f"start: {name}", 0, 1)
     good: list[StateSpace] = []
@@ -113,11 +115,11 @@ def _of_rule(search: Search, name: str, rule: Rule, before: list[Start]) -> list
         if not (before or good):
             raise
     context.progress(f"start: {name}", 1, 1)
-    return _best(search, name, good)
+    return _best_different(search, name, good)
 
 
-def _best(search: Search, name: str, controllers: list[StateSpace]) -> list[Start]:
-    """The controllers of least peaks that are not alike."""
+def _best_different(search: Search, name: str, controllers: list[StateSpace]) -> list[Start]:
+    """The different controllers with the least peaks."""
     found: list[Start] = []
     least = 0.0
     peaks: list[tuple[float, int]] = []
@@ -126,7 +128,7 @@ def _best(search: Search, name: str, controllers: list[StateSpace]) -> list[Star
             break
         try:
             peaks.append((search.peak(K), place))
-        except InputError:  # an order's controller whose modes have no common block
+        except InputError:  # a controller of an order whose modes cannot form a block
             continue
     for peak, place in sorted(peaks):
         if peak > (1 + ALIKE) * least and len(found) < OF_A_RULE:
@@ -135,13 +137,13 @@ def _best(search: Search, name: str, controllers: list[StateSpace]) -> list[Star
     return found
 
 
-def _searched(search: Search) -> Iterator[StateSpace]:
-    """The first results of the search for the rightmost pole that stabilise."""
+def _rightmost_results(search: Search) -> Iterator[StateSpace]:
+    """The first stabilising results of the search for the rightmost pole."""
     return islice((K for K in rightmost(search) if search.stabilises(K)), MOST_SEARCHED)
 
 
-def _failed(search: Search, tried: list[str]) -> str:
-    """What was tried in vain, and what to do."""
+def _failure_message(search: Search, tried: list[str]) -> str:
+    """The error message: what was tried without success, and what to do."""
     program = search.program
     met = " and meets the demands" if program.demands.asked_of_poles else ""
     kind = f"order {program.order}" if program.family is None else f"the family {search.family}"

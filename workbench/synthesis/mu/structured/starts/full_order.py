@@ -1,4 +1,6 @@
-"""Starts from a controller of full order: reduced to an order, or to the nearest members."""
+"""Starts from a controller of full order: reduced to an order, or replaced by the nearest
+members.
+"""
 
 from __future__ import annotations
 
@@ -23,21 +25,21 @@ from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.systems.realisation import Matrices, realisation
 
 DETOUR = 6
-"""States above the wanted order from which a reduction starts again at most."""
+"""Largest number of states above the wanted order from which another reduction starts."""
 SHARE_OF_TIME = 0.5
-"""Share of the time left that an iteration for a start may take."""
+"""Share of the remaining time that an iteration for a start may take."""
 
 
 def full_order_starts(search: Search) -> Iterator[StateSpace]:
-    """The H-infinity controller in the family; for an order, a D-K controller reduced."""
+    """The nearest members to the H-infinity controller; for an order, a reduced D-K controller."""
     if isinstance(search.family, Modal):
-        yield from _reduced(search.program, search.family.order, search.context)
+        yield from _reduced_to_order(search.program, search.family.order, search.context)
     else:
         yield from search.members(_central(search.program))
 
 
 def _central(program: MuSynthesis) -> Iterator[StateSpace]:
-    """The H-infinity controller of the plant, made regular where it is not."""
+    """The H-infinity controller of the plant, which is made regular if needed."""
     try:
         made = on_regular(program.plant, lambda normal: central_of(normal, LEVEL_TOLERANCE))
     except (SolverError, InputError):
@@ -45,22 +47,22 @@ def _central(program: MuSynthesis) -> Iterator[StateSpace]:
     yield realisation(made.K, 0.0)
 
 
-def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
-    """Approximations with the wanted order, of a D-K controller and of the H-infinity controller.
+def _reduced_to_order(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
+    """Approximations, with the wanted order, of a D-K controller and of the H-infinity controller.
 
-    The latter has few states, none of which stand for scalings.
+    The latter has few states, since it contains no scalings.
     """
-    for found in (_iterated(program, context), _answered_central(program)):
+    for found in (_dk_answer(program, context), _answered_central(program)):
         if found is not None and found.peak is not None:
             yield from _approximations(program, order, found)
 
 
 def _answered_central(program: MuSynthesis) -> MuController | None:
-    """The H-infinity controller as an answer; None where it is none."""
+    """The H-infinity controller as an answer; None if there is none or it does not stabilise."""
     K = next(_central(program), None)
     try:
         return None if K is None else program.answer(K)
-    except SolverError:  # rounding hides whether its loop is stable
+    except SolverError:  # rounding hides whether the loop is stable
         return None
 
 
@@ -92,8 +94,8 @@ def _approximations(program: MuSynthesis, order: int, answer: MuController) -> I
                 yield realisation(again(order), 0.0)
 
 
-def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
-    """The answer of D-K iteration in a share of the time left; None where it has none."""
+def _dk_answer(program: MuSynthesis, context: Context) -> MuController | None:
+    """The answer of D-K iteration within a share of the remaining time; None if it has none."""
     if program.structure is None:
         return None  # there is nothing to iterate
     try:
@@ -101,7 +103,7 @@ def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
         own = Context(options)
         with clocked_by(own):
-            # what is best left out depends on the order, which is lower still
+            # the best states to remove depend on the final order, which is lower
             answer, _, _ = iterated(program.without_demands(), own, 0.0, reduces=False)
     except (SolverError, InputError):
         return None

@@ -1,12 +1,12 @@
 """Starts by rules for lags with dead time (SIMC).
 
 The nominal plant becomes k e^(-delay s) / ((tau1 s + 1)(tau2 s + 1)) by the half rule: the largest
-neglected lag is shared between the lag before it and the dead time, smaller ones and zeros right of
-the axis count as dead time. Then the gains of a series PID controller follow from the closed-loop
-time constant, of which several are tried.
+neglected lag is shared between the lag before it and the dead time; smaller lags and zeros right of
+the axis count as dead time. The closed-loop time constant then gives the gains of a series PID
+controller; several time constants are tried.
 
 Source: S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
-Process Control 13 (2003) 291-309. Of an unstable lag the PI controller whose loop has two equal
+Process Control 13 (2003) 291-309. For an unstable lag, the PI controller whose loop has two equal
 poles: G. P. Rotstein, D. R. Lewin, Simple PI and PID tuning for open-loop unstable systems, Ind.
 Eng. Chem. Res. 30 (1991) 1864-1869.
 """
@@ -23,19 +23,25 @@ from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.systems.generalised_plant import response
 
 CLOSED_LOOP_TIMES = tuple(np.geomspace(0.1, 10.0, 7))
-"""Closed-loop time constants over the plant's own time: its dead time, or a tenth of its lag."""
+"""Closed-loop time constants, relative to the plant's own time, which is its dead time or a tenth
+of its lag.
+"""
 FARTHEST = 1e8
-"""Size of a zero over the largest pole above which it is one at infinity, moved by rounding."""
+"""A zero of this size, relative to the largest pole, is a zero at infinity with rounding errors."""
 AT_ZERO = 1e-9
-"""Size of poles and zeros that count as 0, over the largest."""
+"""Poles and zeros below this size, relative to the largest, count as 0."""
 FILTER_SHARE = 0.1
-"""Filter of the derivative over the derivative time, and over the closed-loop time."""
+"""Time constant of the derivative's filter, relative to the derivative time and to the closed-loop
+time.
+"""
 FAST_ZERO = 0.5
-"""Time of a zero left of the axis over the least lag, up to which it shortens the dead time."""
+"""A zero left of the axis shortens the dead time if its time constant is at most this share of the
+least lag.
+"""
 LOW_SHARE = 1e-3
-"""Frequency at which the gain is read, over the least corner."""
+"""Frequency at which the gain is evaluated, relative to the lowest corner."""
 PID_TERMS = tuple[float, float, float, float]
-"""P, I, D and the filter T [s]."""
+"""Gains P, I, D and the filter T [s]."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ class LagModel:
     unstable: bool
 
     def shortened(self, kept: int) -> LagModel:
-        """The model with so many lags, by the half rule."""
+        """The model with `kept` lags, by the half rule."""
         lags, delay = list(self.lags), self.delay
         if len(lags) > kept:
             half = lags[kept] / 2
@@ -68,7 +74,7 @@ class LagModel:
 
 
 def lag_rules(search: Search) -> Iterator[StateSpace]:
-    """The members nearest to PI and PID controllers by the rules, fast and slow."""
+    """The members nearest to PI and PID controllers from the rules, fast and slow."""
     yield from search.members(_targets(search))
 
 
@@ -90,7 +96,9 @@ def _targets(search: Search) -> Iterator[StateSpace]:
 
 
 def lag_model(H: StateSpace) -> LagModel | None:
-    """The lags, integrators and dead time that a plant amounts to; None where they are no model."""
+    """The lags, integrators and dead time that approximate a plant; None if the plant has no such
+    model.
+    """
     poles, zeros = H.poles(), H.zeros()
     zeros = zeros[np.abs(zeros) <= FARTHEST * np.abs(poles).max(initial=0.0)]
     largest = float(np.abs(np.concatenate([poles, zeros])).max(initial=0.0))
@@ -104,11 +112,11 @@ def lag_model(H: StateSpace) -> LagModel | None:
         or len(right) > 1
         or (integrators and len(right))
     ):
-        return None  # no gain at rest, or more than the rules know
+        return None  # no static gain, or more than the rules cover
     lags = sorted((1.0 / np.abs(moving[moving.real <= 0])).tolist(), reverse=True)
     delay = float((1.0 / np.abs(turned[turned.real >= 0])).sum())
     for zero in np.sort(1.0 / np.abs(turned[turned.real < 0]))[::-1].tolist():
-        if lags and zero > FAST_ZERO * min(lags):  # it and the nearest lag cancel
+        if lags and zero > FAST_ZERO * min(lags):  # the zero and the nearest lag cancel
             lags.pop(int(np.argmin(np.abs(np.log(np.array(lags) / zero)))))
         else:
             delay -= zero
@@ -158,13 +166,13 @@ def _simc(short: LagModel, closed: float) -> tuple[float, float]:
     if short.integrators:
         return 1.0 / (short.gain * wait), 4.0 * wait
     tau = short.lags[0] if short.lags else 0.0
-    if tau == 0.0:  # a gain alone: integration
+    if tau == 0.0:  # for a pure gain, an integrator
         tau = FILTER_SHARE * wait
     return tau / (short.gain * wait), min(tau, 4.0 * wait)
 
 
 def three_term_controller(P: float, I: float, D: float, T: float) -> StateSpace:  # noqa: E741
-    """P + I / s + D s / (T s + 1)."""
+    """The controller P + I / s + D s / (T s + 1)."""
     import control
 
     K = control.ss([[0.0]], [[1.0]], [[I]], [[P]])

@@ -1,4 +1,6 @@
-"""Starts that do next to nothing, which stabilise a stable plant: zero, or a little integration."""
+"""Starts with almost no effect, which stabilise a stable plant: zero gain, or weak integral
+action.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,17 @@ from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.systems.generalised_plant import response
 
 SHARES = (0.3, 0.03, 0.003)
-"""Crossovers of a little integration over the speed of the plant's slowest pole."""
+"""Crossover of the integral action, relative to the plant's slowest pole."""
 OTHER_SIGN = 0.3
-"""How much slower the channels integrate whose sign is not that of G(0): they must not lead."""
+"""Factor on the integral gain of channels whose sign differs from that of G(0): they must not
+dominate.
+"""
 MOST_SIGNS = 16
-"""Most combinations of signs of the channels' integral gains that are tried."""
+"""Largest number of tried combinations of signs of the channels' integral gains."""
 
 
 def quiet(search: Search) -> Iterator[StateSpace]:
-    """Members without gain; then integral gains with the signs of G(0), small ones last."""
+    """Members with almost no gain; then integral gains with the signs of G(0), small ones last."""
     for corner in search.corners:
         yield from search.family.examples(corner, search.gain)
     yield from search.members(_little_integration(search))
@@ -36,7 +40,7 @@ def _little_integration(search: Search) -> Iterator[StateSpace]:
     plants, whole = found
     slowest = [np.abs(H.poles()).min(initial=np.inf) for H in plants]
     if not all(0 < each < np.inf for each in slowest):
-        return  # integrators, or gains alone
+        return  # a plant with integrators, or a pure gain
     still = [complex(response(H, [1e-3 * each])[0, 0, 0]).real for H, each in
              zip(plants, slowest, strict=True)]  # fmt: skip
     if not all(still):

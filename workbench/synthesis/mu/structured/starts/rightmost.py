@@ -1,4 +1,6 @@
-"""Starts from a search that moves the loop's rightmost pole left, over a family's parameters."""
+"""Starts from a search over a family's parameters that moves the loop's rightmost pole to the
+left.
+"""
 
 from __future__ import annotations
 
@@ -17,29 +19,29 @@ from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.systems.realisation import realisation
 
 REAL_POLES_APART = 0.8
-"""Ratio of the sizes of real poles that are slowed to what is asked."""
+"""Ratio of the sizes of successive real poles that are slowed to meet a demand."""
 SEARCHES, SEARCH_STEPS = 12, 200
-"""Starts of the search, and steps of each."""
+"""Number of starts of the search, and number of steps from each."""
 FAR_RIGHT = 1e6
-"""Where a loop that is not determined counts to have its rightmost pole, over the plant's speed."""
+"""Assumed rightmost pole of a loop that is not determined, relative to the plant's speed."""
 LEAST_UNIT = 0.1
-"""Least unit of a parameter of a controller of an order, which are of order one."""
+"""Least unit of a parameter in `Modal`, whose parameters are about one."""
 
 
 def rightmost(search: Search) -> Iterator[StateSpace]:
-    """Members whose loops have the rightmost pole as far left as the search gets it.
+    """Members for which the search has moved the loop's rightmost pole as far left as possible.
 
-    It starts from members that were tried in vain, then from random ones.
+    The search starts from members that failed to stabilise, then from random ones.
     """
     if not search.family.examples(search.speed, search.gain):
         return
     for number in search.context.track(range(SEARCHES), "rightmost pole"):
-        family, x, units = _begun(search, number)
-        yield family.system(_moved_left(search, family, x, units))
+        family, x, units = _start(search, number)
+        yield family.system(_move_left(search, family, x, units))
 
 
-def _moved_left(search: Search, family: Family, x: RealArray, units: RealArray) -> RealArray:
-    """Parameters for which the rightmost pole is farthest left, the best so far if time is up."""
+def _move_left(search: Search, family: Family, x: RealArray, units: RealArray) -> RealArray:
+    """Parameters with the rightmost pole farthest left, or the best ones so far if time is up."""
     demands = search.program.demands
     rows, sides = family.halfspaces(demands.stable, demands.fastest)
     scaled = rows * units if len(rows) else rows
@@ -50,7 +52,7 @@ def _moved_left(search: Search, family: Family, x: RealArray, units: RealArray) 
         search.context.seconds_left("rightmost pole")
         try:
             poles = search.program.loop(family.system(y * units)).poles()
-        except InputError:  # direct terms that cancel, or beyond doubles
+        except InputError:  # direct terms cancel, or numbers overflow
             return FAR_RIGHT
         value = float(np.max(poles.real)) / search.speed
         if value < least:
@@ -67,14 +69,14 @@ def _moved_left(search: Search, family: Family, x: RealArray, units: RealArray) 
     return final
 
 
-def _begun(search: Search, number: int) -> tuple[Family, RealArray, RealArray]:
-    """Family, parameters (k,) and their units (k,) that a search begins with."""
+def _start(search: Search, number: int) -> tuple[Family, RealArray, RealArray]:
+    """Family, parameters (k,) and their units (k,) at the start of a search."""
     tried, rng = search.missed[:SEARCHES], search.context.rng
     if isinstance(search.family, Modal):
         if number < len(tried):
-            family, x = Modal.of(_tamed(tried[number], search.program))
+            family, x = Modal.of(_with_allowed_poles(tried[number], search.program))
         else:
-            family, x = _drawn(search)
+            family, x = _random_controller(search)
         return family, x, np.maximum(np.abs(x), LEAST_UNIT)
     if number < len(tried) // 2:
         own, x = search.family.about(tried[number])
@@ -87,14 +89,16 @@ def _begun(search: Search, number: int) -> tuple[Family, RealArray, RealArray]:
 
 
 def _units(family: Family, x: RealArray, corner: float, gain: float) -> RealArray:
-    """Steps that change the response at a corner by a gain; one where none does, at least own."""
+    """Steps (k,) that change the response at a corner by about `gain`; 1 for parameters without
+    effect, and at least the family's units.
+    """
     size = np.abs(family.response(x, np.array([corner]))[1]).max(axis=(0, 2, 3))
     by_slope = np.where(size > 0, gain / np.where(size > 0, size, 1.0), 1.0)
     return np.maximum(np.minimum(by_slope, 1e3 * family.units(x) + by_slope), family.units(x))
 
 
-def _tamed(K: StateSpace, program: MuSynthesis) -> StateSpace:
-    """K with its poles mirrored and slowed to what is asked."""
+def _with_allowed_poles(K: StateSpace, program: MuSynthesis) -> StateSpace:
+    """K with its poles mirrored and slowed to meet the demands."""
     values, V = np.linalg.eig(K.A)
     if not len(values):
         return K
@@ -102,7 +106,7 @@ def _tamed(K: StateSpace, program: MuSynthesis) -> StateSpace:
         size = np.maximum(np.abs(values), 1e-6)
         values = np.minimum(values.real, -1e-3 * size) + 1j * values.imag
     if program.demands.fastest is not None:
-        # Real poles end at different places, since equal ones have no common block.
+        # Real poles get different sizes, since equal ones cannot form a block.
         rank = np.cumsum(values.imag == 0) * (values.imag == 0)
         size = 0.99 * program.demands.fastest * REAL_POLES_APART**rank
         values = values * np.minimum(1.0, size / np.maximum(np.abs(values), 1e-12))
@@ -110,8 +114,8 @@ def _tamed(K: StateSpace, program: MuSynthesis) -> StateSpace:
     return realisation((A, K.B, K.C, K.D), 0.0)
 
 
-def _drawn(search: Search) -> tuple[Modal, RealArray]:
-    """A random controller of the order with poles about as fast as the plant."""
+def _random_controller(search: Search) -> tuple[Modal, RealArray]:
+    """A random controller of the order with poles about as fast as those of the plant."""
     program, rng = search.program, search.context.rng
     assert isinstance(search.family, Modal)
     order, m, p = search.family.order, program.plant.measurements, program.plant.controls

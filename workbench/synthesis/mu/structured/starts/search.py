@@ -1,7 +1,7 @@
-"""What the rules for starts share: the family, whether a member stabilises, and how to come near.
+"""Common parts of the rules for starts: the family, a test of stability, and nearest members.
 
-A rule hands over controllers of the family. Most think of a controller of another form first; its
-nearest members are taken, near in the closed loop and near in relative error.
+A rule returns controllers of the family. Most rules first design a controller of another form. Its
+nearest members are then taken: nearest in the closed loop, and nearest in relative error.
 """
 
 from __future__ import annotations
@@ -28,10 +28,13 @@ from workbench.systems.hidden_states import visible_matrices
 from workbench.systems.realisation import realisation
 
 BELOW_FASTEST = (0.27, 0.004)
-"""Corners of examples over the fastest pole allowed: those of an order, whose poles are up to three
-times as fast, and those of other families."""
+"""Corners of examples, relative to the fastest pole allowed: for an order, whose poles are up to
+three times as fast, and for other families.
+"""
 BAND_DECADES, BAND_POINTS = 3.0, 120
-"""Decades on either side of the plant's speed, and points, where no loop tells the frequencies."""
+"""Decades on both sides of the plant's speed, and number of frequencies, if no loop gives the
+frequencies.
+"""
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,8 @@ class Start:
 class Search:
     """A search for members of a family that stabilise the plant of a program.
 
-    ``missed`` are members that do not, for those who start from them; ``abscissas`` the real parts
-    of the rightmost poles [rad/s] that were seen.
+    ``missed`` are members that do not stabilise; another search may start from them. ``abscissas``
+    are the real parts [rad/s] of the rightmost poles of their loops.
     """
 
     program: MuSynthesis
@@ -59,18 +62,18 @@ class Search:
 
     @cached_property
     def controlled(self) -> StateSpace:
-        """The plant from the controls to the measurements, its hidden states removed."""
+        """The plant from the controls to the measurements without hidden states."""
         G = self.program.plant.controlled()
         return realisation((*visible_matrices(G.A, G.B, G.C), G.D), 0.0)
 
     @cached_property
     def speed(self) -> float:
-        """The middle size of the plant's poles [rad/s]."""
+        """The geometric mean of the sizes of the plant's poles [rad/s]."""
         return middle_size(self.controlled) or middle_size(self.program.plant.system) or 1.0
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Corners of members that do next to nothing [rad/s], below the fastest pole allowed."""
+        """Corners [rad/s] of members with almost no effect, below the fastest pole allowed."""
         fastest = self.program.demands.fastest
         if fastest is None:
             return (self.speed,)
@@ -78,7 +81,9 @@ class Search:
 
     @cached_property
     def gain(self) -> float:
-        """The reciprocal of the plant's gain at its speed: the size of gains that matter."""
+        """The reciprocal of the plant's gain at its speed, which is the scale of relevant
+        controller gains.
+        """
         size = float(np.abs(response(self.controlled, [self.speed * 1.03])).max(initial=0.0))
         return 1.0 / size if size > 0 else 1.0
 
@@ -89,7 +94,9 @@ class Search:
         return PeakProblem(program.plant, structure, self.family, program.demands.without_gain)
 
     def stabilises(self, K: StateSpace) -> bool:
-        """Whether a controller stabilises and meets the demands; what does not is kept."""
+        """Whether a controller stabilises and meets the demands; others are remembered in
+        ``missed``.
+        """
         loop = self.closed(K) if self.program.demands.without_gain.admits(K) else None
         if loop is not None:
             self.abscissas.append(float(loop.poles().real.max(initial=-np.inf)))
@@ -99,14 +106,18 @@ class Search:
         return False
 
     def closed(self, K: StateSpace) -> StateSpace | None:
-        """The loops of all plants; None where direct terms cancel, so that one is undetermined."""
+        """The loops of all plants; None if direct terms cancel, so that a loop is not
+        determined.
+        """
         try:
             return self.program.loop(K)
         except InputError:
             return None
 
     def peak(self, K: StateSpace) -> float:
-        """The largest upper bound of mu at frequencies that resolve it; infinite where unstable."""
+        """The largest upper bound on mu at frequencies that resolve it; infinite for an unstable
+        loop.
+        """
         family, x = (self.program.family or Modal(K.nstates)).about(K)
         largest = 0.0
         for plant in self.program.plants:
@@ -118,26 +129,26 @@ class Search:
         return float(largest)
 
     def _nominal(self, K: StateSpace) -> StateSpace | None:
-        """The loop of the first plant; None where direct terms cancel."""
+        """The loop of the first plant; None if direct terms cancel."""
         try:
             return self.program.plant.close(K)
         except InputError:
             return None
 
     def members(self, targets: Iterable[StateSpace]) -> Iterator[StateSpace]:
-        """The nearest members to controllers of any form."""
+        """The members nearest to controllers of any form."""
         for target in targets:
             for omega, weight in self._weights(target):
                 try:
                     member = self.family.nearest(target, omega, weight)
-                    member = None if member is None else self._within(member)
+                    member = None if member is None else self._meeting_pole_demands(member)
                 except (InputError, SolverError, np.linalg.LinAlgError):
-                    continue  # none is near, or its modes have no common block
+                    continue  # there is no near member, or its modes cannot form a block
                 if member is not None:
                     yield member
 
-    def _within(self, member: StateSpace) -> StateSpace:
-        """A member with parameters moved to where the demands on poles are met, one by one."""
+    def _meeting_pole_demands(self, member: StateSpace) -> StateSpace:
+        """A member whose parameters are changed, one by one, to meet the demands on poles."""
         family, x = self.family.about(member)
         demands = self.program.demands
         for row, side in zip(*family.halfspaces(demands.stable, demands.fastest), strict=True):
@@ -148,7 +159,9 @@ class Search:
         return member
 
     def _weights(self, target: StateSpace) -> Iterator[tuple[RealArray, RealArray]]:
-        """Frequencies (F,) and weights (F,): of the closed loop where stable, and relative ones."""
+        """Frequencies (F,) and weights (F,): those of the closed loop if it is stable, and those of
+        relative error.
+        """
         loop = self._nominal(target)
         omega = self.speed * np.logspace(-BAND_DECADES, BAND_DECADES, BAND_POINTS)
         if loop is not None and stability_of(loop).holds:
@@ -165,29 +178,31 @@ class Search:
             yield omega, size.min() / np.maximum(size, size.max() * np.finfo(float).eps)
 
     def loops(self) -> tuple[list[StateSpace], Callable[[Sequence[StateSpace]], StateSpace]] | None:
-        """Plants H of single loops u = C (r - H u), and what makes a K of their controllers C.
+        """Plants H of single loops u = C (r - H u), and a function that makes K from their
+        controllers C.
 
-        None where the plant has no loops of its own: other numbers of controls than measurements.
+        None if the plant cannot be split into single loops, since its numbers of controls and
+        measurements differ.
         """
         import control
 
         G = self.controlled
         if isinstance(self.family, ThreeTerms) and self.family.setpoint_weights:
-            return [_part(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
+            return [_element(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
         if G.ninputs != G.noutputs:
             return None
-        diagonal = [_part(G, i, i, -1.0) for i in range(G.ninputs)]
+        diagonal = [_element(G, i, i, -1.0) for i in range(G.ninputs)]
         return diagonal, lambda C: control.append(*C)
 
 
 def middle_size(system: StateSpace) -> float:
-    """The geometric mean of the sizes of the poles [rad/s]; 0 where all are at 0."""
+    """The geometric mean of the sizes of the poles [rad/s]; 0 if all poles are 0."""
     size = np.abs(system.poles())
     size = size[size > 0]
     return float(np.exp(np.mean(np.log(size)))) if size.size else 0.0
 
 
-def _part(G: StateSpace, i: int, j: int, sign: float) -> StateSpace:
-    """An element of G with a sign, its hidden states removed."""
+def _element(G: StateSpace, i: int, j: int, sign: float) -> StateSpace:
+    """An element of G, times a sign, without hidden states."""
     A, B, C = visible_matrices(G.A, G.B[:, [j]], sign * G.C[[i]])
     return realisation((A, B, C, sign * G.D[[i]][:, [j]]), 0.0)
