@@ -6,29 +6,25 @@ parameters, and Gauss's approximation for what is computed from them).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
-from workbench.identification.innovations.gain_surface import GainSurface
+from workbench.identification.innovations.curvature import (
+    estimates_of,
+    largest_deviations,
+    response_along,
+    slope_along,
+)
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.input_checks import as_array, need_kind
-
-HESSIAN_ROUNDING = 1e-11
-"""Curvature, relative to the largest, below which the record tells nothing of a direction."""
-OPEN = 1e-3
-"""Change along such a direction, over the deviation by all others, that is no rounding.
-
-One that only changes the basis of states changes no pole and no response."""
-KNOWN_ROUNDING = 1e-7
-"""The same over the value itself: what is known exactly has no deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +53,17 @@ def model_deviations(
     """
     if known is not None:
         model = known.exact(model) or model
-    estimates = _estimates(model, record, direct, known)
-    criterion, theta = estimates.criterion, estimates.theta
+    estimates = estimates_of(model, record, direct, known)
     poles = np.linalg.eigvals(model.A).astype(complex)
-    pole_deviations = estimates.deviations(lambda step: _moved(criterion, theta, step), poles)
+    pole_deviations = largest_deviations(estimates, _moved, poles)
     gains = static_gain(model)
     if np.isfinite(gains).all():
-        gain_deviations = estimates.deviations(
-            lambda step: _slope(lambda t: static_gain(criterion.model(t)), theta, step), gains
+        gain_deviations = largest_deviations(
+            estimates,
+            lambda criterion, theta, step: slope_along(
+                lambda t: static_gain(criterion.model(t)), theta, step
+            ),
+            gains,
         )
     else:
         gain_deviations = np.full(gains.shape, np.inf)
@@ -100,9 +99,9 @@ def response_deviations(
     ((2, 1, 1), True)
     """
     frequency = _checked(model, record, frequency)
-    estimates = _estimates(model, record, direct, None)
-    return estimates.deviations(
-        lambda step: np.abs(response_along(estimates.criterion, estimates.theta, step, frequency)),
+    return largest_deviations(
+        estimates_of(model, record, direct, None),
+        lambda criterion, theta, step: np.abs(response_along(criterion, theta, step, frequency)),
         model.response(frequency),
     )
 
@@ -118,15 +117,14 @@ def magnitude_deviations(
 
     Poles and gains that are ``known`` do not vary.
     """
-    estimates = _estimates(model, record, direct, known)
     response = model.response(frequency)
     unit = _unit(response)
 
-    def along(step: RealArray) -> RealArray:
-        change = response_along(estimates.criterion, estimates.theta, step, frequency)
+    def along(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+        change = response_along(criterion, theta, step, frequency)
         return np.asarray((change * unit.conj()).real)
 
-    return estimates.deviations(along, response)
+    return largest_deviations(estimates_of(model, record, direct, known), along, response)
 
 
 def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray:
@@ -162,70 +160,6 @@ def _checked(model: InnovationsModel, record: Experiments, frequency: ArrayLike)
     return values
 
 
-@dataclass(frozen=True, eq=False)
-class _Estimates:
-    """Estimated parameters of a criterion, and how well it tells them.
-
-    Each column of ``root`` is a change by one standard deviation. What changes along the columns of
-    ``untold`` the record does not see.
-    """
-
-    criterion: Criterion
-    theta: RealArray
-    root: RealArray
-    untold: RealArray
-
-    def deviations(self, along: Callable[[RealArray], RealArray], values: Array) -> RealArray:
-        """Standard deviations of values that change so ``along`` a step of the parameters.
-
-        They are infinite where these change along what the record does not see.
-        """
-        total = np.sqrt(np.sum([along(step) ** 2 for step in self.root.T], axis=0))
-        rounding = OPEN * total + KNOWN_ROUNDING * np.abs(values)
-        for step in self.untold.T:
-            total = np.where(np.abs(along(step)) > rounding, np.inf, total)
-        return np.asarray(total)
-
-
-def _estimates(
-    model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
-) -> _Estimates:
-    """Criterion, parameters, and what its curvature tells of them."""
-    if known is None:
-        entries: BoolArray | None = _of_structure(model)
-    else:
-        model = known.exact(model) or model
-        entries = known.free_entries(model)
-    criterion = Criterion(model, record, 0.0, direct, entries)
-    theta = criterion.start(model)
-    hessian = criterion.expand(theta)[2]
-    along = np.eye(len(theta))
-    if known is not None and known.gain is not None:
-        scale = np.sqrt(np.diag(hessian))
-        scale[scale == 0] = 1.0
-        along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    told, untold = _curved(along.T @ hessian @ along)
-    return _Estimates(criterion, theta, along @ told, along @ untold)
-
-
-def _of_structure(model: InnovationsModel) -> BoolArray:
-    """Which entries of A, B, C, D and K are free: those that no structure keeps at zero.
-
-    A polynomial model has states of the plant and states of the noise, which stay apart. A gain
-    that is zero as a whole is that of a simulator, and is free.
-    """
-    gain = model.K if model.K.any() else np.ones_like(model.K)
-    parts = (model.A, model.B, model.C, np.ones_like(model.D), gain)
-    return np.concatenate([part.ravel() != 0 for part in parts])
-
-
-def response_along(
-    criterion: Criterion, theta: RealArray, step: RealArray, frequency: ArrayLike
-) -> ComplexArray:
-    """Change (F, ny, nu) of the response for a small step of the parameters, to first order."""
-    return _slope(lambda t: criterion.model(t).response(frequency), theta, step)
-
-
 def response_slopes(
     model: InnovationsModel, frequency: ArrayLike, direct: bool = True
 ) -> ComplexArray:
@@ -252,30 +186,6 @@ def static_gain(model: InnovationsModel) -> RealArray:
     if model.order and np.linalg.cond(rest) > 1 / np.finfo(float).eps:
         return np.full(model.D.shape, np.inf)
     return np.asarray(model.C @ np.linalg.solve(rest, model.B) + model.D)
-
-
-def root_of_inverse(hessian: RealArray) -> RealArray:
-    """Matrix R with R R' the inverse of a Hessian, where it has curvature."""
-    return _curved(hessian)[0]
-
-
-def _curved(hessian: RealArray) -> tuple[RealArray, RealArray]:
-    """A root of the inverse of a Hessian, where it has curvature, and directions where it has none.
-
-    The latter have the length of a standard deviation of the parameters, one by one.
-    """
-    scale = np.sqrt(np.diag(hessian))
-    scale[scale == 0] = 1.0
-    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
-    kept = values > HESSIAN_ROUNDING * values[-1]
-    vectors = vectors / scale[:, None]
-    return vectors[:, kept] / np.sqrt(values[kept]), vectors[:, ~kept]
-
-
-def _slope(function: Callable[[RealArray], Array], theta: RealArray, step: RealArray) -> Array:
-    """Derivative of a function along one standard deviation, by central differences."""
-    small = 1e-4
-    return np.asarray((function(theta + small * step) - function(theta - small * step)) / 2 / small)
 
 
 def _moved(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
