@@ -52,13 +52,20 @@ class Criterion:
         entries: BoolArray | None = None,
     ) -> None:
         self._template = model
-        self._pieces = [
-            (model.acting(u), np.ascontiguousarray(y, dtype=float)) for u, y in record.pieces()
-        ]
+        # What inputs before the record did, which act later, nothing tells.
+        long = [piece for piece in record.pieces() if len(piece[0]) > model.latest]
+        self._pieces = [model.driven_part(u, y) for u, y in long]
+        ends = np.cumsum([len(u) for u, _ in record.pieces()])
+        self._seen = np.concatenate(
+            [
+                np.arange(end - len(u) + model.latest, end)
+                for end, (u, _) in zip(ends, record.pieces(), strict=True)
+            ]
+        )
         self._weights = (1.0, simulation_weight) if simulation_weight > 0 else (1.0,)
         spread = np.nanstd(record.y, axis=0)
         self.floor = np.diag((LEAST_ERROR * spread) ** 2)
-        self._rows = len(record)
+        self._rows = len(self._seen)
         parts = (model.A, model.B, model.C, model.D, model.K, model.u_offset, model.y_offset)
         self._shapes = [part.shape for part in parts]
         self._ends = np.cumsum([0] + [part.size for part in parts])
@@ -160,6 +167,8 @@ class Criterion:
         one-step errors (N, ny).
         """
         found, first = np.zeros((int(parts[-1]) + 1, len(theta))), 0
+        parts = parts[self._seen]
+        errors = None if errors is None else errors[self._seen]
         weight = np.linalg.inv(self._covariance(theta, 0))
         for columns, own, rows in self._blocks(theta, 0):
             block = slice(first, first + len(own))
