@@ -137,7 +137,7 @@ class InnovationsModel:
         """
         drive, measured, late = self.acting(u) - self.u_offset, y - self.y_offset, self.latest
         found = np.empty(measured.shape)
-        ends = late, max(washout, late + self.order)
+        ends = late, max(washout, late + 1)
         for part, end in zip((slice(0, late), slice(late, None)), ends, strict=True):
             if len(drive[part]):
                 seen = slice(part.start, end)

@@ -76,7 +76,9 @@ def response_deviations(
     """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
 
     They are those of the curvature of the prediction errors, so they hold where these are white:
-    the model must have the order of the plant and of the noise. ``direct`` says whether D is free.
+    the model must have the order of the plant and of the noise. They are computed with the model's
+    own noise and with an autoregression of the errors of its free run; the larger ones count.
+    ``direct`` says whether D is free.
     What the record leaves open, such as the responses to two equal inputs, has an infinite one.
     For models of `impulse_response` take `impulse_response_deviations`.
 

@@ -287,7 +287,9 @@ class StateSpaceFit(RecordedQuestion, Program):
     def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> RealArray | None:
         """Standard deviations (F, ny, nu) of the simulator's magnitudes at frequencies (F,).
 
-        None where none are known. They hold where the errors of its predictions are white.
+        None where none are known. They hold where the errors of its predictions are white: the
+        order is right, and the method's model of the noise. Where noise is slow and a plant lightly
+        damped, "box-jenkins" holds them on short records, and "prediction-error" does not.
         """
         return simulator_deviations(self, answer, frequency)
 
