@@ -53,12 +53,12 @@ class Criterion:
     ) -> None:
         self._template = model
         # What inputs before the record did, which act later, nothing tells.
-        long = [piece for piece in record.pieces() if len(piece[0]) > model.latest]
-        self._pieces = [model.driven_part(u, y) for u, y in long]
+        late = model.longest_delay_samples
+        self._pieces = [model.driven_part(u, y) for u, y in record.pieces() if len(u) > late]
         ends = np.cumsum([len(u) for u, _ in record.pieces()])
         self._seen = np.concatenate(
             [
-                np.arange(end - len(u) + model.latest, end)
+                np.arange(end - len(u) + late, end)
                 for end, (u, _) in zip(ends, record.pieces(), strict=True)
             ]
         )

@@ -135,7 +135,8 @@ class InnovationsModel:
 
         The first samples, whose inputs were before the record, have an initial state of their own.
         """
-        drive, measured, late = self.acting(u) - self.u_offset, y - self.y_offset, self.latest
+        drive, measured = self.acting(u) - self.u_offset, y - self.y_offset
+        late = self.longest_delay_samples
         found = np.empty(measured.shape)
         ends = late, max(washout, late + 1)
         for part, end in zip((slice(0, late), slice(late, None)), ends, strict=True):
@@ -146,13 +147,14 @@ class InnovationsModel:
         return np.asarray(found + self.y_offset)
 
     @property
-    def latest(self) -> int:
+    def longest_delay_samples(self) -> int:
         """The longest delay of an input [samples]."""
         return max(self.delay, default=0)
 
     def driven_part(self, u: RealArray, y: RealArray) -> tuple[RealArray, RealArray]:
         """Inputs that act, and outputs, of the samples whose inputs are all in the record."""
-        return self.acting(u)[self.latest :], np.ascontiguousarray(y[self.latest :], dtype=float)
+        late = self.longest_delay_samples
+        return self.acting(u)[late:], np.ascontiguousarray(y[late:], dtype=float)
 
     def matrices(self, K: RealArray) -> tuple[RealArray, ...]:
         """A, B, C, D and another gain K, as compiled code takes them."""

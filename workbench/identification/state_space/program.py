@@ -272,7 +272,7 @@ class StateSpaceFit(RecordedQuestion, Program):
         washout, runs = self.washed, []
         for one in m.members or (m,):
             drive, measured = one.driven_part(u, y)
-            matrices, left = (one.A, one.B, one.C, one.D), washout - one.latest
+            matrices, left = (one.A, one.B, one.C, one.D), washout - one.longest_delay_samples
             run = convolved(matrices, drive - one.u_offset, measured - one.y_offset, left)
             runs.append(run[left:] + one.y_offset)
         again, plain = np.mean(runs, axis=0), m.free_run(u, y, washout)[washout:]
