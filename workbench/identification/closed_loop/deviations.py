@@ -35,8 +35,8 @@ from workbench.identification.closed_loop.of_lines import moves_of_lines
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.curvature import response_along, root_of_inverse
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.uncertainty import response_along, root_of_inverse
 
 PARTS, FEWEST = 30, 8
 """Number of parts of a record without period; fewest periods of an excitation whose groups are the

@@ -24,8 +24,9 @@ from workbench.identification.closed_loop.explained import excitation_of, mean_p
 from workbench.identification.closed_loop.methods import CleanInput
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.curvature import root_of_inverse
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.uncertainty import response_slopes, root_of_inverse
+from workbench.identification.innovations.uncertainty import response_slopes
 
 
 def moves_of_lines(

@@ -50,9 +50,9 @@ def regressed(
 
     def pieces() -> Iterator[tuple[RealArray, RealArray]]:
         for u, y in record.pieces():
-            signals = scaling.scaled(model.acting(u), _filled(model, u, y))
+            signals = scaling.scaled(*model.driven_part(u, _filled(model, u, y)))
             joint = np.hstack([signals[0] - m.u_offset, signals[1] - m.y_offset])
-            yield joint, scaling.scaled(u, y)[1]
+            yield joint, scaling.scaled(*model.driven_part(u, y))[1]
 
     theta = constrained_least_squares(*drive.factor(pieces()), equations, goals)
     if theta is None:
@@ -129,10 +129,10 @@ def with_known_gains(
 
     def pieces() -> Iterator[tuple[RealArray, RealArray]]:
         for u, y in record.pieces():
-            inputs, outputs = scaling.scaled(model.acting(u), y)
+            inputs, outputs = scaling.scaled(*model.driven_part(u, y))
             inputs, left = inputs - m.u_offset, outputs - m.y_offset
             if predicting:
-                filled = scaling.scaled(u, _filled(model, u, y))[1]
+                filled = scaling.scaled(*model.driven_part(u, _filled(model, u, y)))[1]
                 left = outputs - noise.one_step(inputs, filled, 1)
             constant = np.ones((len(inputs), int(drifts)))
             yield np.hstack([inputs, constant]), left

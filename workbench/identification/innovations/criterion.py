@@ -21,6 +21,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.signal import lfilter
 
 from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.experiments.several import Experiments
@@ -53,13 +54,20 @@ class Criterion:
         entries: BoolArray | None = None,
     ) -> None:
         self._template = model
-        self._pieces = [
-            (model.acting(u), np.ascontiguousarray(y, dtype=float)) for u, y in record.pieces()
-        ]
+        # What inputs before the record did, which act later, nothing tells.
+        late = model.longest_delay_samples
+        self._pieces = [model.driven_part(u, y) for u, y in record.pieces() if len(u) > late]
+        ends = np.cumsum([len(u) for u, _ in record.pieces()])
+        self._seen = np.concatenate(
+            [
+                np.arange(end - len(u) + late, end)
+                for end, (u, _) in zip(ends, record.pieces(), strict=True)
+            ]
+        )
         self._weights = (1.0, simulation_weight) if simulation_weight > 0 else (1.0,)
         spread = np.nanstd(record.y, axis=0)
-        self._floor = np.diag((LEAST_ERROR * spread) ** 2)
-        self._rows = len(record)
+        self.floor = np.diag((LEAST_ERROR * spread) ** 2)
+        self._rows = len(self._seen)
         parts = (model.A, model.B, model.C, model.D, model.K, model.u_offset, model.y_offset)
         self._shapes = [part.shape for part in parts]
         self._ends = np.cumsum([0] + [part.size for part in parts])
@@ -121,16 +129,36 @@ class Criterion:
         """Value, gradient (P,) and Gauss-Newton Hessian (P, P) of the criterion."""
         value, gradient = 0.0, np.zeros(len(theta))
         hessian = np.zeros((len(theta), len(theta)))
-        shared = np.arange(self.common)
         for run, weight in enumerate(self._weights):
             covariance = self._covariance(theta, run)
             value += weight * self._likelihood(covariance)
             whiten = np.linalg.cholesky(weight * np.linalg.inv(covariance))
-            for columns, errors, rows in self._blocks(theta, run, shared):
+            for columns, errors, rows in self._blocks(theta, run):
                 white = np.matmul(whiten.T, rows).reshape(-1, rows.shape[2])
                 gradient[columns] += white.T @ (errors @ whiten).ravel()
                 hessian[np.ix_(columns, columns)] += white.T @ white
         return value, gradient, hessian
+
+    def errors(self, theta: RealArray) -> RealArray:
+        """One-step errors (N, ny); missing ones are zero."""
+        return np.concatenate([own for _, own, _ in self._blocks(theta, 0)])
+
+    def filtered_rows(
+        self, theta: RealArray, filters: list[RealArray]
+    ) -> Iterator[tuple[IntegerArray, RealArray]]:
+        """Columns, and derivatives (T, ny, columns) of errors, through a filter for each output.
+
+        Filters are polynomials in the delay of a sample; each experiment starts at rest.
+        """
+        last, states = -1, [np.zeros(0)] * len(filters)
+        for columns, _, rows in self._blocks(theta, 0):
+            if columns[-1] != last:  # another experiment, with an initial state of its own
+                last = columns[-1]
+                states = [np.zeros((len(a) - 1, rows.shape[2])) for a in filters]
+            filtered = np.empty_like(rows)
+            for o, a in enumerate(filters):
+                filtered[:, o], states[o] = lfilter(a, 1.0, rows[:, o], axis=0, zi=states[o])
+            yield columns, filtered
 
     def slopes(
         self, theta: RealArray, parts: IntegerArray, errors: RealArray | None = None
@@ -141,8 +169,10 @@ class Criterion:
         the one-step errors (N, ny).
         """
         found, first = np.zeros((int(parts[-1]) + 1, len(theta))), 0
+        parts = parts[self._seen]
+        errors = None if errors is None else errors[self._seen]
         weight = np.linalg.inv(self._covariance(theta, 0))
-        for columns, own, rows in self._blocks(theta, 0, np.arange(self.common)):
+        for columns, own, rows in self._blocks(theta, 0):
             block = slice(first, first + len(own))
             seen = own if errors is None else errors[block]
             each = np.einsum("toc,to->tc", rows, seen @ weight)
@@ -167,7 +197,7 @@ class Criterion:
 
     def _covariance(self, theta: RealArray, run: int) -> RealArray:
         """Covariance (ny, ny) of a run's errors, not below that of rounding."""
-        total = self._floor.copy()
+        total = self.floor.copy()
         for _, state, matrices, u, y in self._runs(theta, run):
             errors = y - predictions(*matrices, state, u, y)
             errors[np.isnan(y)] = 0.0
@@ -181,7 +211,7 @@ class Criterion:
         return 0.5 * self._rows * float(unit + 2 * np.log(scale).sum())
 
     def _blocks(
-        self, theta: RealArray, run: int, shared: IntegerArray
+        self, theta: RealArray, run: int
     ) -> Iterator[tuple[IntegerArray, RealArray, RealArray]]:
         """Columns, errors (T, ny) and derivatives (T, ny, columns) of blocks of samples."""
         n, nu, ny = self._shapes[0][0], self._shapes[1][1], self._shapes[2][0]
@@ -190,7 +220,7 @@ class Criterion:
         for place, x, matrices, u, y in self._runs(theta, run):
             moved = np.zeros((n, n * (n + nu + ny)))
             shifted, free = np.zeros((n, nu + ny)), np.eye(n)
-            columns = np.r_[shared, place : place + n]
+            columns = np.r_[0 : self.common, place : place + n]
             for first in range(0, len(u), BLOCK):
                 part = slice(first, first + BLOCK)
                 errors = np.empty((len(u[part]), ny))

@@ -92,7 +92,8 @@ def with_inputs(
             yield np.column_stack([flat[:, -n:], flat[:, columns], errors.ravel()])
 
     for u, y in pieces:
-        signals = model.acting(u) - model.u_offset, np.ascontiguousarray(y - model.y_offset)
+        drive, measured = model.driven_part(u, y)
+        signals = drive - model.u_offset, np.ascontiguousarray(measured - model.y_offset)
         # The initial state of an experiment has its own columns, which are eliminated first.
         factor = triangle_of_blocks(blocks(*signals), count + 1)
         found = np.asarray(np.linalg.qr(np.vstack([found, factor[n:, n:]]), mode="r"))

@@ -115,8 +115,8 @@ class InnovationsModel:
     def one_step(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
         """One-step predictions (N, ny) of y from a record u (N, nu), y (N, ny).
 
-        The initial state is the one that predicts the first `washout` samples best. Missing
-        samples (NaN) of y are predicted too.
+        The initial state is the one that predicts the first `washout` samples best, of those whose
+        delayed inputs are in the record. Missing samples (NaN) of y are predicted too.
         """
         if self.members:
             return np.asarray(np.mean([m.one_step(u, y, washout) for m in self.members], axis=0))
@@ -132,12 +132,30 @@ class InnovationsModel:
         return self._run(np.zeros_like(self.K), u, y, washout)
 
     def _run(self, K: RealArray, u: RealArray, y: RealArray, washout: int) -> RealArray:
-        """Predictions with a gain K, from the initial state that fits y best."""
-        drive = self.acting(u) - self.u_offset
-        measured = y - self.y_offset
-        x0 = initial_state(self, K, drive[:washout], measured[:washout])
-        found: RealArray = predictions(*self.matrices(K), x0, drive, measured)
-        return found + self.y_offset
+        """Predictions with a gain K, from the initial state that fits y best.
+
+        The first samples, whose inputs were before the record, have an initial state of their own.
+        """
+        drive, measured = self.acting(u) - self.u_offset, y - self.y_offset
+        late = self.longest_delay_samples
+        found = np.empty(measured.shape)
+        ends = late, max(washout, late + 1)
+        for part, end in zip((slice(0, late), slice(late, None)), ends, strict=True):
+            if len(drive[part]):
+                seen = slice(part.start, end)
+                x0 = initial_state(self, K, drive[seen], measured[seen])
+                found[part] = predictions(*self.matrices(K), x0, drive[part], measured[part])
+        return np.asarray(found + self.y_offset)
+
+    @property
+    def longest_delay_samples(self) -> int:
+        """The longest delay of an input [samples]."""
+        return max(self.delay, default=0)
+
+    def driven_part(self, u: RealArray, y: RealArray) -> tuple[RealArray, RealArray]:
+        """Inputs that act, and outputs, of the samples whose inputs are all in the record."""
+        late = self.longest_delay_samples
+        return self.acting(u)[late:], np.ascontiguousarray(y[late:], dtype=float)
 
     def matrices(self, K: RealArray) -> tuple[RealArray, ...]:
         """A, B, C, D and another gain K, in the form for compiled code."""

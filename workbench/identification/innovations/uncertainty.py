@@ -6,30 +6,25 @@ parameters, and Gauss's approximation for functions of them).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
-from workbench.identification.innovations.gain_surface import GainSurface
+from workbench.identification.innovations.curvature import (
+    estimates_of,
+    largest_deviations,
+    response_along,
+    slope_along,
+)
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.input_checks import as_array, need_kind
-
-HESSIAN_ROUNDING = 1e-11
-"""Curvature, relative to the largest, below which the record does not determine a direction."""
-OPEN = 1e-3
-"""Change along an undetermined direction that is not rounding, relative to the deviation along all
-others.
-
-A direction that only changes the basis of the states changes no pole and no response."""
-KNOWN_ROUNDING = 1e-7
-"""Deviation, relative to the value, that counts as rounding: exactly known quantities have none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +54,17 @@ def model_deviations(
     """
     if known is not None:
         model = known.exact(model) or model
-    estimates = _estimates(model, record, direct, known)
-    criterion, theta = estimates.criterion, estimates.theta
+    estimates = estimates_of(model, record, direct, known)
     poles = np.linalg.eigvals(model.A).astype(complex)
-    pole_deviations = estimates.deviations(
-        lambda step: _modulus_slopes(criterion, theta, step), poles
-    )
+    pole_deviations = largest_deviations(estimates, _moved, poles)
     gains = static_gain(model)
     if np.isfinite(gains).all():
-        gain_deviations = estimates.deviations(
-            lambda step: _slope(lambda t: static_gain(criterion.model(t)), theta, step), gains
+        gain_deviations = largest_deviations(
+            estimates,
+            lambda criterion, theta, step: slope_along(
+                lambda t: static_gain(criterion.model(t)), theta, step
+            ),
+            gains,
         )
     else:
         gain_deviations = np.full(gains.shape, np.inf)
@@ -81,7 +77,9 @@ def response_deviations(
     """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
 
     They come from the curvature of the prediction errors, so they are valid if these are white: the
-    model must have the order of plant and noise. ``direct`` says whether D is free. A response that
+    model must have the order of plant and noise. They are computed with the model's
+    own noise and with an autoregression of the errors of its free run; the larger ones count.
+    ``direct`` says whether D is free. A response that
     the record does not determine, such as that of one of two equal inputs, has an infinite
     deviation. For models of `impulse_response` use `impulse_response_deviations`.
 
@@ -104,9 +102,9 @@ def response_deviations(
     ((2, 1, 1), True)
     """
     frequency = _checked_frequencies(model, record, frequency)
-    estimates = _estimates(model, record, direct, None)
-    return estimates.deviations(
-        lambda step: np.abs(response_along(estimates.criterion, estimates.theta, step, frequency)),
+    return largest_deviations(
+        estimates_of(model, record, direct, None),
+        lambda criterion, theta, step: np.abs(response_along(criterion, theta, step, frequency)),
         model.response(frequency),
     )
 
@@ -122,15 +120,14 @@ def magnitude_deviations(
 
     Poles and gains that are ``known`` do not vary.
     """
-    estimates = _estimates(model, record, direct, known)
     response = model.response(frequency)
     unit = _unit(response)
 
-    def along(step: RealArray) -> RealArray:
-        change = response_along(estimates.criterion, estimates.theta, step, frequency)
+    def along(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+        change = response_along(criterion, theta, step, frequency)
         return np.asarray((change * unit.conj()).real)
 
-    return estimates.deviations(along, response)
+    return largest_deviations(estimates_of(model, record, direct, known), along, response)
 
 
 def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray:
@@ -168,70 +165,6 @@ def _checked_frequencies(
     return values
 
 
-@dataclass(frozen=True, eq=False)
-class _Estimates:
-    """Estimated parameters of a criterion, and their uncertainty.
-
-    Each column of ``root`` is a change by one standard deviation. The record does not determine
-    changes along the columns of ``untold``.
-    """
-
-    criterion: Criterion
-    theta: RealArray
-    root: RealArray
-    untold: RealArray
-
-    def deviations(self, along: Callable[[RealArray], RealArray], values: Array) -> RealArray:
-        """Standard deviations of values whose change for a parameter step ``along`` returns.
-
-        They are infinite if the values change along a direction that the record does not determine.
-        """
-        total = np.sqrt(np.sum([along(step) ** 2 for step in self.root.T], axis=0))
-        rounding = OPEN * total + KNOWN_ROUNDING * np.abs(values)
-        for step in self.untold.T:
-            total = np.where(np.abs(along(step)) > rounding, np.inf, total)
-        return np.asarray(total)
-
-
-def _estimates(
-    model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
-) -> _Estimates:
-    """Criterion, parameters, and their uncertainty by its curvature."""
-    if known is None:
-        entries: BoolArray | None = _of_structure(model)
-    else:
-        model = known.exact(model) or model
-        entries = known.free_entries(model)
-    criterion = Criterion(model, record, 0.0, direct, entries)
-    theta = criterion.start(model)
-    hessian = criterion.expand(theta)[2]
-    along = np.eye(len(theta))
-    if known is not None and known.gain is not None:
-        scale = np.sqrt(np.diag(hessian))
-        scale[scale == 0] = 1.0
-        along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    told, untold = _split_by_curvature(along.T @ hessian @ along)
-    return _Estimates(criterion, theta, along @ told, along @ untold)
-
-
-def _of_structure(model: InnovationsModel) -> BoolArray:
-    """Mask of the free entries of A, B, C, D and K: those that no structure fixes at zero.
-
-    A polynomial model has separate states for the plant and for the noise. A gain that is entirely
-    zero belongs to a simulator, and is free.
-    """
-    gain = model.K if model.K.any() else np.ones_like(model.K)
-    parts = (model.A, model.B, model.C, np.ones_like(model.D), gain)
-    return np.concatenate([part.ravel() != 0 for part in parts])
-
-
-def response_along(
-    criterion: Criterion, theta: RealArray, step: RealArray, frequency: ArrayLike
-) -> ComplexArray:
-    """Change (F, ny, nu) of the response for a small step of the parameters, to first order."""
-    return _slope(lambda t: criterion.model(t).response(frequency), theta, step)
-
-
 def response_slopes(
     model: InnovationsModel, frequency: ArrayLike, direct: bool = True
 ) -> ComplexArray:
@@ -260,31 +193,7 @@ def static_gain(model: InnovationsModel) -> RealArray:
     return np.asarray(model.C @ np.linalg.solve(rest, model.B) + model.D)
 
 
-def root_of_inverse(hessian: RealArray) -> RealArray:
-    """Matrix R such that R R' is the inverse of a Hessian on the directions with curvature."""
-    return _split_by_curvature(hessian)[0]
-
-
-def _split_by_curvature(hessian: RealArray) -> tuple[RealArray, RealArray]:
-    """Root of a Hessian's inverse on directions with curvature, and directions without.
-
-    The latter are scaled by the standard deviation of each parameter.
-    """
-    scale = np.sqrt(np.diag(hessian))
-    scale[scale == 0] = 1.0
-    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
-    kept = values > HESSIAN_ROUNDING * values[-1]
-    vectors = vectors / scale[:, None]
-    return vectors[:, kept] / np.sqrt(values[kept]), vectors[:, ~kept]
-
-
-def _slope(function: Callable[[RealArray], Array], theta: RealArray, step: RealArray) -> Array:
-    """Derivative of a function along one standard deviation, by central differences."""
-    small = 1e-4
-    return np.asarray((function(theta + small * step) - function(theta - small * step)) / 2 / small)
-
-
-def _modulus_slopes(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+def _moved(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
     """Derivatives of the moduli of the poles along one standard deviation."""
     left, right = np.linalg.eig(criterion.model(theta).A)
     inverse = np.linalg.pinv(right)

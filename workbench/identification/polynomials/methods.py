@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.arrays import BoolArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.impulse_responses import impulse_model
-from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.model import STATE_SAMPLES, InnovationsModel
 from workbench.identification.innovations.prediction_error import (
     CIRCLE_ROUNDING,
     refinable,
@@ -18,7 +21,11 @@ from workbench.identification.innovations.prediction_error import (
 from workbench.identification.polynomials.regressions import arx_model
 from workbench.identification.polynomials.regularised_arx import regularised_arx
 from workbench.identification.polynomials.sparse_arx import sparse_arx
-from workbench.identification.polynomials.structures import PolynomialKind, polynomial_start
+from workbench.identification.polynomials.structures import (
+    PolynomialKind,
+    polynomial_start,
+    with_noise_of,
+)
 from workbench.identification.state_space.methods import (
     FitterOfOrder,
     SubspaceStarts,
@@ -32,6 +39,12 @@ from workbench.program import Claim, method
 
 MOST_STATES = 60
 """Most states of a structured model: Box-Jenkins has at least n for each pair of channels."""
+CONVERGED = 0.01
+"""Gain in log likelihood below which a search ends.
+
+Steps that gain 1 are far from the end where the criterion is flat, and estimates then scatter by
+where each search stopped.
+"""
 
 
 @method(StateSpaceFit, "arx", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -196,17 +209,31 @@ def _with_allowed_poles(
 def structured_fits(
     program: StateSpaceFit, kind: PolynomialKind, starts: SubspaceStarts
 ) -> FitterOfOrder:
-    """Fitting functions for models of a kind, refined from the start with the least errors."""
+    """Functions that fit models of a kind, refined from the start with the least errors.
+
+    Box-Jenkins starts at the output-error model, with an autoregression of its errors: noise that
+    starts at the plant's poles does not leave them.
+    """
 
     def way(order: int) -> Fitter:
+        def refined(
+            record: Experiments, start: InnovationsModel, entries: BoolArray
+        ) -> InnovationsModel:
+            return refine(
+                start, record, 0.0,
+                direct=program.direct, largest_radius=program.largest_radius, entries=entries,
+                known=program.known, least_gain=CONVERGED,
+            )[0]  # fmt: skip
+
         def fit(record: Experiments) -> InnovationsModel | None:
             def value(model: InnovationsModel) -> float:
                 criterion = Criterion(model, record, 0.0, program.direct)
                 return criterion(criterion.start(model))
 
-            known = program.known
-            kept = len(known.poles) if known else 0
-            begun = [polynomial_start(model, kind, kept) for model in starts.of(record, order)]
+            kept = len(program.known.poles) if program.known else 0
+            plain: PolynomialKind = "output-error" if kind == "box-jenkins" else kind
+            models = starts.of(record, order)
+            begun = [polynomial_start(model, plain, kept) for model in models]
             usable = [
                 model
                 for model, _ in begun
@@ -215,11 +242,14 @@ def structured_fits(
             start = least_of(usable, value)
             if start is None:
                 return None
-            return refine(
-                start, record, 0.0,
-                direct=program.direct, largest_radius=program.largest_radius,
-                entries=begun[0][1], known=known,
-            )[0]  # fmt: skip
+            found = refined(record, start, begun[0][1])
+            if kind != "box-jenkins":
+                return found
+            errors = [y - found.free_run(u, y, STATE_SAMPLES) for u, y in record.pieces()]
+            noisy = with_noise_of(found, order, np.vstack(errors))
+            if noisy.order > MOST_STATES or not refinable(noisy, program.largest_radius):
+                return None
+            return refined(record, noisy, polynomial_start(models[0], kind, kept)[1])
 
         return fit
 

@@ -18,8 +18,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from workbench.arrays import BoolArray, RealArray
+from workbench.identification.innovations.autoregression import autoregression
 from workbench.identification.innovations.model import InnovationsModel
 
 PolynomialKind = Literal["armax", "output-error", "box-jenkins"]
@@ -91,6 +93,32 @@ def polynomial_start(
     parts = (free["A"], free["B"], free["C"], np.ones(model.D.shape, dtype=bool), free["K"])
     entries = np.concatenate([part.ravel() for part in parts])
     return replace(model, A=A, B=B, C=C, K=K), entries
+
+
+def with_noise_of(simulator: InnovationsModel, order: int, errors: RealArray) -> InnovationsModel:
+    """A Box-Jenkins model to start from: an output-error model, and its free run's errors (N, ny).
+
+    The noise of each output is the autoregression of the order that the errors' autocovariances
+    give (Yule and Walker), which is always stable. NaN marks a missing error.
+    """
+    nu = simulator.B.shape[1]
+    states, gains = [], []
+    for o, v in enumerate(errors.T):
+        factors = autoregression(v, order)
+        rows = slice(o * nu * order, (o + 1) * nu * order)
+        companion = np.eye(order, k=1)
+        companion[:, 0] = factors
+        plant = simulator.A[rows, rows], simulator.B[rows], simulator.C[o, rows]
+        states.append((*plant, companion))
+        gains.append(np.concatenate([np.zeros(nu * order), factors])[:, None])
+    first = np.eye(1, order)[0]
+    return replace(
+        simulator,
+        A=block_diag(*[block_diag(A, companion) for A, _, _, companion in states]),
+        B=np.vstack([part for _, B, _, _ in states for part in (B, np.zeros((order, nu)))]),
+        C=block_diag(*[np.concatenate([C, first])[None] for _, _, C, _ in states]),
+        K=block_diag(*gains),
+    )
 
 
 def _observer_form(A: RealArray, known: int) -> tuple[RealArray, RealArray]:

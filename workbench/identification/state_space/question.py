@@ -102,12 +102,14 @@ class RecordedQuestion:
         if self.washout is None:
             settle(self, "washout", max(1, min(USUAL_WASHOUT, shortest // 3)))
         need_count("washout", self.washout)
-        if shortest <= self.washed + FEWEST_SCORED:
+        washout = int(self.washout or 0) + (
+            0 if isinstance(self.delay, str) else max(self.delays, default=0)
+        )
+        if shortest <= washout + FEWEST_SCORED:
             raise InputError(
                 f"{len(record)} samples with {self.estimation} for estimation leave parts of "
-                f"{shortest} to judge on; more than washout + {FEWEST_SCORED} = "
-                f"{self.washed + FEWEST_SCORED} are needed: "
-                "take a longer record or a shorter washout"
+                f"{shortest} to judge on; more than washout + delay + {FEWEST_SCORED} = "
+                f"{washout + FEWEST_SCORED} are needed: take a longer record or a shorter washout"
             )
         self._refuse_unjudged()
         settle(self, "orders", self._limits.settled(self.orders))
@@ -115,7 +117,7 @@ class RecordedQuestion:
 
     def _refuse_unjudged(self) -> None:
         """Raise `InputError` if hardly any sample of an output is left to estimate or to judge."""
-        for part, first in ((self.used, 0), (self.rest, self.washed)):
+        for part, first in ((self.used, 0), (self.rest, int(self.washout or 0))):
             for i, name in enumerate(self.record.outputs):
                 known = sum(int(np.isfinite(y[first:, i]).sum()) for _, y in part.pieces())
                 if known < FEWEST_SCORED:
@@ -157,8 +159,8 @@ class RecordedQuestion:
 
     @property
     def washed(self) -> int:
-        """Number of samples from which an initial state is estimated."""
-        return int(self.washout or 0)
+        """Number of samples that do not count: their inputs act later, or they tell the state."""
+        return int(self.washout or 0) + max(self.delays, default=0)
 
     @cached_property
     def used(self) -> Experiments:

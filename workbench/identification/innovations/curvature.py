@@ -1,0 +1,163 @@
+"""What the curvature of prediction errors tells of a model's parameters, and what of the noise.
+
+The noise near slow or lightly damped poles of a plant shows at a few lines of a short record only.
+There a model of the noise with as many poles as the plant follows what these lines happen to have,
+most often as if there were little, and the plant seems more certain than it is. So deviations are
+computed with a second model of the noise, too, an autoregression of the free run's errors, whose
+spectrum has no narrow dips; the larger ones count.
+
+Source: L. Ljung, System Identification, 2nd ed., 1999, section 9.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import lfilter
+
+from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.autoregression import chosen_autoregression
+from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.gain_surface import GainSurface
+from workbench.identification.innovations.knowledge import Knowledge
+from workbench.identification.innovations.model import InnovationsModel
+
+HESSIAN_ROUNDING = 1e-11
+"""Curvature, relative to the largest, below which the record tells nothing of a direction."""
+OPEN = 1e-3
+"""Change along such a direction, over the deviation by all others, that is no rounding.
+
+One that only changes the basis of states changes no pole and no response."""
+KNOWN_ROUNDING = 1e-7
+"""The same over the value itself: what is known exactly has no deviation."""
+Change = Callable[[Criterion, RealArray, RealArray], RealArray]
+"""Change of values by a small step of the parameters: of a criterion, its parameters, the step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """Estimated parameters of a criterion, and how well it tells them.
+
+    Each column of ``root`` is a change by one standard deviation. What changes along the columns of
+    ``untold`` the record does not see.
+    """
+
+    criterion: Criterion
+    theta: RealArray
+    root: RealArray
+    untold: RealArray
+
+    def deviations(self, change: Change, values: Array) -> RealArray:
+        """Standard deviations of values that ``change`` so with the parameters.
+
+        They are infinite where these change along what the record does not see.
+        """
+
+        def along(step: RealArray) -> RealArray:
+            return change(self.criterion, self.theta, step)
+
+        total = np.sqrt(np.sum([along(step) ** 2 for step in self.root.T], axis=0))
+        rounding = OPEN * total + KNOWN_ROUNDING * np.abs(values)
+        for step in self.untold.T:
+            total = np.where(np.abs(along(step)) > rounding, np.inf, total)
+        return np.asarray(total)
+
+
+def largest_deviations(estimates: list[Estimates], change: Change, values: Array) -> RealArray:
+    """The largest of the standard deviations by each of the estimates."""
+    return np.max([each.deviations(change, values) for each in estimates], axis=0)
+
+
+def estimates_of(
+    model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
+) -> list[Estimates]:
+    """What the record tells of a model with its own noise, and with the autoregressive one."""
+    if known is not None:
+        model = known.exact(model) or model
+    entries = _free_entries(model, known)
+    criterion = Criterion(model, record, 0.0, direct, entries)
+    theta = criterion.start(model)
+    found = [_estimated(criterion, theta, criterion.expand(theta)[2], known)]
+    if model.radius < 1:
+        simulator = replace(model, K=np.zeros_like(model.K))
+        held = entries.copy()
+        held[len(held) - model.K.size :] = False
+        criterion = Criterion(simulator, record, 0.0, direct, held)
+        theta = criterion.start(simulator)
+        found.append(_estimated(criterion, theta, _autoregressive(criterion, theta), known))
+    return found
+
+
+def _autoregressive(criterion: Criterion, theta: RealArray) -> RealArray:
+    """Hessian (P, P) of a simulator's parameters, whose errors are autoregressions."""
+    errors = criterion.errors(theta)
+    filters = [np.concatenate([[1.0], -chosen_autoregression(v)]) for v in errors.T]
+    hessian = np.zeros((len(theta), len(theta)))
+    white = np.column_stack([lfilter(a, 1.0, v) for a, v in zip(filters, errors.T, strict=True)])
+    whiten = np.linalg.cholesky(np.linalg.inv(white.T @ white / len(white) + criterion.floor))
+    for columns, rows in criterion.filtered_rows(theta, filters):
+        whitened = np.matmul(whiten.T, rows).reshape(-1, rows.shape[2])
+        hessian[np.ix_(columns, columns)] += whitened.T @ whitened
+    return hessian
+
+
+def _estimated(
+    criterion: Criterion, theta: RealArray, hessian: RealArray, known: Knowledge | None
+) -> Estimates:
+    """Estimates by a Hessian, along the surface of what is known."""
+    along = np.eye(len(theta))
+    if known is not None and known.gain is not None:
+        scale = np.sqrt(np.diag(hessian))
+        scale[scale == 0] = 1.0
+        along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
+    told, untold = _curved(along.T @ hessian @ along)
+    return Estimates(criterion, theta, along @ told, along @ untold)
+
+
+def _free_entries(model: InnovationsModel, known: Knowledge | None) -> BoolArray:
+    """Which entries of A, B, C, D and K are free: those that nothing known keeps, nor structure.
+
+    A polynomial model has states of the plant and states of the noise, which stay apart. A gain
+    that is zero as a whole is that of a simulator, and is free.
+    """
+    gain = model.K if model.K.any() else np.ones_like(model.K)
+    parts = (model.A, model.B, model.C, np.ones_like(model.D), gain)
+    if known is None:
+        return np.concatenate([part.ravel() != 0 for part in parts])
+    kept = known.free_entries(model)
+    return np.ones(sum(part.size for part in parts), bool) if kept is None else kept
+
+
+def response_along(
+    criterion: Criterion, theta: RealArray, step: RealArray, frequency: ArrayLike
+) -> ComplexArray:
+    """Change (F, ny, nu) of the response for a small step of the parameters, to first order."""
+    return slope_along(lambda t: criterion.model(t).response(frequency), theta, step)
+
+
+def slope_along(function: Callable[[RealArray], Array], theta: RealArray, step: RealArray) -> Array:
+    """Derivative of a function along one standard deviation, by central differences."""
+    small = 1e-4
+    return np.asarray((function(theta + small * step) - function(theta - small * step)) / 2 / small)
+
+
+def root_of_inverse(hessian: RealArray) -> RealArray:
+    """Matrix R with R R' the inverse of a Hessian, where it has curvature."""
+    return _curved(hessian)[0]
+
+
+def _curved(hessian: RealArray) -> tuple[RealArray, RealArray]:
+    """A root of the inverse of a Hessian, where it has curvature, and directions where it has none.
+
+    The latter have the length of a standard deviation of the parameters, one by one.
+    """
+    scale = np.sqrt(np.diag(hessian))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    kept = values > HESSIAN_ROUNDING * values[-1]
+    vectors = vectors / scale[:, None]
+    return vectors[:, kept] / np.sqrt(values[kept]), vectors[:, ~kept]
