@@ -32,7 +32,7 @@ def stable_draws(
     norm: LoopNorm, family: FreeMatrices, rng: np.random.Generator, count: int
 ) -> Iterator[RealArray]:
     """Parameters (k,) of random controllers whose loops are stable; fewer where few become so."""
-    speed, gains = _sizes(norm.plant)
+    speed, gains = sizes_of(norm.plant)
     n, m, p = family.order, family.inputs, family.outputs
     row, column = np.ones((n + p, 1)), np.ones((1, n + m))
     row[:n], column[0, :n] = math.sqrt(speed), math.sqrt(speed)
@@ -80,7 +80,7 @@ def _moved(A: RealArray, left: RealArray, right: RealArray) -> tuple[float, Real
     return float(values[place].real), np.outer(row @ left, right @ vectors[:, place]).real
 
 
-def _sizes(P: StandardPlant) -> tuple[float, RealArray]:
+def sizes_of(P: StandardPlant) -> tuple[float, RealArray]:
     """The plant's speed [rad/s], and the sizes (p, m) of gains from y to u that matter."""
     poles = np.abs(np.linalg.eigvals(P.A))
     poles = poles[poles > 1e-9 * poles.max(initial=0.0)]

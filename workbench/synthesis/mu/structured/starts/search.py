@@ -30,6 +30,11 @@ from workbench.systems.realisation import realisation
 BELOW_FASTEST = (0.27, 0.004)
 """Corners of examples over the fastest pole allowed: those of an order, whose poles are up to three
 times as fast, and those of other families."""
+START_SPREAD, DRAWS_PER_START = 0.5, 20
+"""Standard deviation of random starts, in units of the parameters, and the most draws per start
+that is wanted."""
+SHORTEST = 1e-3
+"""Time for a start that comes late: it is its own answer [s]."""
 BAND_DECADES, BAND_POINTS = 3.0, 120
 """Decades on either side of the plant's speed, and points, where no loop tells the frequencies."""
 
@@ -167,16 +172,20 @@ class Search:
     def loops(self) -> tuple[list[StateSpace], Callable[[Sequence[StateSpace]], StateSpace]] | None:
         """Plants H of single loops u = C (r - H u), and what makes a K of their controllers C.
 
-        None where the plant has no loops of its own: other numbers of controls than measurements.
+        None where the plant has no loops of its own: other numbers of controls than measurements,
+        or a pole that is not stable and that only several channels together reach and show.
         """
         import control
 
         G = self.controlled
-        if isinstance(self.family, ThreeTerms) and self.family.setpoint_weights:
-            return [_part(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
-        if G.ninputs != G.noutputs:
+        try:
+            if isinstance(self.family, ThreeTerms) and self.family.setpoint_weights:
+                return [_part(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
+            if G.ninputs != G.noutputs:
+                return None
+            diagonal = [_part(G, i, i, -1.0) for i in range(G.ninputs)]
+        except InputError:  # an element hides an unstable pole
             return None
-        diagonal = [_part(G, i, i, -1.0) for i in range(G.ninputs)]
         return diagonal, lambda C: control.append(*C)
 
 
