@@ -23,6 +23,8 @@ GAINED = 1e-3
 """Share of the norm by which a round must lower it for another one to follow."""
 AGREED = 1e-4
 """Relative difference of the best two ends of descents below which the search goes no further."""
+CLIMBING_SHARE = 0.2
+"""Share of the time left that lower orders may take."""
 DRAWN_BELOW = 2
 """Random starts of the lowest order from which a search climbs."""
 
@@ -80,7 +82,7 @@ def _from_lower_orders(search: NormSearch) -> list[NormPoint]:
     if search.order is None or search.mu.start is not None:
         return []
     point: NormPoint | None = None
-    with clocked_by(search.share_of_time()):
+    with clocked_by(search.share_of_time(CLIMBING_SHARE)):
         for order in range(search.order):
             if point is None:
                 point = min(search.drawn(order, DRAWN_BELOW), key=_value, default=None)

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 from workbench.arrays import RealArray
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.executor.clock import time_is_up
+from workbench.executor.clock import clocked_by, time_is_up
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.free import FreeMatrices
@@ -32,8 +32,8 @@ from workbench.systems.standard_plant import standard_plant
 
 DRAWN = 8
 """Random starts of a search over all controllers of an order."""
-STARTING_SHARE = 0.3
-"""Share of the time left that other starts than random ones may take."""
+DRAWN_SHARE, STARTING_SHARE = 0.15, 0.3
+"""Shares of the time left that random starts, and other ones, may take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +146,13 @@ class NormSearch:
             more = self.order is not None and self.order > self.mu.start.nstates
             first = given.grown(self.order or 0, self.context.rng) if more else given
             return [first, *self._members(first)]
-        found = [] if self.order is None else self.drawn(self.order, DRAWN)
+        found = []
+        if self.order is not None:
+            with clocked_by(self.share_of_time(DRAWN_SHARE)):
+                found = self.drawn(self.order, DRAWN)
         why: Exception = SolverError("no stabilising controller was found")
         try:
-            for one in found_starts(self.mu, self.share_of_time()):
+            for one in found_starts(self.mu, self.share_of_time(STARTING_SHARE)):
                 point = self.about(one.K)
                 found += [] if point is None else [point]
         except NoStabilisingGainError:
@@ -161,10 +164,10 @@ class NormSearch:
         found.sort(key=lambda one: one.value)
         return [*found, *self._members(found[0])]
 
-    def share_of_time(self) -> Context:
-        """A context with a part of the time left, for starts of other kinds than random ones."""
+    def share_of_time(self, share: float) -> Context:
+        """A context with a part of the time left, for starts of one kind."""
         left, options = self.context.left, self.context.options
-        limit = None if math.isinf(left) else max(STARTING_SHARE * left, SHORTEST)
+        limit = None if math.isinf(left) else max(share * left, SHORTEST)
         return Context(replace(options, time_limit=limit), self.context.progress)
 
     def drawn(self, order: int, count: int) -> list[NormPoint]:
