@@ -11,6 +11,7 @@ from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.free import FreeMatrices
 from workbench.synthesis.mu.structured.norm.drawn import stable_draws
 from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
+from workbench.synthesis.mu.structured.norm.search import NormPoint
 from workbench.systems.standard_plant import standard_plant
 from workbench.uncertainty import GeneralisedPlant
 
@@ -132,6 +133,15 @@ def test_a_start_with_fewer_states_is_where_the_search_begins():
     answer = wb.solve(begun, "bfgs", Options(seed=0)).answer
     assert answer.K.nstates == 2
     assert answer.norm <= (1 + 1e-6) * lower.norm
+
+
+def test_states_that_are_added_keep_to_the_fastest_pole():
+    plant = standard_plant(first_order())
+    norm = LoopNorm(plant, FreeMatrices(0, 1, 1), Shippable(fastest=0.01))
+    gain = NormPoint(norm, np.array([-2.7]), norm.value(np.array([-2.7])))
+    grown = gain.grown(3, np.random.default_rng(0))
+    assert grown.norm.value(grown.x) == pytest.approx(gain.value, rel=1e-6)
+    assert np.abs(grown.controller.poles()).max() <= 0.01
 
 
 @pytest.mark.slow

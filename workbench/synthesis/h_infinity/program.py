@@ -108,7 +108,8 @@ class HinfSynthesis(ControllerSynthesis):
         Whether the controller itself must be stable, and the largest size of its poles [rad/s].
     start
         A stabilising controller to start from, a member of the family where there is one; or its
-        parameters in the family. None: the method finds its own.
+        parameters in the family. It may have fewer states than the order. None: the method finds
+        its own.
     random
         Number of stabilising members, drawn around the start, from which is searched besides.
     largest_gain

@@ -82,7 +82,7 @@ class NormPoint:
         P, (A, B, C, D) = self.norm.plant, self.norm.family.matrices(self.x)
         more = order - len(A)
         speed, gains = sizes_of(P)
-        rates = speed * np.exp(rng.normal(size=more))
+        rates = np.minimum(speed * np.exp(rng.normal(size=more)), self._allowed)
         driven = rates[:, None] * rng.normal(size=(more, P.measurements))
         driven *= gains.mean(axis=0) / gains.mean()
         whole = [
@@ -91,6 +91,12 @@ class NormPoint:
         ]
         own = FreeMatrices(order, P.measurements, P.controls)
         return NormPoint(replace(self.norm, family=own), np.block(whole).ravel(), self.value)
+
+    @property
+    def _allowed(self) -> float:
+        """Largest pole of a new state [rad/s], within what is asked of the controller's poles."""
+        fastest = self.norm.demands.fastest
+        return math.inf if fastest is None else fastest / 2
 
     def moved(self, y: RealArray) -> NormPoint:
         """The point after a step in units."""
