@@ -165,7 +165,7 @@ class HinfSynthesis(ControllerSynthesis):
         "workbench.synthesis.h_infinity.methods",
         "workbench.synthesis.h_infinity.conic",
         "workbench.synthesis.mu.structured.least_norm",
-        "workbench.synthesis.mu.structured.norm.methods",
+        "workbench.synthesis.mu.structured.norm_methods",
     )
     headline: ClassVar[str] = "norm"
 

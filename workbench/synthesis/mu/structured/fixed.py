@@ -84,7 +84,7 @@ def _norm_claim(program: MuSynthesis, context: Context) -> Claim:
     best = Iterate(found.best.value, np.nan, np.nan, found.best.controller)
     context.record(best.row(1))
     finish = Finish(program, context, reduces=False)
-    return finish.claim([best], f"searched from {found.count} starts")
+    return finish.claim([best], f"searched from {found.starts} starts")
 
 
 def trust_region_claim(program: MuSynthesis, context: Context) -> Claim:

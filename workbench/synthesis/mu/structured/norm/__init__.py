@@ -1,1 +1,1 @@
-"""The H-infinity norm over the parameters of a controller, and the methods that lower it."""
+"""The H-infinity norm over the parameters of a controller, and searches that lower it."""

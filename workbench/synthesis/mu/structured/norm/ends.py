@@ -33,11 +33,11 @@ Descent = Callable[[NormPoint, Context], NormPoint]
 
 
 class Ends(NamedTuple):
-    """The ``best`` point of a search, norms ``reached`` from the starts, and their ``count``."""
+    """The ``best`` point of a search, norms ``reached`` from all ``starts``."""
 
     best: NormPoint
     reached: tuple[float, ...]
-    count: int
+    starts: int
 
 
 def by_bfgs(point: NormPoint, context: Context) -> NormPoint:

@@ -118,4 +118,4 @@ def _claim(
     least = least_of_all(program, size) if program.gamma is None else math.nan
     slope = stationarity(best.scaled, np.zeros(len(best.x)), context.rng)
     answer = HinfController(K, size, level, least, reached=found.reached, slope=slope)
-    return answer, Outcome.SOLVED, f"searched from {found.count} starts"
+    return answer, Outcome.SOLVED, f"searched from {found.starts} starts"
