@@ -29,7 +29,7 @@ LEFT = {
         executor/workers.py: LOOK
         starter/kept_weights.py: SECONDS
         synthesis/mu/finish.py: LEAST_SECONDS
-        synthesis/mu/structured/fixed.py: SHORTEST""",
+        synthesis/mu/structured/starts/search.py: SHORTEST""",
     "width of a figure on paper": """
         figures/styles.py: NARROWEST
         figures/styles.py: WIDEST

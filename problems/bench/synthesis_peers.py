@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +20,11 @@ from workbench.uncertainty import GeneralisedPlant
 T = TypeVar("T")
 ITERATIONS, ORDER = 3, 4
 """D-K iterations after the first controller, and order of the scalings, as in dkpy's example."""
+AUTOMATIC_ITERATIONS, FIT_ERROR = 6, 1e-2
+"""Most D-K iterations of dkpy with the order of the scalings found by itself, and the relative
+error of mu up to which it raises the order."""
+AUTOMATIC = "dkpy, automatic order"
+"""What that way is called."""
 OMEGA = np.logspace(-3, 3, 61)
 """Frequencies [rad/s] of dkpy's example."""
 
@@ -27,13 +33,15 @@ OMEGA = np.logspace(-3, 3, 61)
 class Claimed:
     """A controller (None: none was given) and the norm or peak of mu that its maker claims.
 
-    ``failure`` is the maker's message where none was given.
+    ``failure`` is the maker's message where none was given, and ``rounds`` counts the controllers
+    that were made.
     """
 
     K: StateSpace | None
     claim: float
     seconds: float
     failure: str = ""
+    rounds: int = 1
 
 
 def hinfsyn(plant: GeneralisedPlant) -> Claimed:
@@ -75,22 +83,33 @@ def need_dkpy() -> Any:
     return dkpy
 
 
-def dk_iteration() -> tuple[Claimed, StateSpace]:
-    """dkpy on its own example of the distillation column, and the plant of that example."""
+def dk_iterations() -> tuple[dict[str, Claimed], StateSpace]:
+    """dkpy on its own example of the distillation column, by ways, and the plant of that example.
+
+    With scalings of a fixed order, as in the example, and of an order that it finds by itself.
+    """
     dkpy = need_dkpy()
     example = dkpy.example_skogestad2006_p325()
-    iteration = dkpy.DkIterFixedOrder(
-        controller_synthesis=dkpy.HinfSynSlicot(),
-        structured_singular_value=dkpy.SsvLmiBisection(),
-        d_scale_fit=dkpy.DScaleFitSlicot(),
-        n_iterations=ITERATIONS,
-        fit_order=ORDER,
-    )
+    parts = dkpy.HinfSynSlicot(), dkpy.SsvLmiBisection(), dkpy.DScaleFitSlicot()
+    ways = {
+        "dkpy": dkpy.DkIterFixedOrder(*parts, n_iterations=ITERATIONS, fit_order=ORDER),
+        AUTOMATIC: dkpy.DkIterAutoOrder(
+            *parts,
+            max_mu_fit_error=FIT_ERROR,
+            max_iterations=AUTOMATIC_ITERATIONS,
+            max_fit_order=ORDER,
+        ),
+    }
     blocks = [dkpy.ComplexFullBlock(size, size) for size in (1, 1, 2)]
     sizes = example["n_y"], example["n_u"]
-    start = time.perf_counter()
-    K, _, mu, _, _ = _quiet(lambda: iteration.synthesize(example["P"], *sizes, OMEGA, blocks))
-    return Claimed(K, float(mu), time.perf_counter() - start), example["P"]
+    found = {}
+    for name, iteration in ways.items():
+        start = time.perf_counter()
+        work = partial(iteration.synthesize, example["P"], *sizes, OMEGA, blocks)
+        K, _, mu, scalings, _ = _quiet(work)
+        seconds = time.perf_counter() - start
+        found[name] = Claimed(K, float(mu), seconds, rounds=len(scalings) + 1)
+    return found, example["P"]
 
 
 def _quiet(work: Callable[[], T]) -> T:

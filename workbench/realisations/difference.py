@@ -14,6 +14,7 @@ from workbench.certify.realisations.parts import (
     difference_of,
     gain_apart,
 )
+from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.realisations.system_parts import parts_of
@@ -44,16 +45,19 @@ def difference_bound(
         system, other = _timed(system, rate), _timed(other, rate)
         leaving = None if leaving is None else _timed(leaving, rate)
         entering = None if entering is None else _timed(entering, rate)
-    try:
-        parts, its = parts_of(system), parts_of(other)
-    except InputError:  # poles that rounding cannot tell from the boundary
-        return math.inf
-    if boundary_part_error(system, matrices_of(its.boundary)) > SAME_BOUNDARY:
-        return math.inf
     dt = float(system.dt or 0.0)
-    beside = parts.error + its.error
-    beside += gain_apart(matrices_of(parts.antistable), matrices_of(its.antistable), dt, True)
-    stable = matrices_of(parts.stable), matrices_of(its.stable)
+    stable, beside = (matrices_of(system), matrices_of(other)), 0.0
+    if not (stability_of(system).holds and stability_of(other).holds):
+        try:
+            parts, its = parts_of(system), parts_of(other)
+        except InputError:  # poles that rounding cannot tell from the boundary
+            return math.inf
+        if boundary_part_error(system, matrices_of(its.boundary)) > SAME_BOUNDARY:
+            return math.inf
+        beside = parts.error + its.error
+        antistable = matrices_of(parts.antistable), matrices_of(its.antistable)
+        beside += gain_apart(*antistable, dt, True)
+        stable = matrices_of(parts.stable), matrices_of(its.stable)
     between, factor = difference_of(*stable), 1.0
     if entering is not None:
         factor *= certified_norm(entering)

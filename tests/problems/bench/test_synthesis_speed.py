@@ -6,7 +6,13 @@ import control
 import numpy as np
 import pytest
 from workbench.plants.bench.synthesis import FASTER, PEAK, SLOWER, SynthesisSpeed, failed
-from workbench.plants.bench.synthesis_peers import Claimed, achieved, dk_iteration, hinfsyn
+from workbench.plants.bench.synthesis_peers import (
+    AUTOMATIC,
+    Claimed,
+    achieved,
+    dk_iterations,
+    hinfsyn,
+)
 from workbench.plants.bench.synthesis_plants import drive_plants, random_plant
 from workbench.plants.textbook.distillation import distillation_column
 
@@ -15,17 +21,18 @@ from workbench.errors import InputError
 from workbench.synthesis import hinf
 
 
-def a_peer():
+def peers():
     """What dkpy would give, but by the first controller of D-K iteration, in no time."""
     plant = distillation_column()
-    return Claimed(hinf(plant).K, 1.2, 3600.0), plant.system
+    K = hinf(plant).K
+    return {"dkpy": Claimed(K, 1.2, 3600.0), AUTOMATIC: Claimed(K, 1.1, 7200.0)}, plant.system
 
 
 @pytest.fixture(scope="module")
 def solved():
     study = SynthesisSpeed((3,), 2, drives=False, distillation=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workbench.plants.bench.synthesis.dk_iteration", a_peer)
+        patch.setattr("workbench.plants.bench.synthesis.dk_iterations", peers)
         return study, wb.solve(study)
 
 
@@ -45,6 +52,7 @@ def test_the_small_one_holds(solved):
     assert numbers["norm_over_hinfsyn_3"] <= 1.001
     assert numbers["dkpy_over_ours"] > FASTER
     assert numbers["peak"] <= PEAK < numbers["peak_dkpy"] == 1.2
+    assert numbers["peak_dkpy_automatic"] == 1.1
 
 
 @pytest.mark.cases(0)
@@ -75,13 +83,13 @@ def test_the_run_is_shown(solved):
     assert set(study.figures(solution.answer)) == {"hinf"}
     tables = study.tables(solution.answer)
     assert tables["hinf"].count("\n") == 2 + 2
-    assert "3.6e+03" in tables["distillation"].splitlines()[-1]
+    assert "3.6e+03" in tables["distillation"].splitlines()[-2]
 
 
 def test_without_dkpy(monkeypatch):
     monkeypatch.setitem(sys.modules, "dkpy", None)
     with pytest.raises(InputError, match=r"pip install 'workbench\[benchmark\]'.*distillation"):
-        dk_iteration()
+        dk_iterations()
     study = wb.load("bench/synthesis", largest=10, plants=1, distillation=False, drives=False)
     assert study.sizes == (10,)
     assert study.groups == ["10 states"]

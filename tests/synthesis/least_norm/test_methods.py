@@ -6,11 +6,12 @@ import pytest
 
 import workbench as wb
 from workbench import Options
-from workbench.synthesis import PI, HinfSynthesis
+from workbench.synthesis import PI, HinfSynthesis, MuSynthesis
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.free import FreeMatrices
 from workbench.synthesis.mu.structured.norm.drawn import stable_draws
 from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
+from workbench.synthesis.mu.structured.norm.search import NormPoint
 from workbench.systems.standard_plant import standard_plant
 from workbench.uncertainty import GeneralisedPlant
 
@@ -97,3 +98,56 @@ def test_random_starts_stabilise_a_flexible_plant():
     found = list(stable_draws(norm, family, np.random.default_rng(0), 6))
     assert found
     assert all(np.isfinite(norm.value(x)) for x in found)
+
+
+def crossed():
+    """An integrator that the second control moves and the first measurement shows, and a lag."""
+    A, B = np.diag([0.0, -1.0]), [[1.0, 0, 0, 0, 1], [0, 0, 0, 1, 0]]
+    C = [[1.0, 0], [0, 0], [0, 0], [1, 0], [0, 1]]
+    D = np.zeros((5, 5))
+    D[1, 3] = D[2, 4] = D[3, 1] = D[4, 2] = 1.0
+    return GeneralisedPlant(control.ss(A, B, C, D), None, 2, 2)
+
+
+@pytest.mark.parametrize("Synthesis", [HinfSynthesis, MuSynthesis])
+def test_a_pole_that_no_channel_has_alone_hinders_no_search(Synthesis):
+    solution = wb.solve(Synthesis(crossed(), order=0), options=Options(seed=0))
+    assert solution.certificate.holds
+    norms = [
+        control.linfnorm(crossed().close(control.ss([], [], [], [[0.0, 0.0], [-k, 0.0]])))[0]
+        for k in np.linspace(0.5, 2.0, 151)
+    ]
+    peak = solution.answer.norm if Synthesis is HinfSynthesis else solution.answer.upper
+    assert peak == pytest.approx(min(norms), rel=2e-3)
+
+
+def test_mu_synthesis_without_perturbation_is_h_infinity_synthesis():
+    solution = wb.solve(MuSynthesis(first_order(), order=0), options=Options(seed=0))
+    assert solution.certificate.holds
+    assert solution.answer.upper == pytest.approx(1 + np.sqrt(3), rel=2e-3)
+
+
+def test_a_start_with_fewer_states_is_where_the_search_begins():
+    lower = wb.solve(HinfSynthesis(first_order(), order=0), "bfgs", Options(seed=0)).answer
+    begun = HinfSynthesis(first_order(), order=2, start=lower.K)
+    answer = wb.solve(begun, "bfgs", Options(seed=0)).answer
+    assert answer.K.nstates == 2
+    assert answer.norm <= (1 + 1e-6) * lower.norm
+
+
+def test_states_that_are_added_keep_to_the_fastest_pole():
+    plant = standard_plant(first_order())
+    norm = LoopNorm(plant, FreeMatrices(0, 1, 1), Shippable(fastest=0.01))
+    gain = NormPoint(norm, np.array([-2.7]), norm.value(np.array([-2.7])))
+    grown = gain.grown(3, np.random.default_rng(0))
+    assert grown.norm.value(grown.x) == pytest.approx(gain.value, rel=1e-6)
+    assert np.abs(grown.controller.poles()).max() <= 0.01
+
+
+@pytest.mark.slow
+def test_more_states_are_not_worse():
+    lower, higher = (
+        wb.solve(HinfSynthesis(flexible(), order=order), "bfgs", Options(seed=0)).answer
+        for order in (1, 2)
+    )
+    assert higher.norm <= 1.001 * lower.norm

@@ -181,7 +181,7 @@ def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
     return stable_part_of((A_all, B_all, C_all, D))
 
 
-def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -> Reducer:
+def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak | None) -> Reducer:
     """Balanced truncation weighted by the closed loop; it also reduces unstable parts of K.
 
     A small change of K changes N by W_o dK W_i with W_o = P12 (1 - K P22)^-1 and W_i = (1 - P22
@@ -196,12 +196,13 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
     loop
         N with all its states; the last states are those of K.
     peak
-        The peak of mu of N.
+        The peak of mu of N; None without a perturbation, where all signals count equally.
     """
     n = len(K[0])
-    output, entering = _multipliers(plant, peak)
     A, B, C, _ = loop
-    B, C = B @ entering, output @ C
+    if peak is not None:
+        output, entering = _multipliers(plant, peak)
+        B, C = B @ entering, output @ C
     rate = speed(A, B, C)
     units = state_units(A / rate, B, C)
     S, R = gramian_factors(A / rate * units[:, None] / units, B * units[:, None], C / units)

@@ -31,10 +31,16 @@ from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.structured.minimax_step import known_units, minimax_step
+from workbench.synthesis.mu.structured.norm.ends import search_ends
 from workbench.synthesis.mu.structured.problem import PeakProblem
 from workbench.synthesis.mu.structured.searches import limited_search
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
-from workbench.synthesis.mu.structured.starts.search import Start
+from workbench.synthesis.mu.structured.starts.search import (
+    DRAWS_PER_START,
+    SHORTEST,
+    START_SPREAD,
+    Start,
+)
 
 MOST_STEPS, TRIAL_STEPS = 300, 8
 """Largest number of steps of the optimisation, and of a trial from each of several starts."""
@@ -47,19 +53,10 @@ LOWERED_SHARE = 0.6
 FIRST_RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 0.1, 2.0, 1e-8
 """Initial, largest and smallest trust radius, in units of the parameters."""
 ACCEPTED_SHARE, SHRINKING_SHARE, GROWING_SHARE = 0.02, 0.25, 0.7
-"""Shares of the predicted decrease: a step is accepted above the first one, the radius is halved
-below the second one, and it may grow above the third one.
-"""
-START_SPREAD, DRAWS_PER_START = 0.5, 20
-"""Standard deviation of random starts, in units of the parameters, and largest number of draws for
-each wanted start.
-"""
+"""Shares of the promised fall above which a step is taken, below which the radius is halved, and
+above which it may grow."""
 GIVEN = "the given start"
-"""Name of the rule for a start given by the user."""
-SHORTEST = 1e-3
-"""Time [s] for the descent from a start that is found late: practically the start itself is the
-answer.
-"""
+"""What the rule of a start that is given is called."""
 LEAST_PROMISE = 1e-6
 """Least predicted decrease of a step, relative to the peak."""
 SETTLED_FALL, PATIENCE = 1e-4, 12
@@ -70,6 +67,30 @@ rounds."""
 @method(MuSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
     """Nonsmooth optimisation over a family or an order, from a given start or found ones."""
+    if program.structure is None and not _limited(program):
+        return _norm_claim(program, context)
+    return trust_region_claim(program, context)
+
+
+def _limited(program: MuSynthesis) -> bool:
+    """Whether there are several plants or a limit of the gain."""
+    return bool(program.further_plants) or program.largest_gain is not None
+
+
+def _norm_claim(program: MuSynthesis, context: Context) -> Claim:
+    """The controller of the least H-infinity norm, which is the peak without a perturbation."""
+    try:
+        found = search_ends(program, context, (program.target or 0.0) / (1 + PEAK_TOLERANCE))
+    except NoStabilisingGainError:
+        return None, Outcome.INFEASIBLE, ""
+    best = Iterate(found.best.value, np.nan, np.nan, found.best.controller)
+    context.record(best.row(1))
+    finish = Finish(program, context, reduces=False)
+    return finish.claim([best], f"searched from {found.starts} starts")
+
+
+def trust_region_claim(program: MuSynthesis, context: Context) -> Claim:
+    """The best controller that steps within a trust region reach from the starts."""
     finish = Finish(program, context, reduces=False)
     try:
         history, said = _search(program, context, finish)
@@ -83,7 +104,7 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
 def _search(program: MuSynthesis, context: Context, finish: Finish) -> tuple[list[Iterate], str]:
     """The rounds that lead to the best controller found, and a message."""
     starts = _starts(program, context)
-    if program.further_plants or program.largest_gain is not None:
+    if _limited(program):
         return limited_search(program, starts, context)
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
     rules = list(dict.fromkeys(start.rule for start in starts))

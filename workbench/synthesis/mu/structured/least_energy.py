@@ -27,11 +27,11 @@ from workbench.synthesis.h2.methods import claim_of_step, riccati_step
 from workbench.synthesis.h2.program import H2Controller, H2Synthesis
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.energy import EnergyProblem
-from workbench.synthesis.mu.structured.fixed import DRAWS_PER_START, START_SPREAD
 from workbench.synthesis.mu.structured.least_norm import asked_form, nothing_asked
 from workbench.synthesis.mu.structured.minimax_step import known_units
 from workbench.synthesis.mu.structured.searches import gain_limit, searched
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
+from workbench.synthesis.mu.structured.starts.search import DRAWS_PER_START, START_SPREAD
 from workbench.synthesis.mu.structured.terms import EnergyTerm, Term
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable

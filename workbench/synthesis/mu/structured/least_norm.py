@@ -21,6 +21,8 @@ from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.synthesis.h_infinity.settling import level_of_more_known
 from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.structured.fixed import trust_region_claim
+from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 ASKED = (
@@ -48,18 +50,22 @@ def asked_form(program: ControllerSynthesis, order: int) -> dict[str, Any]:
 )
 def by_trust_region(program: HinfSynthesis, context: Context) -> Claim:
     """Trust region steps on the linearisations at all frequencies near the peak."""
-    given = program.absorbed.plant
-    plant = GeneralisedPlant(given.system, None, given.controls, given.measurements)
-    asked = asked_form(program, given.system.nstates)
-    answer, outcome, said = MuSynthesis(plant, target=program.gamma, **asked).respond(
-        "fixed", context
-    )
+    stated, dt = without_perturbation(program), float(program.plant.system.dt or 0.0)
+    answer, outcome, said = trust_region_claim(stated.plane if dt else stated, context)
     if answer is None:
         return None, outcome, said
-    size = certified_norm(program.loop(answer.K))
+    K = bilinear_sampled(answer.K, dt) if dt else answer.K
+    size = certified_norm(program.loop(K))
     least = least_of_all(program, size) if program.gamma is None else math.nan
     level = size if program.gamma is None else program.gamma
-    return HinfController(answer.K, size, level, least), outcome, said
+    return HinfController(K, size, level, least), outcome, said
+
+
+def without_perturbation(program: HinfSynthesis) -> MuSynthesis:
+    """The synthesis as one of mu, whose only block is that of the performance."""
+    given = program.absorbed.plant
+    plant = GeneralisedPlant(given.system, None, given.controls, given.measurements)
+    return MuSynthesis(plant, target=program.gamma, **asked_form(program, given.system.nstates))
 
 
 def least_of_all(program: HinfSynthesis, reached: float) -> float:

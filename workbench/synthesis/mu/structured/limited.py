@@ -25,6 +25,7 @@ from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.structured.minimax_step import known_units, minimax_step
+from workbench.synthesis.mu.structured.starts.search import DRAWS_PER_START, START_SPREAD
 from workbench.synthesis.mu.structured.terms import Curve, Term
 
 MOST_STEPS, TRIAL_STEPS, FINALISTS = 300, 10, 2
@@ -49,10 +50,6 @@ LEAST_PROMISE = 1e-7
 """Least predicted relative decrease of a step."""
 SETTLED_FALL, PATIENCE = 1e-5, 12
 """The descent is settled if the norm falls by less than this share over this number of steps."""
-START_SPREAD, DRAWS_PER_START = 0.5, 20
-"""Standard deviation of random starts, in units of the parameters, and largest number of draws for
-each.
-"""
 
 
 @dataclass(frozen=True, eq=False)

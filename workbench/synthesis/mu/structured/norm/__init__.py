@@ -1,1 +1,1 @@
-"""The H-infinity norm as a function of a controller's parameters, and methods that minimise it."""
+"""The H-infinity norm over the parameters of a controller, and searches that lower it."""

@@ -67,7 +67,7 @@ def hopped(point: NormPoint, rng: np.random.Generator, count: int) -> NormPoint:
 
 def by_evolution(point: NormPoint, rng: np.random.Generator) -> NormPoint:
     """The best point of an evolution."""
-    y, _ = evolution_end(lambda y: point.scaled(y)[0], np.zeros(len(point.x)), rng, GENERATIONS)
+    y, _ = evolution_end(point.size, np.zeros(len(point.x)), rng, GENERATIONS)
     return min(point.moved(y), point, key=lambda one: one.value)
 
 

@@ -32,10 +32,8 @@ DECADES = 1.0
 def stable_draws(
     norm: LoopNorm, family: FreeMatrices, rng: np.random.Generator, count: int
 ) -> Iterator[RealArray]:
-    """Parameters (k,) of random controllers with stable loops; fewer than `count` if few become
-    stable.
-    """
-    speed, gains = _speed_and_gains(norm.plant)
+    """Parameters (k,) of random controllers whose loops are stable; fewer where few become so."""
+    speed, gains = sizes_of(norm.plant)
     n, m, p = family.order, family.inputs, family.outputs
     row, column = np.ones((n + p, 1)), np.ones((1, n + m))
     row[:n], column[0, :n] = math.sqrt(speed), math.sqrt(speed)
@@ -89,8 +87,8 @@ def _rightmost_eigenvalue(
     return float(values[place].real), np.outer(row @ left, right @ vectors[:, place]).real
 
 
-def _speed_and_gains(P: StandardPlant) -> tuple[float, RealArray]:
-    """The plant's speed [rad/s], and relevant magnitudes (p, m) of gains from y to u."""
+def sizes_of(P: StandardPlant) -> tuple[float, RealArray]:
+    """The plant's speed [rad/s], and the sizes (p, m) of gains from y to u that matter."""
     poles = np.abs(np.linalg.eigvals(P.A))
     poles = poles[poles > 1e-9 * poles.max(initial=0.0)]
     speed = float(np.exp(np.log(poles).mean())) if poles.size else 1.0

@@ -6,31 +6,34 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+from scipy.linalg import block_diag
+
 from workbench.arrays import RealArray
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.executor.clock import time_is_up
+from workbench.executor.clock import clocked_by, time_is_up
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.free import FreeMatrices
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.synthesis.mu.structured.fixed import (
+from workbench.synthesis.mu.structured.minimax_step import known_units
+from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued
+from workbench.synthesis.mu.structured.norm.drawn import sizes_of, stable_draws
+from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
+from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
+from workbench.synthesis.mu.structured.starts.search import (
     DRAWS_PER_START,
     SHORTEST,
     START_SPREAD,
 )
-from workbench.synthesis.mu.structured.minimax_step import known_units
-from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued
-from workbench.synthesis.mu.structured.norm.drawn import stable_draws
-from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
-from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
 from workbench.systems.standard_plant import standard_plant
 
 DRAWN = 8
-"""Number of random starts in a search over all controllers of an order."""
-STARTING_SHARE = 0.3
-"""Share of the remaining time for starts that are not random."""
+"""Random starts of a search over all controllers of an order."""
+DRAWN_SHARE, STARTING_SHARE = 0.15, 0.3
+"""Shares of the time left that random starts, and other ones, may take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,35 @@ class NormPoint:
 
         return valued
 
+    def size(self, y: RealArray) -> float:
+        """The logarithm of the norm after a step in units."""
+        value = self.norm.value(self.x + self.units * y)
+        return math.log(value) if value > 0.0 else -math.inf
+
+    def grown(self, order: int, rng: np.random.Generator) -> NormPoint:
+        """The same controller of all of an order with more states, which nothing shows yet.
+
+        They are stable and the measurements drive them, so that the outputs can make use of them.
+        """
+        P, (A, B, C, D) = self.norm.plant, self.norm.family.matrices(self.x)
+        more = order - len(A)
+        speed, gains = sizes_of(P)
+        rates = np.minimum(speed * np.exp(rng.normal(size=more)), self._allowed)
+        driven = rates[:, None] * rng.normal(size=(more, P.measurements))
+        driven *= gains.mean(axis=0) / gains.mean()
+        whole = [
+            [block_diag(A, -np.diag(rates)), np.vstack([B, driven])],
+            [np.hstack([C, np.zeros((P.controls, more))]), D],
+        ]
+        own = FreeMatrices(order, P.measurements, P.controls)
+        return NormPoint(replace(self.norm, family=own), np.block(whole).ravel(), self.value)
+
+    @property
+    def _allowed(self) -> float:
+        """Largest pole of a new state [rad/s], within what is asked of the controller's poles."""
+        fastest = self.norm.demands.fastest
+        return math.inf if fastest is None else fastest / 2
+
     def moved(self, y: RealArray) -> NormPoint:
         """The point after a step in units."""
         return self.at(self.x + self.units * y)
@@ -84,6 +116,14 @@ class NormSearch:
 
     mu: MuSynthesis
     context: Context
+
+    @property
+    def order(self) -> int | None:
+        """The order of which all controllers are searched; None: there is another family."""
+        family = self.mu.family
+        if isinstance(family, Modal):
+            return family.order
+        return self.mu.order if family is None else None
 
     def about(self, K: StateSpace) -> NormPoint | None:
         """A controller as a point; None if it is no member of the family, or its loop is
@@ -112,11 +152,16 @@ class NormSearch:
             given = self.about(self.mu.start)
             if given is None:
                 raise SolverError("rounding hides whether the loop of the start is stable")
-            return [given, *self._random_members(given)]
-        found = self._random_points()
+            more = self.order is not None and self.order > self.mu.start.nstates
+            first = given.grown(self.order or 0, self.context.rng) if more else given
+            return [first, *self._members(first)]
+        found = []
+        if self.order is not None:
+            with clocked_by(self.share_of_time(DRAWN_SHARE)):
+                found = self.drawn(self.order, DRAWN)
         why: Exception = SolverError("no stabilising controller was found")
         try:
-            for one in found_starts(self.mu, self._partial_context()):
+            for one in found_starts(self.mu, self.share_of_time(STARTING_SHARE)):
                 point = self.about(one.K)
                 found += [] if point is None else [point]
         except NoStabilisingGainError:
@@ -128,26 +173,22 @@ class NormSearch:
         found.sort(key=lambda one: one.value)
         return [*found, *self._random_members(found[0])]
 
-    def _partial_context(self) -> Context:
-        """A context with a part of the remaining time, for starts that are not random."""
+    def share_of_time(self, share: float) -> Context:
+        """A context with a part of the time left, for starts of one kind."""
         left, options = self.context.left, self.context.options
-        limit = None if math.isinf(left) else max(STARTING_SHARE * left, SHORTEST)
+        limit = None if math.isinf(left) else max(share * left, SHORTEST)
         return Context(replace(options, time_limit=limit), self.context.progress)
 
-    def _random_points(self) -> list[NormPoint]:
-        """Points with random controllers of an order."""
-        family, plant = self.mu.family, self.mu.plant
-        if not (family is None or isinstance(family, Modal)):
-            return []
-        order = self.mu.order if family is None else family.order
-        assert order is not None
+    def drawn(self, order: int, count: int) -> list[NormPoint]:
+        """Points of random controllers of an order; fewer than `count` where few stabilise."""
+        plant = self.mu.plant
         own = FreeMatrices(order, plant.measurements, plant.controls)
         norm = LoopNorm(standard_plant(plant), own, self.mu.demands)
         found = []
-        self.context.progress("random starts", 0, DRAWN)
-        for number, x in enumerate(stable_draws(norm, own, self.context.rng, DRAWN), start=1):
+        self.context.progress("random starts", 0, count)
+        for number, x in enumerate(stable_draws(norm, own, self.context.rng, count), start=1):
             found.append(NormPoint(norm, x, norm.value(x)))
-            self.context.progress("random starts", number, DRAWN)
+            self.context.progress("random starts", number, count)
             if time_is_up("random starts"):
                 break
         return found

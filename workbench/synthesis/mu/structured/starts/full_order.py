@@ -9,10 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
 from workbench.heavy_types import StateSpace
+from workbench.mu import Peak
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
@@ -50,11 +52,25 @@ def _central(program: MuSynthesis) -> Iterator[StateSpace]:
 def _reduced_to_order(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
     """Approximations, with the wanted order, of a D-K controller and of the H-infinity controller.
 
-    The latter has few states, since it contains no scalings.
+    The latter has few states, since it contains no scalings. Without a perturbation it is the
+    only one.
     """
+    if program.structure is None:
+        for K in _central(program):
+            if _stable(program, K):
+                yield from _approximations(program, order, K, None)
+        return
     for found in (_dk_answer(program, context), _answered_central(program)):
         if found is not None and found.peak is not None:
-            yield from _approximations(program, order, found)
+            yield from _approximations(program, order, found.K, found.peak)
+
+
+def _stable(program: MuSynthesis, K: StateSpace) -> bool:
+    """Whether the loop is determined and stable."""
+    try:
+        return stability_of(program.plant.close(K)).holds
+    except InputError:
+        return False
 
 
 def _answered_central(program: MuSynthesis) -> MuController | None:
@@ -66,18 +82,18 @@ def _answered_central(program: MuSynthesis) -> MuController | None:
         return None
 
 
-def _approximations(program: MuSynthesis, order: int, answer: MuController) -> Iterator[StateSpace]:
-    """Approximations of a controller with the wanted order."""
-    K = answer.K
+def _approximations(
+    program: MuSynthesis, order: int, K: StateSpace, peak: Peak | None
+) -> Iterator[StateSpace]:
+    """Approximations of a controller with the wanted order; ``peak`` is that of its loop."""
     if K.nstates <= order:
         yield K
         return
-    assert answer.peak is not None
     parts: Matrices = (K.A, K.B, K.C, K.D)
     loop = program.plant.close(K)
     closed: Matrices = (loop.A, loop.B, loop.C, loop.D)
     ways: list[tuple[int, Callable[[int], Matrices]]] = [
-        (0, truncation.weighted(parts, program.plant, closed, answer.peak)),
+        (0, truncation.weighted(parts, program.plant, closed, peak)),
         truncation.balanced_truncation(kept_and_stable(parts)),
         truncation.matchdc(kept_and_stable(parts)),
         truncation.hankel(kept_and_stable(parts)),
@@ -96,8 +112,6 @@ def _approximations(program: MuSynthesis, order: int, answer: MuController) -> I
 
 def _dk_answer(program: MuSynthesis, context: Context) -> MuController | None:
     """The answer of D-K iteration within a share of the remaining time; None if it has none."""
-    if program.structure is None:
-        return None  # there is nothing to iterate
     try:
         left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))

@@ -31,6 +31,11 @@ BELOW_FASTEST = (0.27, 0.004)
 """Corners of examples, relative to the fastest pole allowed: for an order, whose poles are up to
 three times as fast, and for other families.
 """
+START_SPREAD, DRAWS_PER_START = 0.5, 20
+"""Standard deviation of random starts, in units of the parameters, and the most draws per start
+that is wanted."""
+SHORTEST = 1e-3
+"""Time for a start that comes late: it is its own answer [s]."""
 BAND_DECADES, BAND_POINTS = 3.0, 120
 """Decades on both sides of the plant's speed, and number of frequencies, if no loop gives the
 frequencies.
@@ -182,16 +187,20 @@ class Search:
         controllers C.
 
         None if the plant cannot be split into single loops, since its numbers of controls and
-        measurements differ.
+        measurements differ,
+        or a pole that is not stable and that only several channels together reach and show.
         """
         import control
 
         G = self.controlled
-        if isinstance(self.family, ThreeTerms) and self.family.setpoint_weights:
-            return [_element(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
-        if G.ninputs != G.noutputs:
+        try:
+            if isinstance(self.family, ThreeTerms) and self.family.setpoint_weights:
+                return [_element(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
+            if G.ninputs != G.noutputs:
+                return None
+            diagonal = [_part(G, i, i, -1.0) for i in range(G.ninputs)]
+        except InputError:  # an element hides an unstable pole
             return None
-        diagonal = [_element(G, i, i, -1.0) for i in range(G.ninputs)]
         return diagonal, lambda C: control.append(*C)
 
 

@@ -10,7 +10,6 @@ region.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,39 +17,26 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.norms import certified_norm
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.executor.clock import time_is_up
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
-from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.least_norm import (
-    asked_form,
     by_trust_region,
     least_of_all,
     nothing_asked,
+    without_perturbation,
 )
 from workbench.synthesis.mu.structured.nonsmooth.bfgs import stationarity
 from workbench.synthesis.mu.structured.norm import descents
-from workbench.synthesis.mu.structured.norm.search import NormPoint, NormSearch
+from workbench.synthesis.mu.structured.norm.ends import (
+    Descent,
+    by_bfgs,
+    hops_and_evolution,
+    search_ends,
+)
+from workbench.synthesis.mu.structured.norm.search import NormPoint
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.generalised_plant import GeneralisedPlant
-
-FINALISTS = 3
-"""Number of starts that are continued after the first steps from each."""
-HOPS, ROUNDS = 6, 2
-"""Number of hops from the best point before an evolution, and number of rounds of hops and
-evolution.
-"""
-GAINED = 1e-3
-"""Another round follows if a round has lowered the norm by at least this share."""
-
-AGREED = 1e-4
-"""The search ends if the best two ends of descents differ by less than this, relative to the
-norm.
-"""
-
-Descent = Callable[[NormPoint, Context], NormPoint]
 
 
 def _limited(program: HinfSynthesis) -> bool:
@@ -71,29 +57,25 @@ def _fixed(program: HinfSynthesis, context: Context) -> Claim:
     """BFGS from several starts; then gradient sampling, random hops and evolution at kinks."""
     if _limited(program):
         return by_trust_region(program, context)
-    return _claim(program, context, _by_bfgs, _hops_and_evolution)
+    return _claim(program, context, on=hops_and_evolution)
 
 
 @method(HinfSynthesis, "bfgs", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
 def _bfgs(program: HinfSynthesis, context: Context) -> Claim:
     """BFGS with a line search by Wolfe's weak conditions, then gradient sampling."""
-    return _claim(program, context, _by_bfgs, lambda point, _: point)
+    return _claim(program, context)
 
 
 @method(HinfSynthesis, "smoothed", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
 def _smoothed(program: HinfSynthesis, context: Context) -> Claim:
     """IPOPT, through CasADi, on power means over frequencies that tend to the norm."""
-    return _claim(program, context, _by_smoothing, lambda point, _: point)
+    return _claim(program, context, _by_smoothing)
 
 
 @method(HinfSynthesis, "evolution", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
 def _evolution(program: HinfSynthesis, context: Context) -> Claim:
     """Evolution of a normal distribution (CMA-ES), which needs no gradients."""
-    return _claim(program, context, _by_evolution, lambda point, _: point)
-
-
-def _by_bfgs(point: NormPoint, context: Context) -> NormPoint:
-    return descents.along_kinks(descents.by_bfgs(point), context.rng)
+    return _claim(program, context, _by_evolution)
 
 
 def _by_smoothing(point: NormPoint, _: Context) -> NormPoint:
@@ -104,38 +86,33 @@ def _by_evolution(point: NormPoint, context: Context) -> NormPoint:
     return descents.by_evolution(point, context.rng)
 
 
-def _hops_and_evolution(point: NormPoint, context: Context) -> NormPoint:
-    """The best point after rounds of hops and evolution, as long as they lower the norm."""
-    for _ in range(ROUNDS):
-        before = point.value
-        point = descents.hopped(point, context.rng, HOPS)
-        point = _by_bfgs(descents.by_evolution(point, context.rng), context)
-        if not point.value < (1 - GAINED) * before or time_is_up("hops and evolution"):
-            break
+def _no_further(point: NormPoint, _: Context) -> NormPoint:
     return point
 
 
-def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Descent) -> Claim:
+def _claim(
+    program: HinfSynthesis,
+    context: Context,
+    descent: Descent = by_bfgs,
+    on: Descent = _no_further,
+) -> Claim:
     """The controller at the end of the best descent, with the norms that the other starts
     reached.
     """
     given = program.absorbed.plant
-    bare = GeneralisedPlant(given.system, None, given.controls, given.measurements)
-    stated = MuSynthesis(bare, **asked_form(program, given.system.nstates))
+    stated = without_perturbation(program)
     dt = float(given.system.dt or 0.0)
-    search = NormSearch(stated.plane if dt else stated, context)
     try:
-        starts = search.starts()
+        found = search_ends(
+            stated.plane if dt else stated, context, program.gamma or 0.0, descent, on
+        )
     except NoStabilisingGainError:
         return None, Outcome.INFEASIBLE, ""
     except TimeLimitError:
         raise
     except SolverError as error:
         return None, Outcome.FAILED, str(error)
-    ended = _descents(program, context, starts, descent)
-    best = ended[0]
-    if not (_reaches_level(program, best) or _best_two_agree(ended)):
-        best = on(best, context)
+    best = found.best
     K = bilinear_sampled(best.controller, dt) if dt else best.controller
     try:
         size = certified_norm(given.close(K))
@@ -144,40 +121,5 @@ def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Desce
     level = size if program.gamma is None else program.gamma
     least = least_of_all(program, size) if program.gamma is None else math.nan
     slope = stationarity(best.scaled, np.zeros(len(best.x)), context.rng)
-    reached = tuple(sorted(point.value for point in ended))
-    answer = HinfController(K, size, level, least, reached=reached, slope=slope)
-    return answer, Outcome.SOLVED, f"searched from {len(starts)} starts"
-
-
-def _descents(
-    program: HinfSynthesis, context: Context, starts: Sequence[NormPoint], descent: Descent
-) -> list[NormPoint]:
-    """The ends of descents, the best first: a few steps from each start, and full descents from the
-    best.
-    """
-    ahead = []
-    for start in starts:
-        ahead.append(start if time_is_up("first steps") else descents.first_steps(start))
-        context.progress("first steps", len(ahead), len(starts))
-    ahead.sort(key=lambda point: point.value)
-    ended: list[NormPoint] = []
-    for number, point in enumerate(ahead[:FINALISTS], start=1):
-        late = time_is_up("descents") or (ended and _reaches_level(program, min(ended, key=_value)))
-        ended.append(point if late else descent(point, context))
-        context.record({"start": number, "norm": ended[-1].value})
-        context.progress("descents", number, FINALISTS)
-    return sorted([*ended, *ahead[FINALISTS:]], key=_value)
-
-
-def _value(point: NormPoint) -> float:
-    return point.value
-
-
-def _best_two_agree(ended: Sequence[NormPoint]) -> bool:
-    """Whether the best two descents ended at the same norm."""
-    return len(ended) > 1 and ended[1].value <= (1 + AGREED) * ended[0].value
-
-
-def _reaches_level(program: HinfSynthesis, point: NormPoint) -> bool:
-    """Whether the given level is reached."""
-    return program.gamma is not None and point.value <= program.gamma
+    answer = HinfController(K, size, level, least, reached=found.reached, slope=slope)
+    return answer, Outcome.SOLVED, f"searched from {found.starts} starts"

@@ -1,0 +1,121 @@
+"""Where descents of the norm from several starts end.
+
+Starts for an order are also the ends of lower orders with one more state, so that more states are
+seldom worse. Where the two best ends differ, the search hops and evolves from the best one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from workbench.executor import Context
+from workbench.executor.clock import clocked_by, time_is_up
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.structured.norm import descents
+from workbench.synthesis.mu.structured.norm.search import NormPoint, NormSearch
+
+FINALISTS = 3
+"""Starts that go on after the first steps of each."""
+HOPS, ROUNDS = 6, 2
+"""Hops from the best point before an evolution, and rounds of hops and evolution."""
+GAINED = 1e-3
+"""Share of the norm by which a round must lower it for another one to follow."""
+AGREED = 1e-4
+"""Relative difference of the best two ends of descents below which the search goes no further."""
+CLIMBING_SHARE = 0.2
+"""Share of the time left that lower orders may take."""
+DRAWN_BELOW = 2
+"""Random starts of the lowest order from which a search climbs."""
+
+Descent = Callable[[NormPoint, Context], NormPoint]
+"""A way down from a point."""
+
+
+class Ends(NamedTuple):
+    """The ``best`` point of a search, norms ``reached`` from all ``starts``."""
+
+    best: NormPoint
+    reached: tuple[float, ...]
+    starts: int
+
+
+def by_bfgs(point: NormPoint, context: Context) -> NormPoint:
+    """BFGS, then sampled gradients."""
+    return descents.along_kinks(descents.by_bfgs(point), context.rng)
+
+
+def hops_and_evolution(point: NormPoint, context: Context) -> NormPoint:
+    """The best point of rounds of hops and evolution, while they gain."""
+    for _ in range(ROUNDS):
+        before = point.value
+        point = descents.hopped(point, context.rng, HOPS)
+        point = by_bfgs(descents.by_evolution(point, context.rng), context)
+        if not point.value < (1 - GAINED) * before or time_is_up("hops and evolution"):
+            break
+    return point
+
+
+def search_ends(
+    stated: MuSynthesis,
+    context: Context,
+    level: float,
+    descent: Descent = by_bfgs,
+    on: Descent = hops_and_evolution,
+) -> Ends:
+    """The ends of a search over the controllers of a continuous plant without perturbation.
+
+    It ends at a norm of ``level``. Raises SolverError where there is no start, and
+    NoStabilisingGainError where none can be.
+    """
+    search = NormSearch(stated, context)
+    starts = [*search.starts(), *_from_lower_orders(search)]
+    ended = _descended(starts, context, descent, level)
+    best = ended[0]
+    if best.value > level and not _agreed(ended):
+        best = on(best, context)
+    return Ends(best, tuple(sorted(point.value for point in ended)), len(starts))
+
+
+def _from_lower_orders(search: NormSearch) -> list[NormPoint]:
+    """The end of a climb from the least order that stabilises, state by state; empty without."""
+    if search.order is None or search.mu.start is not None:
+        return []
+    point: NormPoint | None = None
+    with clocked_by(search.share_of_time(CLIMBING_SHARE)):
+        for order in range(search.order):
+            if point is None:
+                point = min(search.drawn(order, DRAWN_BELOW), key=_value, default=None)
+            else:
+                point = point.grown(order, search.context.rng)
+            if time_is_up("lower orders"):
+                break
+            point = None if point is None else descents.by_bfgs(point)
+    return [] if point is None else [point.grown(search.order, search.context.rng)]
+
+
+def _descended(
+    starts: Sequence[NormPoint], context: Context, descent: Descent, level: float
+) -> list[NormPoint]:
+    """Where descents from the best starts end, the best first: first some steps from each."""
+    ahead = []
+    for start in starts:
+        ahead.append(start if time_is_up("first steps") else descents.first_steps(start))
+        context.progress("first steps", len(ahead), len(starts))
+    ahead.sort(key=_value)
+    ended: list[NormPoint] = []
+    for number, point in enumerate(ahead[:FINALISTS], start=1):
+        late = time_is_up("descents") or (ended and min(ended, key=_value).value <= level)
+        ended.append(point if late else descent(point, context))
+        context.record({"start": number, "norm": ended[-1].value})
+        context.progress("descents", number, FINALISTS)
+    return sorted([*ended, *ahead[FINALISTS:]], key=_value)
+
+
+def _value(point: NormPoint) -> float:
+    return point.value
+
+
+def _agreed(ended: Sequence[NormPoint]) -> bool:
+    """Whether descents from two starts ended at the same norm, the least."""
+    return len(ended) > 1 and ended[1].value <= (1 + AGREED) * ended[0].value
