@@ -112,8 +112,8 @@ class HinfSynthesis(ControllerSynthesis):
         Whether the controller itself must be stable, and the largest size of its poles [rad/s].
     start
         A stabilising controller to start from: a member of the family, if a family is given, or its
-        parameters in the family. It may have fewer states than the order. With None the method finds
-        its own start.
+        parameters in the family. It may have fewer states than the order. With None the method
+        finds its own start.
     random
         Number of further starts: stabilising members drawn at random around the start.
     largest_gain

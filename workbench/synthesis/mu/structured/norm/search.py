@@ -154,7 +154,7 @@ class NormSearch:
                 raise SolverError("rounding hides whether the loop of the start is stable")
             more = self.order is not None and self.order > self.mu.start.nstates
             first = given.grown(self.order or 0, self.context.rng) if more else given
-            return [first, *self._members(first)]
+            return [first, *self._random_members(first)]
         found = []
         if self.order is not None:
             with clocked_by(self.share_of_time(DRAWN_SHARE)):

@@ -195,10 +195,11 @@ class Search:
         G = self.controlled
         try:
             if isinstance(self.family, ThreeTerms) and self.family.setpoint_weights:
-                return [_element(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
+                difference = control.ss([], [], [], [[1.0, -1.0]])
+                return [_element(G, 1, 0, 1.0)], lambda C: C[0] * difference
             if G.ninputs != G.noutputs:
                 return None
-            diagonal = [_part(G, i, i, -1.0) for i in range(G.ninputs)]
+            diagonal = [_element(G, i, i, -1.0) for i in range(G.ninputs)]
         except InputError:  # an element hides an unstable pole
             return None
         return diagonal, lambda C: control.append(*C)
