@@ -6,6 +6,7 @@ They are where a designer starts, not where one ends; each says where its number
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from workbench.uncertainty.covers.nominal import mean_response
 from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.responses.regions import region_radius
 
+Shape = Literal["circle", "stadium"]
+"""Shapes of a cover."""
 CONFIDENCE = 0.99
 """Probability of the regions that count as what the plants may be, each at each frequency: of a few
 plants at some dozens of frequencies hardly one lies outside."""
@@ -71,8 +74,8 @@ class FirstChoices:
     at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
     records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what tests
     of it gave. ``peak``: certified peak of mu of a first controller, below 1 where it keeps the
-    weights; NaN before one was tried. ``states``: the fewest of a controller that keeps them; 0
-    before one was tried.
+    weights; NaN before one was tried. ``shape``: of the sets of its cover. ``states``: the fewest
+    of a controller that keeps them; 0 before one was tried.
 
     Examples
     --------
@@ -97,6 +100,7 @@ class FirstChoices:
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     tested: tuple[str, ...] = field(default=(), kw_only=True)
     peak: float = field(default=np.nan, kw_only=True)
+    shape: Shape = field(default="circle", kw_only=True)
     states: int = field(default=0, kw_only=True)
 
 
