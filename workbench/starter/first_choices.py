@@ -21,6 +21,7 @@ from workbench.input_checks import need_positive
 from workbench.solvers import Options
 from workbench.uncertainty import Responses
 from workbench.uncertainty.covers.nominal import mean_response
+from workbench.uncertainty.covers.sets import Form
 from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.responses.regions import region_radius
 
@@ -74,8 +75,8 @@ class FirstChoices:
     at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
     records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what tests
     of it gave. ``peak``: certified peak of mu of a first controller, below 1 where it keeps the
-    weights; NaN before one was tried. ``shape``: of the sets of its cover. ``states``: the fewest
-    of a controller that keeps them; 0 before one was tried.
+    weights; NaN before one was tried. ``shape``, ``form``: of its cover. ``states``: the fewest of
+    a controller that keeps them; 0 before one was tried.
 
     Examples
     --------
@@ -101,6 +102,7 @@ class FirstChoices:
     tested: tuple[str, ...] = field(default=(), kw_only=True)
     peak: float = field(default=np.nan, kw_only=True)
     shape: Shape = field(default="circle", kw_only=True)
+    form: Form = field(default="multiplicative", kw_only=True)
     states: int = field(default=0, kw_only=True)
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 from workbench.bench.problem import import_file
 from workbench.certificate import told_apart
@@ -17,11 +17,22 @@ from workbench.starter.first_choices import FirstChoices, Shape
 from workbench.synthesis import MuController, MuSynthesis
 from workbench.synthesis.mu.finish import with_few_states
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
+from workbench.uncertainty.covers.sets import Form
 
 Structure = Literal["free", "pi", "pid"]
 """Structures of a controller: the fewest states that keep the weights, or three terms and fewer."""
 STEP, TRIES = 1.6, 8
 """Factor between the bandwidths that are tried, and their number."""
+Cover = tuple[Shape, Form]
+"""A shape of sets, and whether they are relative to the nominal."""
+COVERS: tuple[Cover, ...] = (
+    ("circle", "multiplicative"),
+    ("circle", "additive"),
+    ("stadium", "multiplicative"),
+)
+"""Shapes and forms that are tried. Plants with many resonances differ little in absolute terms
+where they are small, as about an antiresonance, and by more than all of their size in relative
+ones."""
 HALVINGS = 2
 """Halvings, in logarithm, of the gap between the bandwidth that is kept and the next."""
 TARGET = 0.95
@@ -42,8 +53,7 @@ def kept_weights(
 ) -> FirstChoices:
     """The choices with the largest tried bandwidth at which the certified peak of mu is below 1.
 
-    Covers by circles and by stadiums are tried: which of them suits a controller is seen by the
-    peak of mu. The segment of a stadium is real, and circles are smaller where it would be long.
+    Several covers are tried: which of them suits a controller is seen by the peak of mu.
 
     Parameters
     ----------
@@ -70,9 +80,9 @@ def kept_weights(
     study = import_file(design.parents[1], design)
     models = _covers(study)
 
-    def rung(chosen: FirstChoices, shapes: Iterable[Shape]) -> list[Tried]:
+    def rung(chosen: FirstChoices, covers: Iterable[Cover]) -> list[Tried]:
         """Controllers of a bandwidth."""
-        return [_tried(study, chosen, shape, models[shape], structure) for shape in shapes]
+        return [_tried(study, chosen, cover, models[cover], structure) for cover in covers]
 
     every = rung(chosen, models)
     while lower and _best(every).peak >= KEPT and len(every) < TRIES * len(models):
@@ -82,12 +92,12 @@ def kept_weights(
             break
         every += rung(slower, models)
     best = _best(every)
-    shapes = _told_shapes(every, best)
+    shapes = _told_covers(every, best)
     if lower and best.peak < KEPT and len(every) > len(models):
         too_fast = every[-len(models) - 1].choices.bandwidth
         for _ in range(HALVINGS):
             middle = lower(math.sqrt(best.choices.bandwidth * too_fast))
-            every += rung(middle, [best.choices.shape])
+            every += rung(middle, [best.cover])
             if every[-1].peak < KEPT:
                 best = every[-1]
             else:
@@ -115,6 +125,11 @@ class Tried(NamedTuple):
     plant: Any
 
     @property
+    def cover(self) -> Cover:
+        """Shape and form of the cover."""
+        return self.choices.shape, self.choices.form
+
+    @property
     def peak(self) -> float:
         """The certified peak of mu; infinite where no controller was found."""
         return self.choices.peak
@@ -124,14 +139,14 @@ def _best(every: Sequence[Tried]) -> Tried:
     return min(every, key=lambda one: one.peak)
 
 
-def _covers(study: Any) -> dict[Shape, Any]:
-    """The model of a certified cover, of each shape that has one."""
-    models: dict[Shape, Any] = {}
+def _covers(study: Any) -> dict[Cover, Any]:
+    """The model of a certified cover, of each shape and form that has one."""
+    models: dict[Cover, Any] = {}
     said = ""
-    for shape in get_args(Shape):
-        covered = solve(study.cover(shape=shape), options=Options())
+    for shape, form in COVERS:
+        covered = solve(study.cover(shape=shape, form=form), options=Options())
         if covered.certificate is not None and covered.certificate.valid:
-            models[shape] = covered.answer.model
+            models[shape, form] = covered.answer.model
         else:
             said = covered.message
     if not models:
@@ -140,7 +155,7 @@ def _covers(study: Any) -> dict[Shape, Any]:
 
 
 def _tried(
-    study: Any, chosen: FirstChoices, shape: Shape, model: Any, structure: Structure
+    study: Any, chosen: FirstChoices, cover: Cover, model: Any, structure: Structure
 ) -> Tried:
     """A controller for a bandwidth and a cover."""
     plant = study.weighted(model, chosen.bandwidth, chosen.effort)
@@ -148,14 +163,15 @@ def _tried(
     task = MuSynthesis(plant, target=TARGET, integral=True, **wanted)
     found = solve(task, options=Options(time_limit=SECONDS)).answer
     peak = math.inf if found is None else float(found.upper)
-    return Tried(replace(chosen, shape=shape, peak=peak), found, plant)
+    shape, form = cover
+    return Tried(replace(chosen, shape=shape, form=form, peak=peak), found, plant)
 
 
-def _told_shapes(every: Sequence[Tried], best: Tried) -> str:
-    """The peaks of mu with each shape at the bandwidth of the best."""
+def _told_covers(every: Sequence[Tried], best: Tried) -> str:
+    """The peaks of mu with each cover at the bandwidth of the best."""
     beside = [one for one in every if one.choices.bandwidth == best.choices.bandwidth]
-    peaks = "; ".join(f"of {one.choices.shape}s {one.peak:.3g}" for one in beside)
-    return f"the certified peak of mu at {best.choices.bandwidth:g} Hz is, by covers {peaks}"
+    peaks = "; ".join(f"{one.cover[1]} {one.cover[0]}s {one.peak:.3g}" for one in beside)
+    return f"the certified peak of mu at {best.choices.bandwidth:g} Hz is, with {peaks}"
 
 
 def fewest_states(best: FirstChoices, plant: Any, found: MuController) -> FirstChoices:
