@@ -114,3 +114,16 @@ def test_known_plants_keep_their_functions():
     values = np.stack([plant(1j * omega) for plant in plants], axis=1)
     known = Responses(omega, values, known=plants)
     assert between_lines(known).known_plants.keys() == known.known_plants.keys()
+
+
+def test_sampled_plants():
+    plants = [
+        control.sample_system(control.tf([1.0], [1 / t**2, 0.02 / t, 1.0]), 0.02) for t in (17, 24)
+    ]
+
+    def exact(omega):
+        return np.stack([plant(np.exp(0.02j * omega)) for plant in plants], axis=1)
+
+    fine = between_lines(Responses(OMEGA, exact(OMEGA), variance=1e-8, dt=0.02))
+    assert fine.omega.size > OMEGA.size + 5
+    assert np.abs(fine.values / exact(fine.omega) - 1).max() < 0.01

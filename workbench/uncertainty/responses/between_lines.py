@@ -6,12 +6,14 @@ in logarithms between them. A rational model of each plant tells where these are
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
@@ -65,40 +67,24 @@ def between_lines(responses: Responses, *, unstable_poles: int = 0) -> Responses
             "regions of what lies between them"
         )
     models, _ = measured_plants(responses, 1, unstable_poles, Context(Options()))
-    omega = _places(responses.omega, models)
-    new = ~np.isin(omega, responses.omega)
-    whole = np.searchsorted(omega, responses.omega)
-
-    def along(columns: Any) -> Any:
-        """Columns (F, ...) at all frequencies, by straight lines over log frequency."""
-        flat = columns.reshape(len(columns), -1)
-        log, logs = np.log(omega), np.log(responses.omega)
-        return np.stack([np.interp(log, logs, one) for one in flat.T], axis=1).reshape(
-            omega.size, *columns.shape[1:]
-        )
-
-    points = responses.points
-    at_lines, everywhere = (
-        np.stack([one.response(at) for one in models], axis=1) for at in (responses.omega, omega)
-    )
-    ratio = points / at_lines
-    values = everywhere * np.exp(along(_logarithm(ratio)))
-    share = np.zeros(points.shape)
-    if responses.variance is not None:
-        share = responses.variance / np.abs(points) ** 2
+    lines, points = responses.omega, responses.points
+    omega = _places(lines, models, responses.dt)
+    ratio = points / _modelled(models, lines, responses.dt)
+    turned = np.log(np.abs(ratio)) + 1j * np.unwrap(np.angle(ratio), axis=0)
+    values = _modelled(models, omega, responses.dt) * np.exp(_along(omega, lines, turned))
+    values[np.searchsorted(omega, lines)] = points
+    present = _along(omega, lines, responses.present.astype(float)) == 1.0
+    given = np.zeros(points.shape) if responses.variance is None else responses.variance
+    share = given / np.abs(points) ** 2
     missed = np.maximum(np.abs(ratio - 1) ** 2 - share, 0.0)
-    added = np.where(new[:, None], along(missed) * np.abs(values) ** 2, 0.0)
-    values[whole] = responses.values
-    present = along(responses.present.astype(float)) == 1.0
+    new = ~np.isin(omega, lines)[:, None]
+    added = np.where(new, _along(omega, lines, missed) * np.abs(values) ** 2, 0.0)
+    variance = _along(omega, lines, share) * np.abs(values) ** 2 + added
     ratios = responses.ratios
     if ratios is not None:
-        # The covariance of y is relative to |u|^2: it is kept relative to the response.
-        sides = np.stack([points, np.ones_like(points)], axis=-1)
-        relative = ratios.joint / (sides[..., :, None] * sides[..., None, :].conj())
-        sides = np.stack([values, np.ones_like(values)], axis=-1)
-        joint = along(relative) * (sides[..., :, None] * sides[..., None, :].conj())
-        ratios = type(ratios)(joint, ratios.chosen).with_numerator(added)
-    variance = along(share) * np.abs(values) ** 2 + added
+        # The covariance of y is over |u|^2: relative to the response it changes little.
+        relative = _along(omega, lines, ratios.joint / _sizes(points))
+        ratios = replace(ratios, joint=relative * _sizes(values)).with_numerator(added)
     return replace(
         responses,
         omega=omega,
@@ -109,20 +95,30 @@ def between_lines(responses: Responses, *, unstable_poles: int = 0) -> Responses
     )
 
 
-def _places(omega: RealArray, models: list[Rational]) -> RealArray:
+def _places(omega: RealArray, models: Sequence[Rational], dt: float) -> RealArray:
     """The frequencies, and those between them at which a model is off a straight line."""
     for _ in range(HALVINGS):
         middle = np.sqrt(omega[1:] * omega[:-1])
-        bent = np.zeros(middle.size, bool)
-        for one in models:
-            ends = one.response(omega)
-            away = np.log(one.response(middle) ** 2 / (ends[1:] * ends[:-1])) / 2
-            bent |= np.abs(away) > STRAIGHT
-        omega = np.union1d(omega, middle[bent])
+        ends, inside = _modelled(models, omega, dt), _modelled(models, middle, dt)
+        away = np.log(inside**2 / (ends[1:] * ends[:-1])) / 2
+        omega = np.union1d(omega, middle[(np.abs(away) > STRAIGHT).any(axis=1)])
     return omega
 
 
-def _logarithm(ratio: ComplexArray) -> ComplexArray:
-    """Logarithm (F, N) of ratios, the phase unwrapped along frequency."""
-    logarithm: ComplexArray = np.log(np.abs(ratio)) + 1j * np.unwrap(np.angle(ratio), axis=0)
-    return logarithm
+def _modelled(models: Sequence[Rational], omega: RealArray, dt: float) -> ComplexArray:
+    """Responses (F, N) of the models."""
+    axis = bilinear_frequency(omega, dt)
+    return np.stack([one.response(axis) for one in models], axis=1)
+
+
+def _along(omega: RealArray, lines: RealArray, columns: Any) -> Any:
+    """Columns (L, ...) of the lines at other frequencies, by straight lines over log frequency."""
+    log, logs = np.log(omega), np.log(lines)
+    flat = [np.interp(log, logs, one) for one in columns.reshape(len(lines), -1).T]
+    return np.stack(flat, axis=1).reshape(omega.size, *columns.shape[1:])
+
+
+def _sizes(values: ComplexArray) -> ComplexArray:
+    """Products (F, N, 2, 2) of y and u with their conjugates, where u is 1."""
+    both = np.stack([values, np.ones_like(values)], axis=-1)
+    return both[..., :, None] * both[..., None, :].conj()
