@@ -71,12 +71,12 @@ def test_the_cover_of_the_smallest_peak_is_taken(settled, better):
 
 def test_it_is_lowered_until_the_weights_are_kept_and_then_refined(settled):
     found, tried = settled(lambda bandwidth, cover: bandwidth / (4 if cover == COVERS[1] else 3))
-    finer = [3.125 * 1.6**0.5, 3.125 * 1.6**0.25]
+    finer = [3.125 * 1.6**share for share in (1 / 2, 1 / 4, 3 / 8)]
     assert tried[:9] == on_each(8.0, 5.0, 3.125)
     assert [one[0] for one in tried[9:]] == pytest.approx(finer)
     assert {one[1] for one in tried[9:]} == {COVERS[1]}
-    assert found.bandwidth == pytest.approx(finer[1])
-    assert found.peak == pytest.approx(finer[1] / 4)
+    assert found.bandwidth == pytest.approx(finer[2])
+    assert found.peak == pytest.approx(finer[2] / 4)
     assert "at 8 Hz it is 2" in found.reasons["bandwidth"]
 
 

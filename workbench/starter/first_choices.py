@@ -137,8 +137,8 @@ def first_choices(
     >>> plants = Responses(omega, response.T)
     >>> from workbench.starter import first_choices
     >>> choices = first_choices(plants, period=1e-3)
-    >>> choices.order, choices.unstable_poles, round(choices.bandwidth, 1)
-    (1, 0, 37.0)
+    >>> choices.order, choices.unstable_poles, round(choices.bandwidth)
+    (1, 0, 37)
     """
     need_positive(period, "period")
     reasons = {}
@@ -278,7 +278,7 @@ def _bandwidth(
             f"{why}: a bandwidth of at most {most / (2 * np.pi):.3g} Hz, below the first frequency "
             f"that was measured, {responses.frequency[0]:.3g} Hz; measure lower, or mend that limit"
         )
-    return float(f"{most / (2 * np.pi):.2g}"), why
+    return float(f"{most / (2 * np.pi):.3g}"), why
 
 
 def _phase(nominal: Rational, omega: RealArray) -> RealArray:

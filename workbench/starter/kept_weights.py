@@ -33,7 +33,7 @@ COVERS: tuple[Cover, ...] = (
 """Shapes and forms that are tried. Plants with many resonances differ little in absolute terms
 where they are small, as about an antiresonance, and by more than all of their size in relative
 ones."""
-HALVINGS = 2
+HALVINGS = 3
 """Halvings, in logarithm, of the gap between the bandwidth that is kept and the next."""
 TARGET = 0.95
 """Certified peak of mu at which a bandwidth is kept: some room is left for fewer states."""
