@@ -64,6 +64,9 @@ BELOW_ZERO = 3.0
 """Least zero right of the axis over the bandwidth."""
 EFFORT = 0.05
 """Control weight over the least |G| below the bandwidth: the control may be 20 / |G|."""
+OVER_UNSTABLE = 2.0
+"""Least crossover of a loop over an unstable pole of its plant (S. Skogestad, I. Postlethwaite,
+Multivariable Feedback Control, 2nd ed., Wiley 2005, section 5.9); the control acts up to there."""
 
 
 @dataclass(frozen=True)
@@ -146,10 +149,13 @@ def first_choices(
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
     bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
-    below = np.geomspace(used.frequency[0], max(bandwidth, 1.01 * used.frequency[0]), 50)
-    least = float(np.abs(nominal.response(2 * np.pi * below)).min())
+    stabilised = OVER_UNSTABLE * float(nominal.poles.real.max(initial=0.0)) / (2 * np.pi)
+    last = max(bandwidth, stabilised, 1.01 * used.frequency[0])
+    below = 2 * np.pi * np.geomspace(used.frequency[0], last, 50)
+    least = float(np.abs(nominal.response(below)).min())
     effort = float(f"{EFFORT * least:.3g}")
-    reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below the bandwidth"
+    up_to = "twice the unstable pole" if stabilised > bandwidth else "the bandwidth"
+    reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below {up_to}"
     band = float(used.frequency[0]), float(used.frequency[-1])
     return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
 
