@@ -181,7 +181,7 @@ def stored_opinions() -> frozenset[str]:
         checks = json.loads(file.read_text(encoding="utf-8"))["checks"]
         problem = json.loads((file.parent / "run.json").read_text(encoding="utf-8"))["problem"]
         if any(check["opinion"] for check in checks) and problem in registry().entries:
-            kind = registry().find(problem).hint("return")
+            kind = registry().find(problem).kind
             found |= {base.__name__ for base in getattr(kind, "__mro__", ())} - {"Study"}
     return frozenset(found)
 

@@ -6,7 +6,7 @@ import pytest
 from workbench.errors import InputError
 from workbench.fitting import Rational
 from workbench.starter import first_choices
-from workbench.starter.first_choices import _phase
+from workbench.starter.first_choices import EFFORT, _phase
 from workbench.uncertainty import Responses
 
 OMEGA = np.geomspace(1.0, 1e4, 60)
@@ -50,6 +50,8 @@ def test_an_unstable_plant_is_seen_and_needs_a_bandwidth():
     assert chosen.bandwidth * 2 * np.pi > 200
     slower = first_choices(unstable, period=1e-5, at_most=8.0)  # W_e may be slower than the pole
     assert slower.bandwidth == 8.0
+    assert slower.effort == pytest.approx(EFFORT * 0.2, rel=0.1)  # |G| at twice the pole
+    assert "twice the unstable pole" in slower.reasons["effort"]
     with pytest.raises(InputError, match=r"an unstable pole of 100 rad/s needs a bandwidth of"):
         first_choices(unstable, period=0.01)
 

@@ -11,8 +11,8 @@ from workbench.errors import InputError
 from workbench.starter import FirstChoices, kept_weights
 
 DESIGN = """
-def cover(): return "cover"
-def weighted(model, bandwidth, effort): return bandwidth
+def cover(shape, form): return "cover", f"{form} {shape}"
+def weighted(model, bandwidth, effort): return bandwidth, model
 """
 
 
@@ -22,19 +22,19 @@ def choices(bandwidth=8.0, **given):
 
 @pytest.fixture
 def settled(tmp_path, monkeypatch):
-    """The choices and the bandwidths tried, where the peak of mu is a function of the bandwidth."""
+    """The choices, and the bandwidths and shapes tried, of which the peak is a function."""
     file = tmp_path / "design.py"
     file.write_text(DESIGN)
 
-    def settle(peak, least=0.0):
+    def settle(peak, least=0.0, **given):
         tried = []
 
         def solve(task, **_):
-            if task == "cover":
+            if task[0] == "cover":
                 valid = SimpleNamespace(valid=True)
-                return SimpleNamespace(certificate=valid, answer=SimpleNamespace(model=None))
+                return SimpleNamespace(certificate=valid, answer=SimpleNamespace(model=task[1]))
             tried.append(task)
-            return SimpleNamespace(answer=SimpleNamespace(upper=peak(task)))
+            return SimpleNamespace(answer=SimpleNamespace(upper=peak(*task)))
 
         def lower(most):
             if most < least:
@@ -44,27 +44,50 @@ def settled(tmp_path, monkeypatch):
         monkeypatch.setattr(kept_weights, "solve", solve)
         monkeypatch.setattr(kept_weights, "MuSynthesis", lambda plant, **_: plant)
         monkeypatch.setattr(kept_weights, "fewest_states", lambda best, plant, found: best)
-        return kept_weights.kept_weights(file, choices(), lower), tried
+        return kept_weights.kept_weights(file, choices(), given.get("lower", lower)), tried
 
     return settle
 
 
+COVERS = ["multiplicative circle", "additive circle", "multiplicative stadium"]
+
+
+def on_each(*bandwidths):
+    return [(bandwidth, cover) for bandwidth in bandwidths for cover in COVERS]
+
+
 def test_a_bandwidth_that_is_kept_stays(settled):
-    found, tried = settled(lambda bandwidth: 0.9)
-    assert (found.bandwidth, found.peak, tried) == (8.0, 0.9, [8.0])
+    found, tried = settled(lambda bandwidth, cover: 0.9)
+    assert (found.bandwidth, found.peak, tried) == (8.0, 0.9, on_each(8.0))
     assert found.reasons["bandwidth"] == "first"
 
 
-def test_it_is_lowered_until_the_weights_are_kept(settled):
-    found, tried = settled(lambda bandwidth: bandwidth / 4)
-    assert tried == [8.0, 5.0, 3.125]
-    assert found.peak == pytest.approx(0.78125)
+@pytest.mark.parametrize("better", COVERS)
+def test_the_cover_of_the_smallest_peak_is_taken(settled, better):
+    found, _ = settled(lambda bandwidth, cover: 0.8 if cover == better else 0.9)
+    assert (f"{found.form} {found.shape}", found.peak) == (better, 0.8)
+    assert f"{better}s 0.8" in found.reasons["shape"]
+
+
+def test_it_is_lowered_until_the_weights_are_kept_and_then_refined(settled):
+    found, tried = settled(lambda bandwidth, cover: bandwidth / (4 if cover == COVERS[1] else 3))
+    finer = [3.125 * 1.6**share for share in (1 / 2, 1 / 4, 3 / 8)]
+    assert tried[:9] == on_each(8.0, 5.0, 3.125)
+    assert [one[0] for one in tried[9:]] == pytest.approx(finer)
+    assert {one[1] for one in tried[9:]} == {COVERS[1]}
+    assert found.bandwidth == pytest.approx(finer[2])
+    assert found.peak == pytest.approx(finer[2] / 4)
     assert "at 8 Hz it is 2" in found.reasons["bandwidth"]
 
 
+def test_a_bandwidth_that_is_asked_for_is_the_only_one(settled):
+    found, tried = settled(lambda bandwidth, cover: 2.0, lower=None)
+    assert (found.bandwidth, tried) == (8.0, on_each(8.0))
+
+
 def test_where_none_is_kept_the_least_peak_is_told(settled):
-    found, tried = settled(lambda bandwidth: 1.2 + abs(bandwidth - 5.0), least=3.0)
-    assert tried == [8.0, 5.0, 3.125]
+    found, tried = settled(lambda bandwidth, cover: 1.2 + abs(bandwidth - 5.0), least=3.0)
+    assert tried == on_each(8.0, 5.0, 3.125)
     assert (found.bandwidth, found.peak) == (5.0, 1.2)
 
 

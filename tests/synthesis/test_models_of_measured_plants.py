@@ -5,8 +5,8 @@ import pytest
 
 from workbench.executor import Context
 from workbench.solvers import Options
-from workbench.synthesis.operation.measured_plants import measured_plants
 from workbench.uncertainty import Responses
+from workbench.uncertainty.responses.plant_models import measured_plants
 
 OMEGA, GAINS = np.geomspace(1e-3, 0.1, 20), np.linspace(1.0, 2.0, 8)
 

@@ -49,9 +49,9 @@ def describe(problem: Problem) -> Description:
     parameters = {
         name: _described(one, problem.hint(name)) for name, one in problem.parameters.items()
     }
-    kind = problem.hint("return")
+    kind = problem.kind
     listed, answer = {}, ""
-    if inspect.isclass(kind) and issubclass(kind, Program):
+    if kind is not None and issubclass(kind, Program):
         answer = kind.answer_type()
         for name, entry in methods(kind).items():
             claim = " [claims the optimum]" if entry.optimal else ""

@@ -233,6 +233,16 @@ class Problem:
         """The evaluated annotation of a parameter, or of the return value."""
         return self._hints.get(name, Any)
 
+    @property
+    def kind(self) -> Any:
+        """The class of what is returned, by its annotation: the first one where there are several.
+
+        None where it names no class.
+        """
+        told = self.hint("return")
+        classes = filter(inspect.isclass, typing.get_args(told) or (told,))
+        return next(iter(classes), None)
+
     @cached_property
     def _hints(self) -> dict[str, Any]:
         try:

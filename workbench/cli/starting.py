@@ -136,7 +136,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     width = max(map(len, chosen.reasons))
     for name, reason in chosen.reasons.items():
         value = getattr(chosen, name)
-        told = " to ".join(f"{one:.4g}" for one in (value if name == "band" else [value]))
+        values = value if name == "band" else [value]
+        told = " to ".join(one if isinstance(one, str) else f"{one:.4g}" for one in values)
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")

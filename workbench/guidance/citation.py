@@ -47,8 +47,8 @@ def citation(name: str) -> str:
     problem = registry().find(name)
     used = {run.method for run in workbench.results(name) if run.method}
     if not used:
-        kind = problem.hint("return")
-        own = kind.default_method if isinstance(kind, type) and issubclass(kind, Program) else None
+        kind = problem.kind
+        own = kind.default_method if kind is not None and issubclass(kind, Program) else None
         used = {problem.settings.method or own or ""}
     keys = ["vidal2003"] if name.startswith(THESIS) else []
     for method in sorted(used):

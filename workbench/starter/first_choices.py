@@ -6,6 +6,7 @@ They are where a designer starts, not where the design ends; each comes with its
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -20,9 +21,12 @@ from workbench.input_checks import need_positive
 from workbench.solvers import Options
 from workbench.uncertainty import Responses
 from workbench.uncertainty.covers.nominal import mean_response
+from workbench.uncertainty.covers.sets import Form
 from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.responses.regions import region_radius
 
+Shape = Literal["circle", "stadium"]
+"""Shapes of a cover."""
 CONFIDENCE = 0.99
 """Probability of the regions, each at one frequency, in which the plants are assumed to lie. With a
 few plants at some dozens of frequencies hardly one lies outside its region.
@@ -69,6 +73,9 @@ BELOW_ZERO = 3.0
 """Least ratio of a right half-plane zero to the bandwidth."""
 EFFORT = 0.05
 """Control weight times the least |G| below the bandwidth: the control may be 20 / |G|."""
+OVER_UNSTABLE = 2.0
+"""Least crossover of a loop over an unstable pole of its plant (S. Skogestad, I. Postlethwaite,
+Multivariable Feedback Control, 2nd ed., Wiley 2005, section 5.9); the control acts up to there."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,8 @@ class FirstChoices:
     ``columns``: the columns read from the records; ``notes``: peculiarities of the records;
     ``tested``: assumptions about the records, with the results of their tests. ``peak``: certified
     peak of mu with a first controller, below 1 if it meets the weights; NaN before one was tried.
-    ``states``: fewest states of a controller that meets them; 0 before one was tried.
+    ``shape``, ``form``: of its cover. ``states``: fewest states of
+    a controller that meets them; 0 before one was tried.
 
     Examples
     --------
@@ -106,6 +114,8 @@ class FirstChoices:
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     tested: tuple[str, ...] = field(default=(), kw_only=True)
     peak: float = field(default=np.nan, kw_only=True)
+    shape: Shape = field(default="circle", kw_only=True)
+    form: Form = field(default="multiplicative", kw_only=True)
     states: int = field(default=0, kw_only=True)
 
 
@@ -140,8 +150,8 @@ def first_choices(
     >>> plants = Responses(omega, response.T)
     >>> from workbench.starter import first_choices
     >>> choices = first_choices(plants, period=1e-3)
-    >>> choices.order, choices.unstable_poles, round(choices.bandwidth, 1)
-    (1, 0, 37.0)
+    >>> choices.order, choices.unstable_poles, round(choices.bandwidth)
+    (1, 0, 37)
     """
     need_positive(period, "period")
     reasons = {}
@@ -149,10 +159,13 @@ def first_choices(
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
     bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
-    below = np.geomspace(used.frequency[0], max(bandwidth, 1.01 * used.frequency[0]), 50)
-    least = float(np.abs(nominal.response(2 * np.pi * below)).min())
+    stabilised = OVER_UNSTABLE * float(nominal.poles.real.max(initial=0.0)) / (2 * np.pi)
+    last = max(bandwidth, stabilised, 1.01 * used.frequency[0])
+    below = 2 * np.pi * np.geomspace(used.frequency[0], last, 50)
+    least = float(np.abs(nominal.response(below)).min())
     effort = float(f"{EFFORT * least:.3g}")
-    reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below the bandwidth"
+    up_to = "twice the unstable pole" if stabilised > bandwidth else "the bandwidth"
+    reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below {up_to}"
     band = float(used.frequency[0]), float(used.frequency[-1])
     return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
 
@@ -282,7 +295,7 @@ def _bandwidth(
             f"{why}: a bandwidth of at most {most / (2 * np.pi):.3g} Hz, below the first frequency "
             f"that was measured, {responses.frequency[0]:.3g} Hz; measure lower, or mend that limit"
         )
-    return float(f"{most / (2 * np.pi):.2g}"), why
+    return float(f"{most / (2 * np.pi):.3g}"), why
 
 
 def _phase(nominal: Rational, omega: RealArray) -> RealArray:

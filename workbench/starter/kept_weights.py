@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from workbench.bench.problem import import_file
 from workbench.certificate import told_apart
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options
-from workbench.starter.first_choices import FirstChoices
+from workbench.starter.first_choices import FirstChoices, Shape
 from workbench.synthesis import MuController, MuSynthesis
 from workbench.synthesis.mu.finish import with_few_states
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
+from workbench.uncertainty.covers.sets import Form
 
 Structure = Literal["free", "pi", "pid"]
 """Structures of a controller: free, with the fewest states that meet the weights; PI; PID."""
 STEP, TRIES = 1.6, 8
 """Factor between the bandwidths that are tried, and how many are tried."""
+Cover = tuple[Shape, Form]
+"""A shape of sets, and whether they are relative to the nominal."""
+COVERS: tuple[Cover, ...] = (
+    ("circle", "multiplicative"),
+    ("circle", "additive"),
+    ("stadium", "multiplicative"),
+)
+"""Shapes and forms that are tried. Plants with many resonances differ little in absolute terms
+where they are small, as about an antiresonance, and by more than all of their size in relative
+ones."""
+HALVINGS = 3
+"""Halvings, in logarithm, of the gap between the bandwidth that is kept and the next."""
 TARGET = 0.95
 """A bandwidth is accepted if the certified peak of mu is at most this; the rest leaves room for
 fewer states.
 """
 KEPT = 0.98
-"""Largest peak of mu allowed while states are removed to find the largest order."""
+"""Largest peak of mu allowed while a bandwidth below the first one is kept, and states are removed to find the
+largest order."""
 SECONDS = 300.0
 """Time limit [s] of each try; a try that runs out of time is judged by the peak reached so far. On
 a busy computer a first try may spend a minute or two on compiling loops.
@@ -40,6 +55,8 @@ def kept_weights(
     structure: Structure = "free",
 ) -> FirstChoices:
     """The choices with the largest tried bandwidth whose certified peak of mu is below 1.
+
+    Several covers are tried: which of them suits a controller is seen by the peak of mu.
 
     Parameters
     ----------
@@ -65,36 +82,100 @@ def kept_weights(
         No certified cover of the plants was found.
     """
     study = import_file(design.parents[1], design)
-    covered = solve(study.cover(), options=Options())
-    if covered.certificate is None or not covered.certificate.valid:
-        raise SolverError(f"no certified cover of the plants was found: {covered.message}")
-    asked = chosen.bandwidth
-    tried: list[tuple[FirstChoices, MuController | None, Any]] = []
-    for _ in range(TRIES):
-        plant = study.weighted(covered.answer.model, chosen.bandwidth, chosen.effort)
-        wanted = {} if structure == "free" else {"family": study.FAMILIES[structure]}
-        task = MuSynthesis(plant, target=TARGET, integral=True, **wanted)
-        found = solve(task, options=Options(time_limit=SECONDS)).answer
-        peak = float("inf") if found is None else float(found.upper)
-        tried.append((replace(chosen, peak=peak), found, plant))
-        if peak < 1 or lower is None:
-            break
+    models = _covers(study)
+
+    def rung(chosen: FirstChoices, covers: Iterable[Cover]) -> list[Tried]:
+        """Controllers of a bandwidth."""
+        return [_tried(study, chosen, cover, models[cover], structure) for cover in covers]
+
+    every = rung(chosen, models)
+    while lower and _best(every).peak >= KEPT and len(every) < TRIES * len(models):
         try:
-            chosen = lower(chosen.bandwidth / STEP)
+            slower = lower(every[-1].choices.bandwidth / STEP)
         except InputError:
             break
-    best, found, plant = min(tried, key=lambda one: one[0].peak)
-    if best.peak < 1 and len(tried) > 1:
-        best.reasons["bandwidth"] = (
-            f"the first of {', '.join(f'{one.bandwidth:g}' for one, _, _ in tried)} Hz at which a "
-            f"certified peak of mu is below 1, {told_apart(best.peak, 1.0, digits=3)[0]}; at "
-            f"{asked:g} Hz it is {told_apart(tried[0][0].peak, 1.0, digits=3)[0]}"
+        every += rung(slower, models)
+    best = _best(every)
+    shapes = _told_covers(every, best)
+    if lower and best.peak < KEPT and len(every) > len(models):
+        too_fast = every[-len(models) - 1].choices.bandwidth
+        for _ in range(HALVINGS):
+            middle = lower(math.sqrt(best.choices.bandwidth * too_fast))
+            every += rung(middle, [best.cover])
+            if every[-1].peak < KEPT:
+                best = every[-1]
+            else:
+                too_fast = middle.bandwidth
+    told = replace(best.choices, reasons=best.choices.reasons | {"shape": shapes})
+    if best.peak < 1 and len(every) > len(models):
+        frequencies = dict.fromkeys(f"{one.choices.bandwidth:g}" for one in every)
+        told.reasons["bandwidth"] = (
+            f"the largest of {', '.join(frequencies)} Hz at which a certified peak of mu is below "
+            f"1, {told_apart(best.peak, 1.0, digits=3)[0]}; at {chosen.bandwidth:g} Hz it is "
+            f"{told_apart(_best(every[: len(models)]).peak, 1.0, digits=3)[0]}"
         )
-    if found is None:
-        return best
+    if best.found is None:
+        return told
     if structure == "free":
-        return fewest_states(best, plant, found)
-    return replace(best, states=int(found.K.nstates))
+        return fewest_states(told, best.plant, best.found)
+    return replace(told, states=int(best.found.K.nstates))
+
+
+class Tried(NamedTuple):
+    """Choices that were tried, with their peak; the controller that was found, and its plant."""
+
+    choices: FirstChoices
+    found: MuController | None
+    plant: Any
+
+    @property
+    def cover(self) -> Cover:
+        """Shape and form of the cover."""
+        return self.choices.shape, self.choices.form
+
+    @property
+    def peak(self) -> float:
+        """The certified peak of mu; infinite where no controller was found."""
+        return self.choices.peak
+
+
+def _best(every: Sequence[Tried]) -> Tried:
+    return min(every, key=lambda one: one.peak)
+
+
+def _covers(study: Any) -> dict[Cover, Any]:
+    """The model of a certified cover, of each shape and form that has one."""
+    models: dict[Cover, Any] = {}
+    said = ""
+    for shape, form in COVERS:
+        covered = solve(study.cover(shape=shape, form=form), options=Options())
+        if covered.certificate is not None and covered.certificate.valid:
+            models[shape, form] = covered.answer.model
+        else:
+            said = covered.message
+    if not models:
+        raise SolverError(f"no certified cover of the plants was found: {said}")
+    return models
+
+
+def _tried(
+    study: Any, chosen: FirstChoices, cover: Cover, model: Any, structure: Structure
+) -> Tried:
+    """A controller for a bandwidth and a cover."""
+    plant = study.weighted(model, chosen.bandwidth, chosen.effort)
+    wanted = {} if structure == "free" else {"family": study.FAMILIES[structure]}
+    task = MuSynthesis(plant, target=TARGET, integral=True, **wanted)
+    found = solve(task, options=Options(time_limit=SECONDS)).answer
+    peak = math.inf if found is None else float(found.upper)
+    shape, form = cover
+    return Tried(replace(chosen, shape=shape, form=form, peak=peak), found, plant)
+
+
+def _told_covers(every: Sequence[Tried], best: Tried) -> str:
+    """The peaks of mu with each cover at the bandwidth of the best."""
+    beside = [one for one in every if one.choices.bandwidth == best.choices.bandwidth]
+    peaks = "; ".join(f"{one.cover[1]} {one.cover[0]}s {one.peak:.3g}" for one in beside)
+    return f"the certified peak of mu at {best.choices.bandwidth:g} Hz is, with {peaks}"
 
 
 def fewest_states(best: FirstChoices, plant: Any, found: MuController) -> FirstChoices:

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         samples,
         vertices,
     )
+    from workbench.uncertainty.responses.between_lines import between_lines
     from workbench.uncertainty.responses.extrapolation import widened
     from workbench.uncertainty.responses.plants import Responses
 else:
@@ -76,6 +77,7 @@ __all__ = [
     "UncertainSystem",
     "UncertaintyModel",
     "append",
+    "between_lines",
     "block",
     "central_nominal",
     "cheapest",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -73,8 +72,8 @@ def plan(
     """The plan of a problem, loaded anew; any error is recorded in the plan."""
     place.enter()
     _loaded.pop((name, canonical(parameters)), None)
-    kind = registry().find(name).hint("return")
-    if inspect.isclass(kind) and issubclass(kind, Study):
+    kind = registry().find(name).kind
+    if kind is not None and issubclass(kind, Study):
         return Plan(name, study=True)
     try:
         bound = loaded(name, parameters, seed, stored=stored)

@@ -25,8 +25,8 @@ from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.synthesis.implementation.working_point.constant_signals import ConstantSignals
 from workbench.synthesis.implementation.working_point.point import WorkingPoint
 from workbench.synthesis.operation.loop_in_time import loop_in_time
-from workbench.synthesis.operation.measured_plants import measured_plants
 from workbench.uncertainty import Responses, UncertaintyModel
+from workbench.uncertainty.responses.plant_models import measured_plants
 
 TIME_CONSTANTS = 12.0
 """Duration of a phase in time constants of the loop's slowest pole: its motion decays to 6e-6."""

@@ -186,9 +186,9 @@ class Search:
         """Plants H of single loops u = C (r - H u), and a function that makes K from their
         controllers C.
 
-        None if the plant cannot be split into single loops, since its numbers of controls and
-        measurements differ,
-        or a pole that is not stable and that only several channels together reach and show.
+        None if the plant cannot be split into single loops: its numbers of controls and
+        measurements differ, or only several channels together reach and show a pole that is not
+        stable.
         """
         import control
 

@@ -1,4 +1,4 @@
-"""A model of each measured plant for simulation."""
+"""A model of each measured plant: to simulate it, and to know it between the frequencies."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import relocated_fits, vector_fits
-from workbench.uncertainty import Responses
+from workbench.uncertainty.responses.plants import Responses
 
-HIGHEST_ORDER = 6
+HIGHEST_ORDER = 12
 """Largest number of poles of a model."""
 ENOUGH = 1.2
 """A smaller order is taken if its error is at most this many times the error of the best order."""
@@ -36,7 +36,7 @@ def measured_plants(
     models, errors = [], []
     for k in range(len(few.plants)):
         there = few.present[:, k]
-        omega, values = few.omega[there], few.values[there, k]
+        omega, values = few.axis[there], few.values[there, k]
         open_ = np.zeros(omega.size) if few.variance is None else few.variance[there, k]
         weight = 1.0 / np.sqrt((OWN_SHARE * np.abs(values)) ** 2 + open_)
         tried = []
@@ -46,6 +46,8 @@ def measured_plants(
             )
             every = [*relocated_fits(fit, context), vector_fits(fit, context)[0]]
             tried += [(float(np.sqrt(np.mean(fit.errors(one) ** 2))), one) for one in every]
+            if min(error for error, _ in tried) <= 1.0:
+                break
         least = min(error for error, _ in tried)
         _, model = next(pair for pair in tried if pair[0] <= max(ENOUGH * least, 1.0))
         apart = np.abs(model.response(omega) - values) / np.abs(values)
