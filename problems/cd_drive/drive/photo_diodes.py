@@ -128,6 +128,21 @@ def radial_diodes(
 
 
 @kernel
+def contrasted_diodes(
+    position: RealArray, exogenous: RealArray, parameters: RealArray, signals: RealArray
+) -> None:
+    """As `radial_diodes`, with more light beside the track than on it (section 4.4.2).
+
+    A further parameter: light between two tracks over that on one, less 1.
+    """
+    radial_diodes(position, exogenous, parameters, signals)
+    error = exogenous[0] - position[0] + exogenous[2]
+    light = 1.0 + parameters[3] * math.sin(0.5 * parameters[2] * error) ** 2
+    signals[0] *= light
+    signals[1] *= light
+
+
+@kernel
 def normalise(channels: RealArray, parameters: RealArray, measurement: RealArray) -> None:
     """The processor's reading (eq. 3.16): d1, d2, v_r, u_m -> f_en, sum, d1, d2, v_r, u_m.
 

@@ -83,7 +83,8 @@ class Laboratory:
     refine       steps between samples in which the optics are followed;
     suspension   spring k1 and damper b1 of the suspension over those of the table: below 1 it has
                  aged;
-    surface      whether the focus diodes also see the disc's surface, far from the layer.
+    surface      whether the focus diodes also see the disc's surface, far from the layer;
+    contrast     light that the radial diodes see between two tracks over that on one, less 1.
     """
 
     axis: Axis = "focus"
@@ -99,6 +100,7 @@ class Laboratory:
     refine: int = 1
     suspension: float = 1.0
     surface: bool = False
+    contrast: float = 0.0
 
     @property
     def parameters(self) -> Drive:
@@ -248,7 +250,9 @@ def _diodes(laboratory: Laboratory) -> tuple[Any, RealArray]:
     """The compiled sensor of an axis and its parameters."""
     parameters = photo_diodes.diode_parameters(laboratory.parameters)
     if laboratory.axis == "radial":
-        return photo_diodes.radial_diodes, parameters
+        if not laboratory.contrast:
+            return photo_diodes.radial_diodes, parameters
+        return photo_diodes.contrasted_diodes, np.append(parameters, laboratory.contrast)
     if not laboratory.surface:
         return photo_diodes.focus_diodes, parameters
     seen = photo_diodes.surface_of(disc_formats()["CD"])
