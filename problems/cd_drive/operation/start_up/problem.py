@@ -48,7 +48,7 @@ OWN, NOMINAL, LOW, QUIET_LOW = LAWS
 CAPTURED = OUTCOMES.index("captured")
 FARTHEST = TOLERANCE + red_book("focus").deviation
 """Largest distance [m] of the layer from where the lens rests."""
-STEADY = slice(0, 2)
+STEADY = SPEEDS[:2]
 """Speeds of ramps so long that the lens no longer rings when it meets the layer."""
 BEFORE, AFTER = 2e-3, 4e-3
 """Times [s] about the closing of the loop that are shown."""
@@ -150,13 +150,13 @@ class StartUpStudy(Study):
             [
                 [
                     StartUp(OWN, speed, 0.0).attempt(name, int(seed.sel(drive=name)[0]), **QUIET)
-                    for speed in SPEEDS[STEADY]
+                    for speed in STEADY
                 ]
                 for name in seed["drive"].values.tolist()
             ]
         )
 
-    steady = dim(SPEEDS[STEADY], unit="m/s")
+    steady = dim(STEADY, unit="m/s")
     quiet = arrays(
         (drive, steady),
         lambda without_noise: {
@@ -170,7 +170,7 @@ class StartUpStudy(Study):
     @array(steady, "m", "largest error of the first drive, optics followed twice as finely")
     def half_step(self, seed: DataArray) -> list[float]:
         name, number = str(seed["drive"].values[0]), int(seed[0, 0])
-        starts = [StartUp(OWN, speed, 0.0) for speed in SPEEDS[STEADY]]
+        starts = [StartUp(OWN, speed, 0.0) for speed in STEADY]
         return [one.attempt(name, number, **QUIET, refine=2).overshoot for one in starts]
 
     time = dim(

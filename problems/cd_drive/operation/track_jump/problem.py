@@ -56,6 +56,7 @@ SHOWN = (8, 3.0)
 
 @problem(
     "cd/radial/track-jump",
+    slow=True,
     needs={"tracks": ref("cd/radial-error")},
     data=(*TABLES, "data/red_book.csv"),
 )
