@@ -6,6 +6,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy import stats
 
 from workbench.errors import InputError, TimeLimitError
 from workbench.executor import Context
@@ -14,6 +15,7 @@ from workbench.study import (
     claim_of,
     independent_seeds,
     over_draws,
+    share_interval,
     share_of_draws,
     with_interval,
 )
@@ -87,3 +89,23 @@ def test_draws_without_a_value_do_not_count():
     told = over_draws(values)
     assert told.sel(summary="mean").values[0] == 2.0
     assert np.isnan(told.isel(kind=1)).all()
+
+
+@pytest.mark.parametrize(("true", "many"), [(0, 7), (3, 10), (29, 30), (5, 5)])
+def test_interval_of_a_share_is_that_of_another_library(true, many):
+    holds = xr.DataArray(np.arange(many) < true, dims="draw")
+    interval = stats.binomtest(true, many).proportion_ci(0.99, "exact")
+    found = share_interval(holds).values
+    assert found == pytest.approx([true / many, interval.low, interval.high], rel=1e-9, abs=1e-12)
+
+
+def test_shares_are_told_apart_along_kept_dimensions():
+    holds = xr.DataArray([[True, True], [True, False]], dims=("draw", "drive"))
+    assert share_interval(holds, "drive").sel(summary="mean").values.tolist() == [1.0, 0.5]
+
+
+def test_an_interval_needs_experiments_and_a_probability():
+    with pytest.raises(InputError, match="no experiment"):
+        share_interval(xr.DataArray(np.zeros(0, bool), dims="draw"))
+    with pytest.raises(InputError, match=r"confidence is 1\.0"):
+        share_interval(xr.DataArray([True], dims="draw"), confidence=1.0)

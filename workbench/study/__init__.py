@@ -11,6 +11,7 @@ from workbench.study.draws import (
     coverage_p,
     independent_seeds,
     over_draws,
+    share_interval,
     share_of_draws,
     with_interval,
 )
@@ -35,6 +36,7 @@ __all__ = [
     "metric",
     "over_draws",
     "part",
+    "share_interval",
     "share_of_draws",
     "system",
     "table",

@@ -111,6 +111,52 @@ def share_of_draws(holds: DataArray, *kept: str) -> DataArray:
     return holds.mean([name for name in holds.dims if name not in kept])
 
 
+def share_interval(holds: DataArray, *kept: str, confidence: float = 0.99) -> DataArray:
+    """Share of the experiments in which a claim holds, with its Clopper-Pearson interval.
+
+    The interval is exact for independent experiments of one kind. Where they differ, as drives do,
+    but their number of each kind is fixed, it is wider than need be.
+
+    Parameters
+    ----------
+    holds
+        Whether the claim holds, by experiment: at least one.
+    kept
+        Dimensions along which shares are told apart.
+    confidence
+        Probability with which the interval holds the true share.
+
+    Returns the share and the ends of its interval, along the dimension ``summary``. Raises
+    InputError without an experiment, and for a confidence outside 0 to 1.
+
+    Source: C. J. Clopper, E. S. Pearson, Biometrika 26 (1934); W. Hoeffding, Annals of Mathematical
+    Statistics 27 (1956) for experiments of several kinds.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from workbench.study import share_interval
+    >>> holds = xr.DataArray([True] * 10, dims="draw")
+    >>> share_interval(holds).to_series().round(3).to_dict()
+    {'mean': 1.0, 'low': 0.589, 'high': 1.0}
+    """
+    import xarray as xr
+    from scipy import stats
+
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"confidence is {confidence}; it must lie between 0 and 1")
+    spread = [name for name in holds.dims if name not in kept]
+    many = int(np.prod([holds.sizes[name] for name in spread]))
+    if not many:
+        raise InputError("no experiment; the share needs one at least")
+    true, tail = holds.sum(spread), (1.0 - confidence) / 2
+    low = stats.beta.ppf(tail, true, many - true + 1)
+    high = stats.beta.isf(tail, true + 1, many - true)
+    ends = np.where(true > 0, low, 0.0), np.where(true < many, high, 1.0)
+    every = [true / many, *(true.copy(data=end) for end in ends)]
+    return xr.concat(every, "summary").assign_coords(summary=list(SUMMARY))
+
+
 def claim_of(share: float) -> str:
     """The verdict on a claim that holds in this share of the draws.
 

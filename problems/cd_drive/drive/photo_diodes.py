@@ -6,7 +6,8 @@ Two diodes share the reflected light; their normalised difference is the error (
 
 Focus: f is the s-curve. It has the slope K_optn within its linear range, bends to its extremes 6 um
 either side of the focus, where one diode has all the light, and folds back beyond, while the light
-itself fades. Radial: f is a sine whose period is the track pitch, with the slope K_optn at the
+itself fades. The disc's surface has a weaker s-curve of its own, which the focus point meets on its
+way to the layer. Radial: f is a sine whose period is the track pitch, with the slope K_optn at the
 track; the two side spots stand either side of it, and their sum stays.
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -22,7 +23,7 @@ from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.errors import InputError
 
-from .tables import Drive, disc_formats
+from .tables import DiscFormat, Drive, disc_formats
 
 S_CURVE_PEAK = 6e-6
 """Distance of the s-curve's extremes from its centre [m]: 12 um peak to peak (section 4.4.1)."""
@@ -31,8 +32,21 @@ S_CURVE_LINEAR = 2e-6
 TRACK_PITCH = disc_formats()["CD"].track_pitch
 """Distance between neighbouring tracks [m]."""
 
+REFLECTIVITY = 0.7
+"""Least share of the light that the layer of a CD reflects (Standard ECMA-130)."""
+
 CAPTURE = {"focus": S_CURVE_PEAK, "radial": TRACK_PITCH / 2}
 """Error beyond which the focus, or the track, is lost [m]."""
+
+
+def surface_of(disc: DiscFormat) -> tuple[float, float]:
+    """How far before the layer [m] the lens focuses on the surface, and its light over the layer's.
+
+    Near the axis refraction shortens the cover layer by its index. The light is that of Fresnel at
+    a right angle, over the layer's `REFLECTIVITY`.
+    """
+    index = disc.refractive_index
+    return disc.layer_thickness / index, ((index - 1) / (index + 1)) ** 2 / REFLECTIVITY
 
 
 def diode_parameters(drive: Drive) -> RealArray:
@@ -86,6 +100,22 @@ def focus_diodes(
 
 
 @kernel
+def surfaced_diodes(
+    position: RealArray, exogenous: RealArray, parameters: RealArray, signals: RealArray
+) -> None:
+    """As `focus_diodes`, with the disc's surface in front of the layer.
+
+    Further parameters: its distance from the layer [m], and its light over the layer's.
+    """
+    focus_diodes(position, exogenous, parameters, signals)
+    error = exogenous[0] - position[0] - parameters[3]
+    shape, light = s_curve(error, parameters[0], parameters[2])
+    level = 0.5 * parameters[1] * parameters[4] * light
+    signals[0] += level * (1.0 + shape)
+    signals[1] += level * (1.0 - shape)
+
+
+@kernel
 def radial_diodes(
     position: RealArray, exogenous: RealArray, parameters: RealArray, signals: RealArray
 ) -> None:
@@ -95,6 +125,21 @@ def radial_diodes(
     level = 0.5 * parameters[1] * exogenous[1]
     signals[0] = level * (1.0 + shape)
     signals[1] = level * (1.0 - shape)
+
+
+@kernel
+def contrasted_diodes(
+    position: RealArray, exogenous: RealArray, parameters: RealArray, signals: RealArray
+) -> None:
+    """As `radial_diodes`, with more light beside the track than on it (section 4.4.2).
+
+    A further parameter: light between two tracks over that on one, less 1.
+    """
+    radial_diodes(position, exogenous, parameters, signals)
+    error = exogenous[0] - position[0] + exogenous[2]
+    light = 1.0 + parameters[3] * math.sin(0.5 * parameters[2] * error) ** 2
+    signals[0] *= light
+    signals[1] *= light
 
 
 @kernel

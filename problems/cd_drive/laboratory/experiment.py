@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,7 +36,7 @@ from ..drive import photo_diodes
 from ..drive.actuator import Actuator, checked_frequency, specific_model
 from ..drive.disc import STRICT, Defect, Disc
 from ..drive.plants import ANTIALIASING, Gain
-from ..drive.tables import Axis, Drive, Values
+from ..drive.tables import Axis, Drive, Values, disc_formats
 from .bench_setup import (
     CHANNEL_GAINS,
     CHANNELS,
@@ -81,7 +82,9 @@ class Laboratory:
     bits         of the converters; None: they saturate, but do not round;
     refine       steps between samples in which the optics are followed;
     suspension   spring k1 and damper b1 of the suspension over those of the table: below 1 it has
-                 aged.
+                 aged;
+    surface      whether the focus diodes also see the disc's surface, far from the layer;
+    contrast     light that the radial diodes see between two tracks over that on one, less 1.
     """
 
     axis: Axis = "focus"
@@ -96,6 +99,8 @@ class Laboratory:
     bits: int | None = 12
     refine: int = 1
     suspension: float = 1.0
+    surface: bool = False
+    contrast: float = 0.0
 
     @property
     def parameters(self) -> Drive:
@@ -241,14 +246,27 @@ def _noise(laboratory: Laboratory, seed: int, samples: int) -> RealArray:
     return np.hstack([optical, electronics_noise(rng, samples, laboratory.electronics)])
 
 
+def _diodes(laboratory: Laboratory) -> tuple[Any, RealArray]:
+    """The compiled sensor of an axis and its parameters."""
+    parameters = photo_diodes.diode_parameters(laboratory.parameters)
+    if laboratory.axis == "radial":
+        if not laboratory.contrast:
+            return photo_diodes.radial_diodes, parameters
+        return photo_diodes.contrasted_diodes, np.append(parameters, laboratory.contrast)
+    if not laboratory.surface:
+        return photo_diodes.focus_diodes, parameters
+    seen = photo_diodes.surface_of(disc_formats()["CD"])
+    return photo_diodes.surfaced_diodes, np.append(parameters, seen)
+
+
 @cache
 def _loop(laboratory: Laboratory) -> SampledLoop:
-    focus = laboratory.axis == "focus"
+    sense, sense_parameters = _diodes(laboratory)
     return SampledLoop(
         plant=_plant(laboratory),
         positions=1,
-        sense=photo_diodes.focus_diodes if focus else photo_diodes.radial_diodes,
-        sense_parameters=photo_diodes.diode_parameters(laboratory.parameters),
+        sense=sense,
+        sense_parameters=sense_parameters,
         signals=2,
         corner=ANTIALIASING,
         read=photo_diodes.normalise,

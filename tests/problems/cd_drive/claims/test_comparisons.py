@@ -31,6 +31,7 @@ ALTERNATIVES = [
     {"peak_circle_D_K", "least_possible_circle"},
     {"drives_peak_agc", "deviation_peak_no_gain"},
     {"width", "radius"},
+    {"inside", "red_book"},
 ]
 """Values of one variable each, as names of metrics spell them."""
 AT_ITS_OWN_GAIN = re.compile(r"^([ABC]_less|best_gain)_")

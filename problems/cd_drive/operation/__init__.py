@@ -1,0 +1,1 @@
+"""How a loop is closed, jumps tracks, changes its controller, and is closed again when lost."""

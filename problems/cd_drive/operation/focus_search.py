@@ -1,0 +1,111 @@
+"""The search for the focus: the lens ramps through the s-curve until the loop can be closed.
+
+The thesis starts its experiments with the loop closed and does not describe how: this is the usual
+way (G. Bouwhuis et al., Principles of Optical Disc Systems, 1985). The lens draws back, waits and
+advances. Where the sum of the diodes says that there is light, and the error crosses zero, the
+controller takes over from the voltage of the ramp, without a bump.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.compiled import kernel
+from workbench.simulation import Cascade, Controller, Part, blend, following
+
+from ..drive.actuator import SERIES_RESISTANCE
+from ..drive.plants import controller
+from ..laboratory.bench_setup import PERIOD, coil_gain, find_drive
+from ..laboratory.experiment import MEASUREMENTS
+
+BEGIN, END = -1.3e-3, 0.8e-3
+"""Places of the lens [m], from where it rests, between which it advances: below the surface of a
+disc that hangs in the middle, and above its layer."""
+RETREAT = 20e-3
+"""Speed [m/s] at which the lens draws back."""
+WAIT = 0.1
+"""Time [s] in which a lens that has drawn back comes to rest."""
+FOLLOWING = 5000.0
+"""Rate [1/s] at which the controller follows the ramp, whose voltage grows meanwhile."""
+NEVER = 1e9
+"""Patience [samples] of a search that is not begun anew."""
+
+
+def volts_per_metre() -> float:
+    """Control voltage that holds the nominal lens one metre out of its rest [V/m]."""
+    p = find_drive("focus", "nominal")
+    return (p.R + SERIES_RESISTANCE) * p.k / (p.Bl * coil_gain(p))
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search for the focus, in voltages that suit the nominal drive.
+
+    speed: of the advancing lens [m/s]. light: sum of the diodes [V] above which the focus is near.
+    patience: time [s] without light after which a closed loop is given up and the search begins
+    anew; None: never.
+    """
+
+    speed: float
+    light: float
+    patience: float | None = None
+
+    @property
+    def law(self) -> Controller:
+        """Part that reads f_en, the sum and the last voltage; it tells w, 1 with the loop closed,
+        and the voltage of the ramp."""
+        volts = volts_per_metre()
+        waited = NEVER if self.patience is None else self.patience / PERIOD
+        steps = RETREAT * volts * PERIOD, self.speed * volts * PERIOD
+        ends = BEGIN * volts, END * volts
+        parameters = np.array([*ends, *steps, WAIT / PERIOD, self.light, waited])
+        return Controller(_search, np.zeros(5), parameters, outputs=2, reads=3, period=PERIOD)
+
+    @property
+    def cascade(self) -> Cascade:
+        """The search and the reference controller, one of which has the command."""
+        follower = following(controller("focus"), PERIOD, FOLLOWING)
+        parts = [
+            Part("search", self.law, ["f_en", "sum", "u_last"], ["closed", "ramp"]),
+            Part("seen", blend(), ["closed", "f_en"]),
+            Part("K", follower, ["seen", "closed", "u_last"], ["u_k"]),
+            Part("u", blend(), ["closed", "u_k", "ramp"]),
+        ]
+        return Cascade(MEASUREMENTS, parts)
+
+
+@kernel
+def _search(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `Search`.
+
+    The state is the phase (0 drawing back, 1 waiting, 2 advancing, 3 closed), the voltage, samples
+    of the phase (without light, when closed), the last error, and whether there was light.
+    """
+    begin, end, back, forth, wait, light, patience = parameters
+    error, lit = given[0], given[1] > light
+    phase, volts, count = state[0], state[1], state[2]
+    if phase == 0.0:
+        volts = max(volts - back, begin)
+        if volts == begin:
+            phase, count = 1.0, 0.0
+    elif phase == 1.0:
+        count += 1.0
+        if count >= wait:
+            phase = 2.0
+    elif phase == 2.0:
+        volts += forth
+        if lit and state[4] == 1.0 and error * state[3] <= 0.0:
+            phase, count = 3.0, 0.0
+        elif volts >= end:
+            phase = 0.0
+    else:
+        count = 0.0 if lit else count + 1.0
+        if count > patience:
+            phase, volts = 0.0, given[2]
+    state[0], state[1], state[2], state[3] = phase, volts, count, error
+    state[4] = 1.0 if lit else 0.0
+    told[0] = 1.0 if phase == 3.0 else 0.0
+    told[1] = volts
