@@ -48,7 +48,7 @@ from workbench.uncertainty import (
 
 OMEGA = np.geomspace(1.0, 10.0, 12)
 VALUES = np.outer(1 / (1 + 1j * OMEGA), [1.0, 1.1, 0.9])
-PLANTS = Responses(OMEGA, VALUES)
+PLANTS = Responses(omega=OMEGA, values=VALUES)
 LAG = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
 MODEL = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.1, 0.1], [0.1, 1]))
 LOOP = generalised_plant(

@@ -291,7 +291,7 @@ def answer_of(
     SolverError
         The method gave no usable answer.
     """
-    context = Context(options or Options(), executor=executor)
+    context = Context(options=options or Options(), executor=executor)
     answer, claim, message = program.respond(method, context)
     if answer is None or not usable(answer):
         raise SolverError(f"{method or program.default_method}: {claim}. {message}")

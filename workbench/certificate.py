@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import KW_ONLY, asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,6 +64,7 @@ class Check:
     statement: str
     value: float
     limit: float
+    _: KW_ONLY
     where: str = ""
     opinion: bool = False
     over: str = ""
@@ -210,6 +211,7 @@ class Certificate:
     """
 
     checks: tuple[Check, ...]
+    _: KW_ONLY
     gap: Gap | None = None
     facts: tuple[str, ...] = ()
 
@@ -271,8 +273,8 @@ class Certificate:
         gap = stored["gap"]
         return cls(
             tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
-            None if gap is None else Gap(**_read(gap, "closed")),
-            tuple(map(str, stored.get("facts", ()))),
+            gap=None if gap is None else Gap(**_read(gap, "closed")),
+            facts=tuple(map(str, stored.get("facts", ()))),
         )
 
 
@@ -417,7 +419,7 @@ class Checker(ABC):
                 checks += (_not_computed(error),)
                 gap = None
         proven = None if gap is None else Gap(gap[0], gap[1], tolerance, required=optimal)
-        return Certificate(checks, proven, facts)
+        return Certificate(checks, gap=proven, facts=facts)
 
 
 _NUMERICAL = (np.linalg.LinAlgError, ArithmeticError, ValueError)
@@ -437,7 +439,7 @@ def _not_computed(error: Exception) -> Check:
     if isinstance(error, WorkbenchError):
         raise error
     statement = "numbers of the answer with which a check cannot be computed"
-    return Check("computed", statement, 1.0, 0.0, f"({words_of(error)})")
+    return Check("computed", statement, 1.0, 0.0, where=f"({words_of(error)})")
 
 
 def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:

@@ -7,7 +7,7 @@ import math
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 from workbench.answer import Answer
@@ -38,6 +38,7 @@ class Solution:
     claim: Outcome
     message: str
     certificate: Certificate | None
+    _: KW_ONLY
     seconds: Mapping[str, float] = field(default_factory=dict)
     trace: str = ""
     note: str = ""
@@ -104,7 +105,7 @@ class Solution:
         task = self._answered
         return {} if task is None or self.certificate is None else task.figures(self.answer)
 
-    def plot(self, name: str | None = None) -> Figure:
+    def plot(self, *, name: str | None = None) -> Figure:
         """A figure of the answer, None: the one that people look at. A notebook shows it.
 
         Raises
@@ -175,6 +176,7 @@ A module is imported when it is asked."""
 
 def solve(
     task: Any,
+    *,
     method: str | None = None,
     options: Options | None = None,
     context: Context | None = None,
@@ -220,8 +222,8 @@ def solve(
             return answered
     if context is None:
         with shown_live(type(task).__name__) as (progress, watch):
-            shown = Context(options or Options(), progress, watch)
-            return solve(task, method, context=shown)
+            shown = Context(options=options or Options(), progress=progress, watch=watch)
+            return solve(task, method=method, context=shown)
     return judge(task, method, ask(task, method, context), context)
 
 
@@ -259,7 +261,9 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
         claim, message = Outcome.TIME_LIMIT, context.stopped
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
-    return Solution(answer, claim, message, None, seconds, trace, note, task=task)
+    return Solution(
+        answer, claim, message, None, seconds=seconds, trace=trace, note=note, task=task
+    )
 
 
 def need_unchanged(task: Task, by: str = "somebody") -> None:

@@ -167,4 +167,4 @@ def _working(executor: Executor | None, jobs: int) -> AbstractContextManager[Exe
     """Where points run: the executor given, which stays open, or one of their own."""
     if executor is not None:
         return nullcontext(executor)
-    return InProcess() if jobs == 1 else Workers(jobs)
+    return InProcess() if jobs == 1 else Workers(count=jobs)

@@ -44,7 +44,7 @@ def peer(own: Run) -> PeerComparison:
     by the one-step fit and its simulator by the free-run fit. The rest judges, use by use.
     """
     orders = tuple(int(order) for order in own.data["order"].values)
-    program = StateSpaceFit(*read_record(), ESTIMATION, orders)
+    program = StateSpaceFit(*read_record(), estimation=ESTIMATION, orders=orders)
     return PeerComparison(program, own.answer)
 
 
@@ -161,18 +161,21 @@ class PeerComparison(Study):
             )
         ]
 
-    fits = metric("{package}_fit_{use}_{output}", lambda fit: fit)
+    fits = metric("{package}_fit_{use}_{output}", value=lambda fit: fit)
     orders = metric(
-        "{package}_order", lambda chosen_order: chosen_order.sel(use="one_step", drop=True)
+        template="{package}_order",
+        value=lambda chosen_order: chosen_order.sel(use="one_step", drop=True),
     )
     orders_free_run = metric(
-        "{package}_order_free_run", lambda chosen_order: chosen_order.sel(use="free_run", drop=True)
+        template="{package}_order_free_run",
+        value=lambda chosen_order: chosen_order.sel(use="free_run", drop=True),
     )
     ahead = metric(
-        "package_ahead_{use}_{output}_standard_errors", lambda package_ahead: package_ahead
+        template="package_ahead_{use}_{output}_standard_errors",
+        value=lambda package_ahead: package_ahead,
     )
     least_advantage = metric(
-        lambda fit: (fit.sel(package="workbench") - fit.sel(package="sippy_unipi")).min()
+        template=lambda fit: (fit.sel(package="workbench") - fit.sel(package="sippy_unipi")).min()
     )
 
     @figure

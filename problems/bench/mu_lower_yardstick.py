@@ -88,7 +88,13 @@ class MuLowerYardstick(Study):
         found = [_timed(context.rng, *case, self.rounds) for case in context.track(cases, "cases")]
         return np.array(found).reshape(len(KINDS), len(SIZES), len(WHAT))
 
-    seconds = array((kind, size, what), "s", "per matrix", lambda timed: timed, **WALL_TIME)
+    seconds = array(
+        dims=(kind, size, what),
+        unit="s",
+        meaning="per matrix",
+        value=lambda timed: timed,
+        **WALL_TIME,
+    )
 
     @check()
     def near_the_limit(self, seconds: DataArray) -> list[Check]:
@@ -104,7 +110,7 @@ class MuLowerYardstick(Study):
             for size in SIZES
         ]
 
-    ratios = metric("{kind}_{size}", lambda seconds: _over(seconds, "search"))
+    ratios = metric("{kind}_{size}", value=lambda seconds: _over(seconds, "search"))
 
     @figure
     def times(self, seconds: DataArray) -> Figure:

@@ -225,8 +225,8 @@ def _dk_iterations(context: Context) -> dict[str, Any]:
     own = distillation_column()
     a, b = response(own.system, OMEGA), response(plant, OMEGA)
     program = MuSynthesis(own, target=PEAK)
-    solve(program, "dk")  # compile before the clock starts
-    runs = [solve(program, "dk") for _ in context.track(range(REPEATS), "D-K iteration")]
+    solve(program, method="dk")  # compile before the clock starts
+    runs = [solve(program, method="dk") for _ in context.track(range(REPEATS), "D-K iteration")]
     answer: MuController = runs[0].answer
     if answer is None:
         raise SolverError(runs[0].message)

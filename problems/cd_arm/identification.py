@@ -32,7 +32,13 @@ def identification(
     u, y = read_record()
     orders = tuple(range(2, highest_order + 1, 2)) or (1,)
     return StateSpaceFit(
-        u, y, ESTIMATION, orders, title="CD-player arm", poles="stable", assume="open loop"
+        u,
+        y,
+        estimation=ESTIMATION,
+        orders=orders,
+        title="CD-player arm",
+        poles="stable",
+        assume="open loop",
     )
 
 

@@ -77,7 +77,7 @@ def two_mass_plant() -> GeneralisedPlant:
             (W["W_u"], "u", "z_u"),
         ],
         {"f1": "u + u_m", "y": "z2 + v"},
-        perturbation=[(Complex(1, "dynamics"), "y_m", "u_m")],
+        perturbation=[(Complex(1, name="dynamics"), "y_m", "u_m")],
         exogenous=("d", "n"),
         control="u",
         performance=("z_p", "z_u"),

@@ -70,5 +70,5 @@ def experiment_design(
         np.full(lines, VARIANCE),
         coefficient_slopes(TRUE_PLANT, WATCHED),
         error_cost(WATCHED),
-        uses,
+        uses=uses,
     )

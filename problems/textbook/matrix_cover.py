@@ -74,5 +74,11 @@ def matrix_cover(
     omega = np.geomspace(*BAND, frequencies)
     known = MatrixResponses.of_systems(scattered(plants, np.random.default_rng(0)), omega)
     return MatrixCover(
-        known, NOMINAL.system, form, left=left, right=right, left_order=order, right_order=order
+        known,
+        NOMINAL.system,
+        form=form,
+        left=left,
+        right=right,
+        left_order=order,
+        right_order=order,
     )

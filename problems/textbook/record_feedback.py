@@ -62,4 +62,4 @@ def record_feedback(
     records = bounded_records(samples, radius, np.random.default_rng(draw))
     if criterion == "decay":
         return FeedbackFromRecords(records)
-    return FeedbackFromRecords(records, criterion, C, D)
+    return FeedbackFromRecords(records, criterion=criterion, C=C, D=D)

@@ -86,7 +86,11 @@ class ReductionCurve(Study):
         lambda best: [each.order for each in best.tried], meaning="states of the controller"
     )
 
-    @array((refined, order, bound), "1", "certified bounds of the peak, infinite: unstable")
+    @array(
+        dims=(refined, order, bound),
+        unit="1",
+        meaning="certified bounds of the peak, infinite: unstable",
+    )
     def peak(self, plain: Any, best: Any) -> list[list[list[float]]]:
         curves = {each.order: [each.lower, each.upper] for each in plain.tried}
         return [
@@ -100,7 +104,10 @@ class ReductionCurve(Study):
         return None if best.smallest is None else best.smallest.K
 
     @check(
-        "refined", "refined over reduced peak, less 1", at_most=PEAK_SLACK, where="order {order}"
+        title="refined",
+        statement="refined over reduced peak, less 1",
+        at_most=PEAK_SLACK,
+        where="order {order}",
     )
     def not_worse(self, peak: DataArray) -> DataArray:
         upper = peak.sel(bound="upper")
@@ -108,8 +115,8 @@ class ReductionCurve(Study):
         return (upper.sel(refined="refined") / reduced).where(np.isfinite(reduced), 0.0) - 1
 
     @check(
-        "target",
-        "certified peak of the smallest controller",
+        title="target",
+        statement="certified peak of the smallest controller",
         at_most=lambda self: self.target * (1 + PEAK_SLACK),
     )
     def reached(self, controller: StateSpace | None) -> float | None:
@@ -120,8 +127,10 @@ class ReductionCurve(Study):
 
     order_full = metric(lambda order: order.max())
     least_order_reduced = metric(lambda self, peak: self.least_order(peak, "reduced"))
-    refined_order = metric("least_order", lambda self, peak: self.least_order(peak, "refined"))
-    peak_ = metric("peak", lambda peak: peak.sel(bound="upper").min())
+    refined_order = metric(
+        template="least_order", value=lambda self, peak: self.least_order(peak, "refined")
+    )
+    peak_ = metric("peak", value=lambda peak: peak.sel(bound="upper").min())
 
     def least_order(self, peak: DataArray, refined: str) -> float:
         """The least order whose certified peak is at most the target; NaN where none is."""

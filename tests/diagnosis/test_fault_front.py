@@ -32,12 +32,12 @@ def rational(pole, gain):
 
 
 DEMANDS = EstimationDemands(
-    error_above=0.5,
-    leakage_below=0.05,
+    error_above_hz=0.5,
+    leakage_below_hz=0.05,
     gain=2.0,
     disturbance=control.ss(-0.1, 0.1, 3e-3, 0.0),
     noise=1e-4,
-    noise_band=1.0,
+    noise_band_hz=1.0,
     unit=1e-3,
 )
 """Of a thermometer's fault; leakage of a room's temperature up to 0.05 Hz [K]."""
@@ -50,7 +50,7 @@ def loop(request):
     H = control.ss(-30.0, 30.0, 1.0, 0.0)
     if request.param == "continuous":
         return FaultLoop(model, K, H, DEMANDS)
-    return FaultLoop(model, K, H, DEMANDS, period=0.02, delay=1.0)
+    return FaultLoop(model, K, H, DEMANDS, dt=0.02, delay_samples=1.0)
 
 
 def test_the_boundary_holds_every_member(loop):
@@ -97,7 +97,7 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
     basis = LaguerreBasis(loop, CORNER)
     totals = {}
     for nominal in (True, False):
-        front = FaultFront(loop, GRID, nominal)
+        front = FaultFront(loop, GRID, nominal=nominal)
         for error in (0.3, 0.5):
             point = front.least(basis.response(8, front.omega), error)
             assert point.error <= error
@@ -106,7 +106,7 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
             totals[nominal, error] = point.total
     assert totals[True, 0.5] < totals[True, 0.3] < totals[False, 0.3]
     if loop.period is None:
-        bounds = [least_total(DEMANDS, 0.3, HZ * 0.15, n) for n in (8, 24)]
+        bounds = [least_total(DEMANDS, 0.3, HZ * 0.15, coefficients=n) for n in (8, 24)]
         assert 0.0 < bounds[0] <= bounds[1] * (1 + 1e-3)
         assert 0.2 * totals[True, 0.3] < bounds[1] < totals[True, 0.3]
 

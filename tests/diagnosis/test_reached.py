@@ -29,12 +29,12 @@ LIMITS = 0.5, 2e-3
 TIGHT = 0.1, 1e-5
 """A demand that it does not allow."""
 DEMANDS = EstimationDemands(
-    error_above=0.5,
-    leakage_below=0.05,
+    error_above_hz=0.5,
+    leakage_below_hz=0.05,
     gain=2.0,
     disturbance=control.ss(-0.1, 0.1, 3e-3, 0.0),
     noise=1e-4,
-    noise_band=1.0,
+    noise_band_hz=1.0,
     unit=1e-3,
 )
 

@@ -74,7 +74,7 @@ def test_a_dataset_is_a_record_without_more(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("time,u,y\n" + "".join(f"{0.1 * k:.1f},{k % 3},{k % 5}\n" for k in range(30)))
     data = read_record(file, inputs=["u"], outputs=["y"], time="time")
-    assert as_experiments(data).sample_time == pytest.approx(0.1)
+    assert as_experiments(data).dt == pytest.approx(0.1)
     assert as_experiments([data, data]).starts == (0, 30)
     for wrong in (None, 3, np.ones(5), [], data[["u"]]):
         with pytest.raises(InputError):

@@ -79,7 +79,7 @@ def matrix(rng, structure, kind):
 )
 def test_no_proven_bound_is_above_a_certified_one(seed, structure, kind, method):
     M = matrix(np.random.default_rng(seed), structure, kind)
-    need_agreement(lower_bound(M, structure, method).value, upper_bound(M, structure).value)
+    need_agreement(lower_bound(M, structure, method=method).value, upper_bound(M, structure).value)
 
 
 @pytest.mark.parametrize("structure", EXACT, ids=lambda s: str(s.to_pairs()))
@@ -147,7 +147,7 @@ def test_contradictions_over_many_matrices(record_property):
     for structure in STRUCTURES:
         for kind, count, method in (("complex", 313, "power"), ("real", 312, "power")):
             M = np.array([matrix(rng, structure, kind) for _ in range(count)])
-            lower = lower_bound(M, structure, method).value
+            lower = lower_bound(M, structure, method=method).value
             wrong += np.count_nonzero(lower > upper_bound(M, structure).value)
             proven += np.count_nonzero(lower)
     for k in range(300):

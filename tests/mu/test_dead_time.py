@@ -373,7 +373,9 @@ def test_a_gain_is_told_the_call_that_bounds_it(function):
         found = worst_case_gain(without_dead_time(closed, order=10))
         assert max(gains) <= found.upper <= 1.02 * max(gains)
     else:
-        found = robust_performance(without_dead_time(closed, order=10), 1.05 * max(gains), 1e-2)
+        found = robust_performance(
+            without_dead_time(closed, order=10), gain=1.05 * max(gains), tolerance=1e-2
+        )
         assert found.lower >= 1.0
 
 

@@ -92,7 +92,7 @@ def test_random_loops_lose_the_delay_of_their_crossovers(seed):
     L = gain / np.polyval(den, 1j * omega)
     k = np.flatnonzero(np.diff(np.sign(np.abs(L) - 1)))
     truth = (np.mod(np.angle(-L[k]), 2 * math.pi) / omega[k]).min()
-    borne, lost = robust_stability(closed, 1e-2).delays["tau"]
+    borne, lost = robust_stability(closed, tolerance=1e-2).delays["tau"]
     assert borne == pytest.approx(truth, rel=1e-3) and borne < lost < 1.00001 * borne
 
 

@@ -102,8 +102,8 @@ def test_the_least_margins_are_those_of_python_control(seed):
 
 @given(st.floats(0.01, 5.0), st.floats(-2.0, 2.0))
 def test_gain_and_phase_of_a_disk(alpha, skew):
-    low, high = disk_gain(alpha, skew)
-    phase = disk_phase(alpha, skew)
+    low, high = disk_gain(alpha, skew=skew)
+    phase = disk_phase(alpha, skew=skew)
     for f in (low, high):
         if np.isfinite(f):
             delta = (f - 1) / ((1 - skew) / 2 + (1 + skew) / 2 * f)
@@ -224,7 +224,7 @@ def test_the_skewed_peak_of_a_full_block_is_the_worst_case_gain():
     S = 1 / (1 + tf([18], [1, 1.8, k]) * CONTROLLER * (1 + 0.4 * dynamics("delta", 1, 1)))
     gain = worst_case_gain(S)
     structure = S.structure.with_performance(1, 1)
-    found = skewed_peak(S.system, structure, ["k", "delta"], 1e-2)
+    found = skewed_peak(S.system, structure, ["k", "delta"], tolerance=1e-2)
     assert found.upper == pytest.approx(gain.upper, rel=1e-6)
     assert found.lower == pytest.approx(gain.lower, rel=1e-4)
     M = S.system(1j * found.omega)
@@ -248,7 +248,7 @@ def test_multipliers_near_zero_frequency():
     slow = control.ss([[-1.0]], [[1.0]], [[-1.0]], [[1.0]])  # s / (s + 1)
     system = control.ss([[-1.0]], [[1.0, 1.0]], [[-0.6], [1.0]], [[0.0, 0.0], [0.0, 0.5]])
     N = control.append(slow, control.ss([], [], [], 1.0)) * system
-    found = peak(N, Structure([Real(1, "a"), Complex(1, "f")]), 1e-2)
+    found = peak(N, Structure([Real(1, name="a"), Complex(1, name="f")]), tolerance=1e-2)
     assert found.upper <= 1.02 * found.lower and len(found.intervals) < 60
 
 

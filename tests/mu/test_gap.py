@@ -103,7 +103,7 @@ def test_the_margin_of_a_known_loop():
         (lambda: nu_gap(tf([1], [1, 1]), None), "second must be"),
         (lambda: nu_gap(tf([1], [1, 1]), np.eye(2)), "they must be the same"),
         (lambda: nu_gap(tf([1], [1, 1]), control.ss(0.5, 1, 1, 0, 0.1)), "dt"),
-        (lambda: nu_gap(tf([1], [1, 1]), tf([1], [1, 1]), 0.0), "tolerance"),
+        (lambda: nu_gap(tf([1], [1, 1]), tf([1], [1, 1]), tolerance=0.0), "tolerance"),
         (lambda: coprime_margin(tf([1], [1, 1]), np.eye(2)), "must fit each other"),
         (lambda: coprime_margin(tf([1], [1, -1]), 0.5), "unstable at the nominal"),
         (lambda: coprime_margin(None, 0.5), "plant must be"),

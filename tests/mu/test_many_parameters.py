@@ -27,14 +27,14 @@ def parameters(system) -> RealParameters:
 
 @pytest.mark.cases(0)
 def test_a_vertex_among_thousands_is_found_at_once():
-    found = robust_stability(aircraft(), 0.3)
+    found = robust_stability(aircraft(), tolerance=0.3)
     assert found.upper == pytest.approx(AIRCRAFT_VERTEX, rel=1e-7)
     assert found.upper <= 1.3 * found.lower
     assert found.holds, found.certificate.failures
 
 
 def test_a_claim_beyond_the_proof_fails():
-    found = robust_stability(random_system(2), 0.05)
+    found = robust_stability(random_system(2), tolerance=0.05)
     assert found.holds
     too_much = replace(found, lower=1.001 * found.upper, upper=1.002 * found.upper)
     assert not too_much.checked_by(found._checked_by[0]).holds
@@ -43,7 +43,7 @@ def test_a_claim_beyond_the_proof_fails():
 @pytest.mark.cases(0)
 @pytest.mark.parametrize("seed", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_lags_in_series_are_proven_with_few_parts(seed):
-    found = robust_stability(lags_in_series(seed), 0.05, parts=100)
+    found = robust_stability(lags_in_series(seed), tolerance=0.05, parts=100)
     assert found.upper <= 1.05 * found.lower
 
 
@@ -51,7 +51,7 @@ def test_lags_in_series_are_proven_with_few_parts(seed):
 @pytest.mark.parametrize(("damping", "vertex"), [(0.05, 1.62594), (0.005, 1.63068)])
 def test_a_lightly_damped_chain_is_proven_in_few_parts(damping, vertex):
     """With cuts in place of narrower intervals: from 0.777 to 1.631 after 300 parts."""
-    found = robust_stability(chain(damping, 0), 0.05, parts=20)
+    found = robust_stability(chain(damping, 0), tolerance=0.05, parts=20)
     assert found.upper == pytest.approx(vertex, rel=1e-3)
     assert found.upper <= 1.05 * found.lower
 
@@ -69,7 +69,7 @@ def test_bounds_are_told_as_they_tighten():
 @pytest.mark.parametrize("limit", [1e-9, 0.5])
 def test_a_time_limit_ends_with_what_is_known(limit):
     started = time.perf_counter()
-    found = robust_stability(aircraft(), 1e-6, time_limit=limit)
+    found = robust_stability(aircraft(), tolerance=1e-6, time_limit=limit)
     assert time.perf_counter() - started < limit + 2.5
     assert found.lower <= AIRCRAFT_VERTEX * (1 + 1e-9)
     assert found.upper >= AIRCRAFT_VERTEX * (1 - 1e-7)
@@ -80,7 +80,7 @@ def test_an_unstable_member_among_stable_corners():
     """All corners of all boxes are stable; unstable is only what is near (0.5, 0.2)."""
     k, j = real("k", 0, plus_minus=1), real("j", 0, plus_minus=1)
     system = ss([[0.01 - (k - 0.5) ** 2 - (j - 0.2) ** 2]], [[1]], [[1]], 0)
-    found = robust_stability(system, 0.05, parts=200)
+    found = robust_stability(system, tolerance=0.05, parts=200)
     assert 0.4 / 1.05 <= found.lower <= 0.4 <= found.upper == pytest.approx(0.4, rel=1e-3)
 
 
@@ -132,7 +132,7 @@ def test_the_aircraft_within_its_times():
     """Asked: the upper bound within 2 % in 30 s of processor time, the gap below 5 % in 120 s."""
     assert best_vertex(parameters(aircraft())) == pytest.approx(AIRCRAFT_VERTEX, rel=1e-6)
     started = time.process_time()
-    found = robust_stability(aircraft(), 0.04)
+    found = robust_stability(aircraft(), tolerance=0.04)
     assert time.process_time() - started < 120
     assert found.upper <= 1.04 * found.lower and found.upper <= 1.02 * AIRCRAFT_VERTEX
 

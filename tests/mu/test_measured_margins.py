@@ -85,7 +85,9 @@ def test_a_controller_multiplies_data_and_noise():
 
 def test_several_plants_are_told_by_name():
     values = np.stack([EXACT, 1.5 * EXACT], axis=1)
-    plants = Responses(OMEGA, values, plants=["a", "b"], variance=0.03**2 * np.abs(values) ** 2)
+    plants = Responses(
+        omega=OMEGA, values=values, plants=["a", "b"], variance=0.03**2 * np.abs(values) ** 2
+    )
     found = loop_margins(plants)
     a, b = found.classical["a"], found.classical["b"]
     assert list(found.classical) == ["a", "b"]
@@ -111,7 +113,7 @@ def test_a_plant_that_was_not_measured_everywhere_keeps_its_own_frequencies():
     values = np.stack([EXACT] * 3, axis=1)
     present = np.ones(values.shape, bool)
     present[::2, 0] = False
-    found = loop_margins(Responses(OMEGA, values, present))
+    found = loop_margins(Responses(omega=OMEGA, values=values, present=present))
     found = found.classical
     assert found["1"]._checked_by[0].data.omega.size == OMEGA.size // 2
     assert found["2"]._checked_by[0].data.omega.size == OMEGA.size

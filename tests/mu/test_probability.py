@@ -45,7 +45,9 @@ def gains(x, y):
 @pytest.mark.parametrize("named", thinned([{}, {"x": stats.norm(0.5, 0.2)}], 2))
 def test_the_probability_of_a_gain(named):
     x, y = real("x", 0.6, plus_minus=0.4), real("y", 1, plus_minus=0.5)
-    found = guaranteed_probability(tf([1], [1, x, y]), 2.0, distributions=named, tolerance=0.08)
+    found = guaranteed_probability(
+        tf([1], [1, x, y]), gain=2.0, distributions=named, tolerance=0.08
+    )
     draws = named["x"].rvs(10**6, random_state=1) if named else RNG.uniform(0.2, 1, 10**6)
     draws = draws[(draws > 0.2) & (draws < 1)]
     share = (gains(draws, RNG.uniform(0.5, 1.5, len(draws))) < 2).mean()
@@ -58,7 +60,7 @@ def test_all_and_none():
     sure = guaranteed_probability(tf([1], [1, c, 1]))
     assert sure.lower == pytest.approx(1.0, abs=1e-9)
     assert sure.parts == 1
-    never = guaranteed_probability(tf([5], [1, c, 1]), 1.0, tolerance=1e-3)
+    never = guaranteed_probability(tf([5], [1, c, 1]), gain=1.0, tolerance=1e-3)
     assert never.upper == pytest.approx(0.0, abs=1e-3)
 
 

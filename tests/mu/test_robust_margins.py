@@ -39,7 +39,7 @@ def test_robust_stability_as_documented(plant):
 @pytest.mark.cases(0)
 def test_robust_performance_as_documented(plant):
     """robgain(S, 1.5): 0.7821 to 0.7837."""
-    margin = robust_performance(feedback(1, plant * PID), 1.5)
+    margin = robust_performance(feedback(1, plant * PID), gain=1.5)
     assert 0.7821 <= margin.lower <= margin.upper <= 0.7838
     # The same by the worst-case gain of smaller and of larger uncertainty.
     for factor, below in ((margin.lower * 0.999, True), (margin.upper * 1.001, False)):
@@ -82,7 +82,7 @@ def test_the_sensitivity_of_a_margin_as_documented():
     """robgain, Sensitivity: delta 75 %, k 28 %, for k within 50 % and delta within 0.15."""
     k = real("k", 10, percent=50)
     P = tf([18], [1, 1.8, k]) * (1 + 0.15 * dynamics("delta", 1, 1))
-    found = margin_sensitivity(feedback(1, P * PID), 1.5)
+    found = margin_sensitivity(feedback(1, P * PID), gain=1.5)
     for name, documented in (("delta", 0.75), ("k", 0.28)):
         low, high = found[name]
         assert low - 0.005 <= documented <= high + 0.005
@@ -168,7 +168,7 @@ def test_what_no_perturbation_destabilises():
 
 def test_a_nominal_gain_above_the_level_leaves_no_margin():
     G = control.ss(control.tf([3], [1, 1])) * (1 + 0.1 * dynamics("delta", 1, 1))
-    margin = robust_performance(G, 2.0)
+    margin = robust_performance(G, gain=2.0)
     assert margin.lower == margin.upper == 0.0
 
 
@@ -189,4 +189,4 @@ def test_bad_systems(system, words):
 
 def test_a_level_is_positive(plant):
     with pytest.raises(InputError, match="gain is 0"):
-        robust_performance(feedback(1, plant * PID), 0)
+        robust_performance(feedback(1, plant * PID), gain=0)

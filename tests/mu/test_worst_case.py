@@ -63,7 +63,7 @@ def check(N, structure, found):
     [(0.1, 0.5), (0.01, 0.5), pytest.param(0.1, 0.999, marks=pytest.mark.slow)],
 )
 def test_of_an_uncertain_damping(damping, share):
-    N, structure = oscillator(damping, share), Structure([Real(1, "damping")])
+    N, structure = oscillator(damping, share), Structure([Real(1, name="damping")])
     found = worst_case_gain(N, structure)
     z = damping * (1 - share)
     expected = 1 / (2 * z * np.sqrt(1 - z**2))
@@ -120,7 +120,7 @@ def test_an_unproven_gain_claims_nothing_above():
 def test_of_an_uncertain_damping_and_stiffness():
     """Largest at the least of both: 1 / (2 z sqrt(k - z^2)), with 2 z the damping coefficient."""
     N, structure = oscillator(0.05, 0.4, 0.3), Structure([Real(1), Real(1)])
-    found = worst_case_gain(N, structure, 1e-3)
+    found = worst_case_gain(N, structure, tolerance=1e-3)
     z, k = 0.05 * 0.6, 0.7
     expected = 1 / (2 * z * np.sqrt(k - z**2))
     assert found.lower == pytest.approx(expected, rel=1e-4)
@@ -170,7 +170,7 @@ def test_of_a_full_block_where_the_loop_is_singular():
 def test_of_a_lag_in_a_loop(scale):
     """N11 = a / (s + 1) and the rest alike: the gain is largest for Delta = 1 at 0."""
     N = control.ss(-1, [[0.5, scale]], [[1], [1]], np.zeros((2, 2)))
-    found = worst_case_gain(N, Structure([Complex(1)]), 1e-3)
+    found = worst_case_gain(N, Structure([Complex(1)]), tolerance=1e-3)
     assert found.lower == pytest.approx(scale / 0.5, rel=1e-6)
     assert scale / 0.5 <= found.upper <= 1.002 * scale / 0.5
 
@@ -236,7 +236,7 @@ def test_bad_input_is_refused():
     with pytest.raises(InputError, match="left for performance"):
         worst_case_gain(N, Structure([Real(2)]))
     with pytest.raises(InputError, match="tolerance"):
-        worst_case_gain(N, Structure([Real(1)]), 0.0)
+        worst_case_gain(N, Structure([Real(1)]), tolerance=0.0)
     with pytest.raises(InputError, match="unstable"):
         worst_case_gain(control.ss(1, [[1, 1]], [[1], [1]], 0), Structure([Real(1)]))
 

@@ -29,7 +29,7 @@ from workbench.mu import (
 from workbench.uncertainty import feedback
 
 SAMPLED = control.tf([1], [1, -0.5], 0.1)
-MIXED = Structure([Real(1, "a"), Complex(1, "b"), Full(2, 2, "c")])
+MIXED = Structure([Real(1, name="a"), Complex(1, name="b"), Full(2, 2, name="c")])
 M = np.random.default_rng(0).normal(size=(4, 4)) + 0.5j * np.eye(4)
 LIGHT = control.tf([1], [1, 0.02, 1])
 ONE = Structure([Full(1, 1)])
@@ -69,15 +69,15 @@ def test_a_number_of_numpy_is_a_number_of_a_block():
 @pytest.mark.parametrize("omega", ["fast", ["a"], [1j]])
 def test_frequencies_that_are_not_real(omega):
     with pytest.raises(InputError, match="omega must be real frequencies"):
-        frequency_sweep(LIGHT, ONE, omega)
+        frequency_sweep(LIGHT, ONE, omega=omega)
 
 
 @pytest.mark.parametrize("tolerance", ["high", None, math.nan, 0, 1])
 def test_tolerances_that_are_none(tolerance):
     with pytest.raises(InputError, match="tolerance is"):
-        peak(LIGHT, ONE, tolerance)
+        peak(LIGHT, ONE, tolerance=tolerance)
     with pytest.raises(InputError, match="tolerance is"):
-        worst_case_gain(control.append(LIGHT, LIGHT), ONE, tolerance)
+        worst_case_gain(control.append(LIGHT, LIGHT), ONE, tolerance=tolerance)
 
 
 @pytest.mark.parametrize("steps", [0, -1, 2.5, None])

@@ -42,14 +42,14 @@ def adapted(gain, noise=0.0, reference=0.0, seed=0, **changed):
     loop = SampledLoop(
         plant=motor(gain), positions=1, sense=error, sense_parameters=np.zeros(0), signals=1,
         corner=CORNER, read=as_is, read_parameters=np.zeros(0), measurements=1,
-        channel_levels=wide, output_levels=wide, period=PERIOD,
+        channel_levels=wide, output_levels=wide, dt=PERIOD,
     )  # fmt: skip
     control_gain = wobbled_gain(FREQUENCY, 0.1, PERIOD, **(SETTINGS | changed))
     law = Cascade(
         ["e"],
         [
-            Part("gain control", control_gain, ["e"], ["fed", "gain"]),
-            Part("K", linear(K, PERIOD), ["fed"], ["u"]),
+            Part("gain control", control_gain, ["e"], tells=["fed", "gain"]),
+            Part("K", linear(K, PERIOD), ["fed"], tells=["u"]),
         ],
     )
     time = np.arange(7001) * PERIOD

@@ -233,7 +233,7 @@ def test_named_columns_and_a_sampling_frequency_are_taken(tmp_path):
     )
     text = (tmp_path / "servo" / "problems" / "servo" / "design.py").read_text()
     assert 'SAMPLES = {"sample_rate": 200.0}' in text
-    assert f"BANDWIDTH = {chosen.bandwidth}" in text
+    assert f"BANDWIDTH = {chosen.bandwidth_hz}" in text
     assert "PERIOD, DELAY" in text and "0.02" in text
 
 
@@ -242,5 +242,5 @@ def test_the_band_of_a_study_holds_the_lines_at_its_ends(records, tmp_path, untr
     chosen = write_study(tmp_path / "servo", str(records), input="torque", output="speed")
     text = (tmp_path / "servo/problems/servo/design.py").read_text(encoding="utf-8")
     (low, high) = map(float, re.search(r"^BAND = \((.*), (.*)\)$", text, re.M).groups())
-    assert low < chosen.band[0] * (1 - 1e-6) and high > chosen.band[1] * (1 + 1e-6)
-    assert low > chosen.band[0] * (1 - 1e-4) and high < chosen.band[1] * (1 + 1e-4)
+    assert low < chosen.band_hz[0] * (1 - 1e-6) and high > chosen.band_hz[1] * (1 + 1e-6)
+    assert low > chosen.band_hz[0] * (1 - 1e-4) and high < chosen.band_hz[1] * (1 + 1e-4)

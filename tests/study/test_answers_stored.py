@@ -51,7 +51,12 @@ class Everything(Study):
             "missing": PeakChecker(system, WHOLE),
         }
 
-    height = array(bound, "1", "bounds", lambda found: [found["peak"].lower, found["peak"].upper])
+    height = array(
+        dims=bound,
+        unit="1",
+        meaning="bounds",
+        value=lambda found: [found["peak"].lower, found["peak"].upper],
+    )
 
 
 @pytest.fixture(scope="module")

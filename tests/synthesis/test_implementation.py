@@ -20,7 +20,7 @@ s = control.tf("s")
 G = control.tf([100.0], [1.0, 3.0, 100.0], inputs="u", outputs="y")
 PI = control.tf([0.2, 2.0], [1.0, 0.01], inputs="y", outputs="u") * 40 / (s + 40)
 MODEL = UncertaintyModel(
-    G, 0.05 * (s + 5) / (s / 20 + 5), 0.1 * (s + 10) / (s + 30), "multiplicative"
+    G, 0.05 * (s + 5) / (s / 20 + 5), 0.1 * (s + 10) / (s + 30), form="multiplicative"
 )
 
 
@@ -28,7 +28,7 @@ MODEL = UncertaintyModel(
 def done(request):
     """A task and its solution in each number format."""
     more = {"full_scale": (2.0, 4.0)} if request.param == "fixed" else {}
-    task = Implementation(PI, MODEL, PERIOD, DELAY, request.param, **more)
+    task = Implementation(PI, MODEL, PERIOD, delay_samples=DELAY, precision=request.param, **more)
     return task, solve(task)
 
 
@@ -92,8 +92,8 @@ def test_the_compiled_code_runs_in_the_loop_as_the_model_does(done, tmp_path):
 
 @pytest.mark.slow
 def test_the_best_way_is_not_worse_than_the_others():
-    task = Implementation(PI, MODEL, 0.02, DELAY)
-    found = {name: solve(task, name) for name in ("tustin", "zoh", "foh", "best")}
+    task = Implementation(PI, MODEL, 0.02, delay_samples=DELAY)
+    found = {name: solve(task, method=name) for name in ("tustin", "zoh", "foh", "best")}
     peaks = {name: task.objective(one.answer) for name, one in found.items()}
     assert peaks["best"] == min(peaks.values())
     assert len({round(peak, 6) for peak in peaks.values()}) == 3
@@ -128,7 +128,7 @@ def test_a_generalised_plant_has_the_signs_and_several_channels():
         measurement=["e1", "e2"],
     )
     K = control.append(PI, 0.3 * PI)
-    task = Implementation(K, plant, PERIOD, 0.5, "float")
+    task = Implementation(K, plant, PERIOD, delay_samples=0.5, precision="float")
     found = solve(task)
     assert found.outcome is Outcome.SOLVED and found.answer.peak is None
     assert len(found.answer.margins) == 2
@@ -139,12 +139,18 @@ def test_a_generalised_plant_has_the_signs_and_several_channels():
 def test_order_filter_and_limits_are_heeded(tmp_path):
     filtered = 1 / (s / 2000 + 1)
     task = Implementation(
-        PI, MODEL, PERIOD, DELAY, order=1, anti_aliasing=filtered, limits=([-1.0], [1.0])
+        PI,
+        MODEL,
+        PERIOD,
+        delay_samples=DELAY,
+        order=1,
+        anti_aliasing=filtered,
+        limits=([-1.0], [1.0]),
     )
     answer = solve(task).answer
     assert answer.K.nstates == 1
     assert "anti-windup" in answer.code()
-    plain = solve(Implementation(PI, MODEL, PERIOD, DELAY, order=1)).answer
+    plain = solve(Implementation(PI, MODEL, PERIOD, delay_samples=DELAY, order=1)).answer
     assert answer.margins[0].phase < plain.margins[0].phase
 
 
@@ -285,7 +291,7 @@ def test_a_wrong_sign_is_named():
 
 
 def test_an_unstable_loop_says_which_pole():
-    found = solve(Implementation(60 * PI, MODEL, PERIOD, DELAY))
+    found = solve(Implementation(60 * PI, MODEL, PERIOD, delay_samples=DELAY))
     assert found.outcome is Outcome.FAILED
     assert "the sampled loop is unstable, its largest pole" in found.message
 

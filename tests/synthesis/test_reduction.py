@@ -85,7 +85,7 @@ def test_balanced_truncation_is_that_of_slicot(seed, kept):
     _, A, B, C, *_ = slycot.ab09md(
         "C", "B", "S", n, m, p, K.A / rate, K.B / rate, K.C.copy(), alpha=-1e-9, nr=order
     )
-    theirs, ours = control.ss(rate * A, rate * B, C, K.D), approximated(K, order, "balanced")
+    theirs, ours = control.ss(rate * A, rate * B, C, K.D), approximated(K, order, method="balanced")
     omega = rate * np.logspace(-4, 3, 40)
     expected = theirs(1j * omega, squeeze=False)
     assert ours.nstates == order
@@ -100,10 +100,10 @@ def test_the_hankel_norm_of_the_error_is_the_next_singular_value(seed):
     K = random_controller(seed)
     values = hankel_values(K)
     for order in (0, 1, K.nstates // 2):
-        K_r = approximated(K, order, "hankel")
+        K_r = approximated(K, order, method="hankel")
         assert K_r.nstates == order
         assert hankel_values(K - K_r)[0] == pytest.approx(values[order], rel=1e-5)
-        balanced = hankel_values(K - approximated(K, order, "balanced"))[0]
+        balanced = hankel_values(K - approximated(K, order, method="balanced"))[0]
         assert balanced >= values[order] * (1 - 1e-5)
 
 
@@ -113,7 +113,7 @@ def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed, method):
     K = random_controller(seed)
     values = hankel_values(K)
     for order in range(K.nstates):
-        error = control.linfnorm(K - approximated(K, order, method))[0]
+        error = control.linfnorm(K - approximated(K, order, method=method))[0]
         rounding = 1e-7 * values.sum()  # of linfnorm, where almost nothing is left out
         assert error <= 2 * values[order:].sum() * (1 + 1e-6) + rounding
 
@@ -121,7 +121,10 @@ def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed, method):
 @pytest.mark.parametrize("order", range(4))
 def test_states_at_rest_keep_the_response_at_zero_frequency(order):
     K = random_controller(1)
-    small, peer = approximated(K, order, "matchdc"), control.balred(K, order, method="matchdc")
+    small, peer = (
+        approximated(K, order, method="matchdc"),
+        control.balred(K, order, method="matchdc"),
+    )
     np.testing.assert_allclose(small(0), K(0), rtol=1e-8)
     np.testing.assert_allclose(small(2.0j), peer(2.0j), rtol=1e-5)
 
@@ -131,7 +134,7 @@ def test_states_at_rest_keep_the_response_at_zero_frequency(order):
 def test_states_that_nothing_sees_are_no_obstacle(method, order):
     K = control.ss(np.diag([-1.0, -2.0, -3.0, -4.0]), [[1.0], [1.0], [0.0], [0.0]],
                    [[1.0, 2.0, 1.0, 1.0]], 0.5)  # fmt: skip
-    small = approximated(K, order, method)
+    small = approximated(K, order, method=method)
     assert small.nstates <= order
     if order >= 2:
         np.testing.assert_allclose(small(1.0j), K(1.0j), rtol=1e-6)
@@ -141,12 +144,12 @@ def test_states_that_nothing_sees_are_no_obstacle(method, order):
 def test_unstable_poles_and_integrators_are_kept(method):
     K = random_controller(3, kept=2)
     unstable = sorted(pole for pole in K.poles().real if pole > -1e-9 * np.abs(K.poles()).max())
-    small = approximated(K, 3, method)
+    small = approximated(K, 3, method=method)
     scale = np.abs(K.poles()).max()
     found = sorted(small.poles().real)[-2:]
     assert found == pytest.approx(unstable, abs=1e-9 * scale)
     with pytest.raises(InputError, match="must lie between 2"):
-        approximated(K, 1, method)
+        approximated(K, 1, method=method)
 
 
 def test_singular_values_that_coincide_go_together():
@@ -155,7 +158,7 @@ def test_singular_values_that_coincide_go_together():
     K = control.append(G, G)
     values = hankel_values(K)
     for order in (2, 3):
-        small = approximated(K, order, "hankel")
+        small = approximated(K, order, method="hankel")
         assert small.nstates == 2
         assert hankel_values(K - small)[0] == pytest.approx(values[2], rel=1e-6)
 
@@ -167,7 +170,7 @@ def test_slow_and_lightly_damped_modes_survive():
     extra = control.ss(control.tf([1.0, 95.0, 3e3], [1.0, 100.0, 3e3]))
     K = control.ss(slow) * control.ss(notch) * extra * simple_controller()
     for method in ("balanced", "matchdc", "hankel"):
-        poles = approximated(K, 4, method).poles()
+        poles = approximated(K, 4, method=method).poles()
         assert np.abs(poles + 1e-6).min() < 1e-7
         assert np.abs(poles - (-0.002 + 6.3246j)).min() < 1e-3
 
@@ -221,7 +224,7 @@ def test_the_reduced_loop_withstands_sampled_perturbations(loop):
 
 def test_weighted_truncation_of_every_state_changes_nothing(loop):
     plant, K = loop
-    full = approximated(K, 20, "weighted", plant)
+    full = approximated(K, 20, method="weighted", plant=plant)
     omega = np.logspace(-3, 3, 50)
     expected = K(1j * omega)
     assert full(1j * omega) == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
@@ -238,7 +241,7 @@ def test_a_hidden_part_goes_first(loop):
 def test_without_uncertainty_the_gain_is_kept():
     s = control.tf("s")
     G = control.ss(1 / ((s + 1) * (s + 0.01) * (s + 100) * (s + 120)) * 1e4)
-    plant = MixedSensitivity(G, (0.5 * s + 1) / (s + 1e-3), 0.1).plant
+    plant = MixedSensitivity(G, W_S=(0.5 * s + 1) / (s + 1e-3), W_KS=0.1).plant
     answer = hinf(plant)
     found = reduce_order(answer.K, plant, target=1.3 * answer.norm)
     given = found.tried[-1]

@@ -74,7 +74,9 @@ def test_fast_sampling_gives_the_margin_of_the_continuous_loop(form):
 @pytest.mark.cases(0)
 def test_a_computers_delay_costs_margin_and_the_sign_is_that_of_the_loop():
     K = control.tf([0.4], [1, -1], 0.2)
-    margins = [sampled_robustness(PLANT, K, 0.2, delay).lower for delay in (0.0, 0.5, 1.0)]
+    margins = [
+        sampled_robustness(PLANT, K, 0.2, delay_samples=delay).lower for delay in (0.0, 0.5, 1.0)
+    ]
     assert margins[0] > margins[1] > margins[2]
     assert sampled_robustness(PLANT, -K, 0.2, sign=1).lower == pytest.approx(margins[0], rel=1e-9)
 
@@ -118,7 +120,7 @@ def test_bad_input_is_named(plant, changes, words):
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("late", [0.0, 0.3, 1.0, 1.6])
 def test_loops_in_time_refute_a_margin_that_is_too_large(late):
-    found = sampled_robustness(PLANT, control.tf([0.4], [1, -1], 0.2), 0.2, late)
+    found = sampled_robustness(PLANT, control.tf([0.4], [1, -1], 0.2), 0.2, delay_samples=late)
     assert found.holds, found.certificate.failures
     (check,) = found._checked_by[0].second_opinion(replace(found, lower=2 * found.upper))
     assert not check.holds

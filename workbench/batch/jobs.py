@@ -95,4 +95,4 @@ def workers(jobs: int) -> Executor:
 
     if jobs == 1:
         return InProcess()
-    return Workers(jobs, threads=max(1, (os.cpu_count() or 1) // jobs))
+    return Workers(count=jobs, threads=max(1, (os.cpu_count() or 1) // jobs))

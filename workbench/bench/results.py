@@ -15,7 +15,7 @@ import fnmatch
 import html
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -57,6 +57,7 @@ class Run(Fed):
     """
 
     path: Path
+    _: KW_ONLY
     reused: bool = False
     note: str = ""
 
@@ -191,17 +192,17 @@ class Run(Fed):
         """Text of the log."""
         return read_text(self.path / "log.txt")
 
-    def show(self, figure: str | None = None) -> Picture:
+    def show(self, *, figure: str | None = None) -> Picture:
         """The figure that people look at (default: the first), as an image for a notebook."""
         figures = self.figures
         return picture(figures[self._figure_name(figures, figure)])
 
     def plot(self, *, name: str | None = None) -> Picture:
         """The same as `show`, by the name that all answers have for it."""
-        return self.show(name)
+        return self.show(figure=name)
 
     def figure(
-        self, name: str | None = None, *, style: str = "paper", width: str | float = "column"
+        self, *, name: str | None = None, style: str = "paper", width: str | float = "column"
     ) -> PrintedFigure:
         """A figure (default: the first) drawn for a paper, to be saved as PDF, SVG and PGF.
 

@@ -138,8 +138,14 @@ class Bench:
         earlier = earlier_run(writer.final, question)
         started, clock = now(), time.perf_counter()
         checkpoint = self._checkpoint(question, code, writer)
-        context = Context(self.options, self.progress, self.watch, checkpoint, self.executor)
-        solution = solve(bound.task, question.method, context=context)
+        context = Context(
+            options=self.options,
+            progress=self.progress,
+            watch=self.watch,
+            checkpoint=checkpoint,
+            executor=self.executor,
+        )
+        solution = solve(bound.task, method=question.method, context=context)
         notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
         solution, data = _stored_form(bound, solution)
         if data is not None:
@@ -317,7 +323,9 @@ def _told(task: Task, solution: Solution) -> tuple[Solution, dict[str, float], d
         return solution, metrics, files
     except Exception as error:
         said = f"{type(error).__name__}: {error}"
-        failed = Check("metrics", "whether metrics or files raise an error", 1.0, 0.0, f"({said})")
+        failed = Check(
+            "metrics", "whether metrics or files raise an error", 1.0, 0.0, where=f"({said})"
+        )
         certificate = solution.certificate
         assert certificate is not None
         certificate = replace(certificate, checks=(*certificate.checks, failed))

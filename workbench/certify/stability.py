@@ -35,7 +35,7 @@ def stability_of(loop: StateSpace) -> Check:
     where = "" if worst is None else f"at {worst:.6g}"
     statement = "distance of the worst closed-loop pole beyond the stability boundary"
     return Check(
-        "internal stability", statement, value, -TINY, where, over=THIS_SYSTEM, proven=True
+        "internal stability", statement, value, -TINY, where=where, over=THIS_SYSTEM, proven=True
     )
 
 

@@ -145,11 +145,13 @@ def sweep(
     if plan:
         from workbench.sweeps import grid_of
 
-        wanted = Options(options["tolerance"], options["time_limit"], seed=options["seed"])
+        wanted = Options(
+            tolerance=options["tolerance"], time_limit=options["time_limit"], seed=options["seed"]
+        )
         grid = grid_of(name, over, method, wanted, settings_of(settings), fresh=options["fresh"])
         print_plan(list(grid.axes), grid.planned(), as_json)
         return
     with cluster(scheduler, options["jobs"]) as executor:
-        done = workbench.sweep(name, over, method, executor=executor, **asked)
+        done = workbench.sweep(name, over, method=method, executor=executor, **asked)
     print_sweep(done, as_json)
     sys.exit(0 if done.holds else 1)

@@ -117,7 +117,7 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     peak, _ = told_apart(chosen.peak, 1.0, digits=3)
     if not chosen.peak < 1:
         click.secho(
-            f"! no controller was found that keeps its weights: at {chosen.bandwidth:g} Hz the "
+            f"! no controller was found that keeps its weights: at {chosen.bandwidth_hz:g} Hz the "
             f"certified peak of mu is {peak}, and must be below 1. {folder} is written; "
             "change BANDWIDTH, EFFORT or BAND there (README.md says how); "
             f"workbench run {folder.name}/demands says which demands exclude each other",

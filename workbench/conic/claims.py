@@ -90,7 +90,7 @@ class NoSolution(_ConicClaim):
     >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
     >>> form = ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 1.0], cones)  # x >= 2 and x <= 1
     >>> program = ConicProgram(form)
-    >>> solution = wb.solve(program, "clarabel")
+    >>> solution = wb.solve(program, method="clarabel")
     >>> print(solution.outcome, solution.certificate.holds)
     infeasible True
     """
@@ -164,7 +164,7 @@ class NoLeastValue(_ConicClaim):
     >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
     >>> form = ConicForm([-1.0], [[-1.0], [0.0]], [0.0, 1.0], cones)  # the largest x >= 0
     >>> program = ConicProgram(form)
-    >>> solution = wb.solve(program, "clarabel")
+    >>> solution = wb.solve(program, method="clarabel")
     >>> print(solution.outcome, solution.certificate.holds)
     unbounded True
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
@@ -45,12 +45,13 @@ class ConicProgram(ConicallyStated):
     >>> from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
     >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
     >>> program = ConicProgram(ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 5.0], cones))
-    >>> solution = wb.solve(program, "clarabel")
+    >>> solution = wb.solve(program, method="clarabel")
     >>> solution.certificate.holds, round(float(solution.answer["x"][0]), 5)  # the least x >= 2
     (True, 2.0)
     """
 
     form: ConicForm
+    _: KW_ONLY
     constant: float = 0.0
     maximise: bool = False
 
@@ -100,7 +101,7 @@ class ConicProgram(ConicallyStated):
         off = [relative_violation(cone, s[rows], size[rows]) for cone, rows in form.blocks]
         value, where = worst(off, lambda place: f"of cone {place[0]}")
         statement = "distance of b - A x from its cone, relative to 1 + |b| + |A| |x| of its rows"
-        return [Check("solution", statement, value, tolerance, where)]
+        return [Check("solution", statement, value, tolerance, where=where)]
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
         form, x = self.form, answer["x"].values

@@ -78,7 +78,7 @@ class SmallestCircle(Cover, ConicallyStated):
 
 
 def smallest_circle(
-    points: ArrayLike, method: str = "exact", options: Options | None = None
+    points: ArrayLike, *, method: str = "exact", options: Options | None = None
 ) -> Circle:
     """Smallest circle around each set of points.
 

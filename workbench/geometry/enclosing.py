@@ -5,7 +5,7 @@ A stadium is the set of points within ``radius`` of a segment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -62,6 +62,7 @@ class EnclosingStadium(Cover):
     True
     """
 
+    _: KW_ONLY
     center: Any = None  # an ndarray after construction, if given
     angle: Any = None
 
@@ -104,12 +105,12 @@ class EnclosingStadium(Cover):
             away = relative(np.abs(answer.center - self.center), np.abs(self.center))
             value, where = worst(away, self.place)
             statement = "distance from the centre asked for, relative to its size"
-            checks.append(Check("centre given", statement, value, CENTRE_TOLERANCE, where))
+            checks.append(Check("centre given", statement, value, CENTRE_TOLERANCE, where=where))
         if self.angle is not None:
             turn = np.mod(answer.angle - self.angle + np.pi / 2, np.pi) - np.pi / 2
             value, where = worst(np.abs(turn), self.place)
             statement = "distance from the angle asked for [rad]"
-            checks.append(Check("angle given", statement, value, ANGLE_TOLERANCE, where))
+            checks.append(Check("angle given", statement, value, ANGLE_TOLERANCE, where=where))
         return checks
 
     @property

@@ -9,7 +9,7 @@ discs, J. Opt. Soc. Am. 69 (1979); G. Bouwhuis et al., Principles of Optical Dis
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +47,7 @@ class TrackLayer:
     length: float
     width: float
     phase: float
+    _: KW_ONLY
     reflection: float = 1.0
     stagger: float = 0.0
 
@@ -149,7 +150,7 @@ def _shifted(pupil: Pupil, right: float, up: float) -> RealArray:
     return share
 
 
-def quadrants(pupil: Pupil, shift: float = 0.0) -> RealArray:
+def quadrants(pupil: Pupil, *, shift: float = 0.0) -> RealArray:
     """Four detectors (4, n, n), in turn about the centre, with the split across moved by a shift.
 
     The first lies at x > 0 and y > shift, the second at x < 0 and y > shift.

@@ -49,7 +49,7 @@ def exact_products(
             "periods whose transition, in exact fractions, is not proven to fall",
             growing,
             0.0,
-            where,
+            where=where,
             over=f"for {len(short)} periodic switchings of every plant",
         )
     ]

@@ -96,7 +96,7 @@ def gain(
         "largest gain over the claimed peak, less 1",
         excess(worst, claimed),
         SAMPLED_ROUNDING,
-        f"at {where:.6g} rad/s",
+        where=f"at {where:.6g} rad/s",
         over=f"for {tries(PERTURBATIONS) + 1} plants at {len(grid)} frequencies",
     )
 

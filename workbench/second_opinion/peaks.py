@@ -69,7 +69,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
         "largest eigenvalue of M Delta over the claimed peak, less 1",
         excess(float(size.max()), claimed),
         SAMPLED_ROUNDING,
-        f"at {where:.6g} rad/s",
+        where=f"at {where:.6g} rad/s",
         over=f"for {len(drawn)} perturbations at {omega.size} frequencies",
     )
 
@@ -123,7 +123,7 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
         "of Delta is unstable",
         distance,
         NEARLY_SINGULAR,
-        f"at {omega:.6g} rad/s",
+        where=f"at {omega:.6g} rad/s",
     )
 
 
@@ -156,7 +156,7 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
         "claimed gain over that with the perturbation, less 1",
         missed,
         SAMPLED_ROUNDING,
-        f"at {omega:.6g} rad/s",
+        where=f"at {omega:.6g} rad/s",
     )
 
 

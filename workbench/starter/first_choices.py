@@ -66,8 +66,8 @@ EFFORT = 0.05
 class FirstChoices:
     """Numbers of a first design, each with its reason.
 
-    ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
-    nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
+    ``band_hz`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
+    nominal. ``bandwidth_hz`` [Hz]: where the error weight is about 1. ``effort``: the control weight
     at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
     records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what tests
     of it gave. ``peak``: certified peak of mu of a first controller, below 1 where it keeps the
@@ -80,17 +80,17 @@ class FirstChoices:
     >>> from workbench.uncertainty import Responses
     >>> omega = np.geomspace(1, 1e3, 60)
     >>> response = np.array([gain / (1j * omega / 50 + 1) for gain in (0.9, 1.0, 1.1)])
-    >>> plants = Responses(omega, response.T)
+    >>> plants = Responses(omega=omega, values=response.T)
     >>> from workbench.starter import first_choices
-    >>> choices = first_choices(plants, period=1e-3)
+    >>> choices = first_choices(plants, dt=1e-3)
     >>> sorted(choices.reasons)
     ['band', 'bandwidth', 'effort', 'order']
     """
 
-    band: tuple[float, float]
+    band_hz: tuple[float, float]
     order: int
     unstable_poles: int
-    bandwidth: float
+    bandwidth_hz: float
     effort: float
     reasons: dict[str, str]
     columns: str = field(default="", kw_only=True)
@@ -101,7 +101,7 @@ class FirstChoices:
 
 
 def first_choices(
-    responses: Responses, period: float, delay: float = 1.0, at_most: float = np.inf
+    responses: Responses, dt: float, *, delay_samples: float = 1.0, at_most_hz: float = np.inf
 ) -> FirstChoices:
     """First choices for a controller of these plants on a computer.
 
@@ -109,11 +109,11 @@ def first_choices(
     ----------
     responses
         Of two plants or more.
-    period
+    dt
         Sampling time of the controller [s].
-    delay
+    delay_samples
         Delay of the computer [samples].
-    at_most
+    at_most_hz
         Largest bandwidth [Hz].
 
     Raises
@@ -128,23 +128,23 @@ def first_choices(
     >>> from workbench.uncertainty import Responses
     >>> omega = np.geomspace(1, 1e3, 60)
     >>> response = np.array([gain / (1j * omega / 50 + 1) for gain in (0.9, 1.0, 1.1)])
-    >>> plants = Responses(omega, response.T)
+    >>> plants = Responses(omega=omega, values=response.T)
     >>> from workbench.starter import first_choices
-    >>> choices = first_choices(plants, period=1e-3)
-    >>> choices.order, choices.unstable_poles, round(choices.bandwidth, 1)
+    >>> choices = first_choices(plants, dt=1e-3)
+    >>> choices.order, choices.unstable_poles, round(choices.bandwidth_hz, 1)
     (1, 0, 37.0)
     """
-    need_positive(period, "period")
+    need_positive(dt, "dt")
     reasons = {}
     used, reasons["band"] = _seen(responses)
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
-    bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
-    below = np.geomspace(used.frequency[0], max(bandwidth, 1.01 * used.frequency[0]), 50)
+    bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, dt, delay_samples, at_most_hz)
+    below = np.geomspace(used.frequency_hz[0], max(bandwidth, 1.01 * used.frequency_hz[0]), 50)
     least = float(np.abs(nominal.response(2 * np.pi * below)).min())
     effort = float(f"{EFFORT * least:.3g}")
     reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below the bandwidth"
-    band = float(used.frequency[0]), float(used.frequency[-1])
+    band = float(used.frequency_hz[0]), float(used.frequency_hz[-1])
     return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
 
 
@@ -168,10 +168,10 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
             f"{100 * SEEN:g} % region is wider than half its response): excite more, or "
             "average longer"
         )
-    first, last = responses.frequency[start], responses.frequency[end - 1]
+    first, last = responses.frequency_hz[start], responses.frequency_hz[end - 1]
     wider = f"a plant's {100 * SEEN:g} % region is wider than half its response"
     text = f"elsewhere {wider}" if bridged.any() else "all that is given"
-    inside = responses.frequency[start:end][hidden[start:end]]
+    inside = responses.frequency_hz[start:end][hidden[start:end]]
     if inside.size:
         text += f"; at {inside.size} frequencies from {inside[0]:.4g} Hz on, too, {wider}"
     return responses.within(first, last), text
@@ -197,7 +197,7 @@ def _nominal(responses: Responses) -> tuple[Rational, str]:
     omega, mean = responses.omega, mean_response(responses.points)
     away = np.where(responses.present, responses.values / mean[:, None] - 1, 0.0)
     spread = float(np.median(np.abs(away).max(axis=1)))  # few lines about a notch do not count
-    context = Context(Options())
+    context = Context(options=Options())
 
     def fits(count: int) -> list[tuple[float, Rational]]:
         found = []
@@ -252,7 +252,7 @@ def _bandwidth(
         room = np.sqrt(WORST_SET**2 - ERROR_PEAK**-2)
         first = int(np.argmax(wide))
         words = (
-            f"at {responses.frequency[first]:.3g} Hz the plants, as far as known, differ by "
+            f"at {responses.frequency_hz[first]:.3g} Hz the plants, as far as known, differ by "
             f"{100 * size[first]:.0f} % from any nominal"
         )
         limits[words] = float(room * responses.omega[first])
@@ -270,7 +270,7 @@ def _bandwidth(
     if most < responses.omega[0]:
         raise InputError(
             f"{why}: a bandwidth of at most {most / (2 * np.pi):.3g} Hz, below the first frequency "
-            f"that was measured, {responses.frequency[0]:.3g} Hz; measure lower, or mend that limit"
+            f"that was measured, {responses.frequency_hz[0]:.3g} Hz; measure lower, or mend that limit"
         )
     return float(f"{most / (2 * np.pi):.2g}"), why
 

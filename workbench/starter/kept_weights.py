@@ -64,10 +64,10 @@ def kept_weights(
     covered = solve(study.cover(), options=Options())
     if covered.certificate is None or not covered.certificate.valid:
         raise SolverError(f"no certified cover of the plants was found: {covered.message}")
-    asked = chosen.bandwidth
+    asked = chosen.bandwidth_hz
     tried: list[tuple[FirstChoices, MuController | None, Any]] = []
     for _ in range(TRIES):
-        plant = study.weighted(covered.answer.model, chosen.bandwidth, chosen.effort)
+        plant = study.weighted(covered.answer.model, chosen.bandwidth_hz, chosen.effort)
         wanted = {} if structure == "free" else {"family": study.FAMILIES[structure]}
         task = MuSynthesis(plant, target=TARGET, integral=True, **wanted)
         found = solve(task, options=Options(time_limit=SECONDS)).answer
@@ -76,13 +76,13 @@ def kept_weights(
         if peak < 1 or lower is None:
             break
         try:
-            chosen = lower(chosen.bandwidth / STEP)
+            chosen = lower(chosen.bandwidth_hz / STEP)
         except InputError:
             break
     best, found, plant = min(tried, key=lambda one: one[0].peak)
     if best.peak < 1 and len(tried) > 1:
         best.reasons["bandwidth"] = (
-            f"the first of {', '.join(f'{one.bandwidth:g}' for one, _, _ in tried)} Hz at which a "
+            f"the first of {', '.join(f'{one.bandwidth_hz:g}' for one, _, _ in tried)} Hz at which a "
             f"certified peak of mu is below 1, {told_apart(best.peak, 1.0, digits=3)[0]}; at "
             f"{asked:g} Hz it is {told_apart(tried[0][0].peak, 1.0, digits=3)[0]}"
         )
@@ -104,7 +104,7 @@ def fewest_states(best: FirstChoices, plant: Any, found: MuController) -> FirstC
     tried: list[FirstChoices] = []
     for states in range(1, last + 1):
         task = MuSynthesis(plant, order=states, integral=True)
-        done = solve(task, "fixed", options=Options())
+        done = solve(task, method="fixed", options=Options())
         if done.answer is not None:
             tried.append(replace(best, states=states, peak=float(done.answer.upper)))
             if tried[-1].peak < 1:

@@ -48,7 +48,7 @@ def write_study(
     excitation: str | int | None = None,
     assume: str | Sequence[str] = (),
     period: float | None = None,
-    delay: float = 1.0,
+    delay_samples: float = 1.0,
     spread: float | None = None,
     resonance_shift: float | None = None,
     structure: Structure = "free",
@@ -83,7 +83,7 @@ def write_study(
         Assumptions on the records that you vouch for against their reports, such as "open loop".
     period
         Sampling time [s] of the controller's computer; None: that of the records.
-    delay
+    delay_samples
         Delay [samples] of the controller's computer.
     spread, resonance_shift
         How far plants lie from those with records, as of `Responses.from_files`; of one record one
@@ -144,8 +144,10 @@ def write_study(
     Demands(**asked, noise=1.0)  # raises for numbers that are none
     need_positive(period, "period", or_none=True)
     need_positive(sample_rate, "sample_rate", or_none=True)
-    if not (is_real(delay) and 0.0 <= delay < math.inf):
-        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
+    if not (is_real(delay_samples) and 0.0 <= delay_samples < math.inf):
+        raise InputError(
+            f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
+        )
     target = Path(folder)
     plant = target.name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", plant):
@@ -165,7 +167,7 @@ def write_study(
         input=u,
         output=y,
         time=t,
-        sample_rate=sample_rate,
+        dt=sample_rate and 1 / sample_rate,
         excitation=excitation,
         assume=assume,
         hold=True,
@@ -183,12 +185,14 @@ def write_study(
         for finding in report.findings
     )
     try:
-        chosen = first_choices(responses, every, delay, bandwidth_hz or np.inf)
+        chosen = first_choices(
+            responses, every, delay_samples=delay_samples, at_most_hz=bandwidth_hz or np.inf
+        )
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     chosen = replace(chosen, columns=look.columns, notes=notes, tested=responses.tested)
     if bandwidth_hz is not None:
-        chosen = replace(chosen, bandwidth=bandwidth_hz)
+        chosen = replace(chosen, bandwidth_hz=bandwidth_hz)
         chosen.reasons["bandwidth"] = "as given"
     if control_rms is not None and not look.noise:
         raise InputError("control_rms is demanded, but the records show no noise: leave it out")
@@ -211,7 +215,7 @@ def write_study(
         "named": named,
         "stated": {name: share for name, share in stated.items() if share is not None},
         "period": every,
-        "delay": delay,
+        "delay_samples": delay_samples,
         "chosen": chosen,
         "limits": tuple(map(float, held)),
         "limits_from": "of the records" if limits is None else "as given",
@@ -234,7 +238,7 @@ def write_study(
         _write(made, paths, told)
 
         def lower(most: float) -> FirstChoices:
-            other = first_choices(responses, every, delay, most)
+            other = first_choices(responses, every, delay_samples=delay_samples, at_most_hz=most)
             reasons = {**chosen.reasons, "effort": other.reasons["effort"]}
             if effort is not None:
                 other, reasons = replace(other, effort=effort), chosen.reasons

@@ -80,7 +80,7 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
     return found
 
 
-def with_interval(summary: DataArray, form: str = "{:.3g}") -> str:
+def with_interval(summary: DataArray, *, form: str = "{:.3g}") -> str:
     """Mean and interval, as `over_draws` gives them, in words: ``0.52 (0.41 to 0.66)``.
 
     Examples

@@ -51,8 +51,8 @@ class Study(Task):
     ...     '''Squares of some numbers.'''
     ...
     ...     number = dim(1, 2, 3)
-    ...     square = array(number, "1", "square", lambda number: number**2)
-    ...     small = check("small", "the largest square", lambda square: square, at_most=10.0)
+    ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
+    ...     small = check(title="small", statement="the largest square", value=lambda square: square, at_most=10.0)
     ...     most = metric(lambda square: square.max())
     ...
     >>> solution = solve(Squares())
@@ -140,7 +140,7 @@ class Study(Task):
         said = "entries of arrays that the stored answers do not have"
         where = ", ".join(name for name, count in apart.items() if count)
         differing = float(sum(apart.values()))
-        return [Check("arrays of answers", said, differing, 0.0, where, over=STORED_ANSWERS)]
+        return [Check("arrays of answers", said, differing, 0.0, where=where, over=STORED_ANSWERS)]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         get = self._getter(answer)

@@ -44,7 +44,7 @@ class DesignTask:
         What H-infinity and mu controllers are made for: the same, made regular (`regularised`).
     quadratic
         What LQG is made for: without perturbation, its noise of finite variance in the outputs.
-    G
+    nominal
         Nominal plant of the loop with negative feedback, StateSpace.
     W_S, W_KS
         Weights of mixed sensitivity, as of `MixedSensitivity`.
@@ -104,7 +104,7 @@ class DesignTask:
     plant: GeneralisedPlant
     regular: GeneralisedPlant
     quadratic: GeneralisedPlant
-    G: StateSpace
+    nominal: StateSpace
     W_S: Any
     W_KS: Any
     reference: StateSpace
@@ -121,14 +121,14 @@ class DesignTask:
         assert self.regular.structure is not None
         return self.regular.structure
 
-    def shaped(self, gain: float = 1.0) -> LoopShaping:
+    def shaped(self, *, gain: float = 1.0) -> LoopShaping:
         """Loop shaping with that multiple of the reference controller before the plant."""
-        return LoopShaping(self.G, W1=gain * self.reference)
+        return LoopShaping(self.nominal, W1=gain * self.reference)
 
     def full_block_plant(self, size: float) -> GeneralisedPlant:
         """The regular plant for one full block, the perturbation's signals times `size`."""
         out, into = [size] * self.structure.columns, [1.0 / size] * self.structure.rows
-        return self.regular.unstructured().weighted(out, into)
+        return self.regular.unstructured().weighted(performance=out, exogenous=into)
 
 
 def reference(task: DesignTask, context: Context) -> StateSpace:
@@ -146,7 +146,9 @@ def lqg_design(task: DesignTask, context: Context) -> StateSpace:
 
 def mixed_sensitivity(task: DesignTask, context: Context) -> StateSpace:
     """The least norm of [W_S S; W_KS K S]: the nominal plant alone."""
-    K: StateSpace = _answer(MixedSensitivity(task.G, W_S=task.W_S, W_KS=task.W_KS), context).lti
+    K: StateSpace = _answer(
+        MixedSensitivity(task.nominal, W_S=task.W_S, W_KS=task.W_KS), context
+    ).lti
     return K
 
 
@@ -159,7 +161,7 @@ def loop_shaping(task: DesignTask, context: Context) -> StateSpace:
     nominal = task.plant.nominal()
     tried = []
     for gain in context.track(list(task.gains), "loop shapes"):
-        program = task.shaped(gain)
+        program = task.shaped(gain=gain)
         K = program.controller(_answer(program, context))
         loop = nominal.close(K)
         tried.append((norm((loop.A, loop.B, loop.C, loop.D)), gain, K))
@@ -224,8 +226,8 @@ def _answer(program: Program, context: Context, method: str | None = None) -> An
 
     Raises SolverError where it has no valid answer.
     """
-    own = Context(context.options, context.progress, started=context.started)
-    solution = solve(program, method, context=own)
+    own = Context(options=context.options, progress=context.progress, started=context.started)
+    solution = solve(program, method=method, context=own)
     if solution.certificate is None or not solution.certificate.valid:
         failed = solution.certificate.failures if solution.certificate else (solution.message,)
         raise SolverError(f"{type(program).__name__}: {'; '.join(failed)}")

@@ -108,7 +108,7 @@ class GeneralisedPlant:
         Raises InputError for a plant without performance outputs or exogenous inputs.
         """
         if self.structure is None:
-            return Structure([Full(self.exogenous, self.performance, "performance")])
+            return Structure([Full(self.exogenous, self.performance, name="performance")])
         return self.structure.with_performance(self.performance, self.exogenous)
 
     def response(self, omega: ArrayLike) -> Array:
@@ -116,7 +116,9 @@ class GeneralisedPlant:
         warn_far_frequencies(omega, self.system)
         return response(self.system, omega)
 
-    def channel(self, performance: Signals = None, exogenous: Signals = None) -> GeneralisedPlant:
+    def channel(
+        self, *, performance: Signals = None, exogenous: Signals = None
+    ) -> GeneralisedPlant:
         """The plant with only some performance outputs and exogenous inputs, in that order.
 
         Signals are chosen by name, or by number among the plant's performance outputs and exogenous
@@ -157,7 +159,7 @@ class GeneralisedPlant:
         return replace(self, structure=None)
 
     def weighted(
-        self, performance: Sequence[Any] = (), exogenous: Sequence[Any] = ()
+        self, *, performance: Sequence[Any] = (), exogenous: Sequence[Any] = ()
     ) -> GeneralisedPlant:
         """The plant with its first performance outputs and exogenous inputs behind weights.
 
@@ -207,7 +209,7 @@ class GeneralisedPlant:
         )
         return replace(self, system=part, structure=structure)
 
-    def close(self, K: Any) -> StateSpace:
+    def close(self, controller: Any) -> StateSpace:
         """The closed loop N = F_l(P, K) with u = K y.
 
         N keeps every state of P and K, so its poles decide internal stability. K is whatever
@@ -215,7 +217,7 @@ class GeneralisedPlant:
         the loop through the direct terms of P and K is singular.
         """
         plant = named_realisation(self.system)
-        controller = named_realisation(system_of(K, "K"), "K")
+        controller = named_realisation(system_of(controller, "controller"), "K")
         if (len(controller.outputs), len(controller.inputs)) != (self.controls, self.measurements):
             raise InputError(
                 f"K has {len(controller.inputs)} inputs and {len(controller.outputs)} outputs; the "
@@ -236,13 +238,13 @@ class GeneralisedPlant:
             plant.outputs[:open_outputs],
         )
 
-    def named(self, K: StateSpace) -> StateSpace:
+    def named(self, controller: StateSpace) -> StateSpace:
         """K with the plant's measurements as names of its inputs, and the controls as outputs."""
         import control
 
         inputs = [own_name(label) for label in self.system.output_labels[-self.measurements :]]
         outputs = list(self.system.input_labels[-self.controls :])
-        return control.ss(K, inputs=inputs, outputs=outputs)
+        return control.ss(controller, inputs=inputs, outputs=outputs)
 
     def diagram(self) -> Figure:
         """The block diagram of the plant, its perturbation and its controller, by signal names."""

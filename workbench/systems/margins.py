@@ -42,8 +42,8 @@ Curve = Callable[[RealArray], Any]
 """Real values (F,) of a continuous function at frequencies [Hz] (F,)."""
 
 
-def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
-    """Response (F,) of a loop with one input and one output at `frequency` [Hz] (F,).
+def loop_response(loop: StateSpace, frequency_hz: RealArray) -> ComplexArray:
+    """Response (F,) of a loop with one input and one output at `frequency_hz` [Hz] (F,).
 
     Examples
     --------
@@ -54,7 +54,7 @@ def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
     >>> loop_response(L, np.array([0.0, 1 / (2 * np.pi)])).round(6).tolist()
     [(1+0j), (0.5-0.5j)]
     """
-    values: ComplexArray = response(loop, 2 * np.pi * frequency)[:, 0, 0]
+    values: ComplexArray = response(loop, 2 * np.pi * frequency_hz)[:, 0, 0]
     return values
 
 
@@ -94,7 +94,7 @@ def search_grid(loop: StateSpace) -> RealArray:
     return every
 
 
-def crossings(curve: Curve, frequency: RealArray) -> RealArray:
+def crossings(curve: Curve, frequency_hz: RealArray) -> RealArray:
     """Frequencies [Hz] at which a continuous curve changes sign, one between grid neighbours.
 
     Examples
@@ -106,7 +106,7 @@ def crossings(curve: Curve, frequency: RealArray) -> RealArray:
     """
     from scipy.optimize.elementwise import find_root
 
-    ends = np.log(frequency)
+    ends = np.log(frequency_hz)
     # as seen by the search, for which a crossing may lie at a frequency of the grid
     before = np.flatnonzero(np.diff(curve(np.exp(ends)) > 0))
     found = find_root(lambda x: curve(np.exp(x)), (ends[before], ends[before + 1]))
@@ -114,7 +114,7 @@ def crossings(curve: Curve, frequency: RealArray) -> RealArray:
     return roots
 
 
-def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
+def bands(curve: Curve, frequency_hz: RealArray) -> list[tuple[float, float]]:
     """Frequency ranges [Hz] within a grid in which a continuous curve is positive.
 
     Examples
@@ -125,7 +125,7 @@ def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
     >>> [round(float(end), 6) for end in found[0]]
     [0.5, 2.0]
     """
-    edges = [frequency[0], *crossings(curve, frequency), frequency[-1]]
+    edges = [frequency_hz[0], *crossings(curve, frequency_hz), frequency_hz[-1]]
     middle = np.sqrt(np.multiply(edges[1:], edges[:-1]))
     inside = curve(middle) > 0
     return [
@@ -180,11 +180,11 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
     return float(crossings(excess, np.geomspace(low, high, LAST_POINTS)).max(initial=low))
 
 
-def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str, float]:
+def bandwidths(loop: StateSpace, *, frequency_hz: ArrayLike | None = None) -> dict[str, float]:
     """Bandwidths [Hz] of a closed loop by three definitions; NaN where there is no crossing.
 
     "S": |S| stays under -3 dB below it; "crossover": |L| stays under 1 above it; "T": |T| stays
-    under -3 dB above it. `frequency` [Hz] (F,): search grid, None: `search_grid(loop)`.
+    under -3 dB above it. `frequency_hz` [Hz] (F,): search grid, None: `search_grid(loop)`.
 
     Examples
     --------
@@ -196,7 +196,7 @@ def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str
     100.0
     """
 
-    grid = _grid(loop, frequency)
+    grid = _grid(loop, frequency_hz)
     loop = as_system(loop, "loop")
 
     def L(at: RealArray) -> ComplexArray:

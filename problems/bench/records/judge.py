@@ -55,7 +55,7 @@ FIELDS = ("record", "package", "use", "output", "fit", "model", "seconds")
 def ours(program: StateSpaceFit) -> Iterator[tuple[str, RealArray, str, float]]:
     """Use, fits (ny,) [%], model and seconds of our method."""
     start = time.perf_counter()
-    solution = solve(program, METHOD)
+    solution = solve(program, method=METHOD)
     seconds = time.perf_counter() - start
     answer = solution.answer
     if answer is None or answer.candidates is None:

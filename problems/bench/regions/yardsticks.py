@@ -55,7 +55,7 @@ def _setting(kind: str, degree: int, width: int, free: int) -> Estimator:
 
     def estimate(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
         at = np.round(frequency * len(u)).astype(int)
-        found = fit(u, y, degree, width, at=at)
+        found = fit(u, y, degree=degree, lines=width, at=at)
         response = np.nan_to_num(found.response)
         variance = np.where(np.isfinite(found.variance), found.variance, np.inf)
         return ResponseEstimate(frequency, response, variance, 2.0 * free)

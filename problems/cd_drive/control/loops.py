@@ -33,4 +33,6 @@ def open_loop(axis: Axis, system: StateSpace, delay: float | None = None) -> Sta
     K = control.ss(controller(axis))
     if delay is None:
         return system * K
-    return sampled(system, PERIOD, delay) * control.sample_system(K, PERIOD, "bilinear")
+    return sampled(system, PERIOD, delay_samples=delay) * control.sample_system(
+        K, PERIOD, "bilinear"
+    )

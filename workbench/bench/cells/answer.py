@@ -48,7 +48,12 @@ class Cell:
     @property
     def options(self) -> Options:
         asked = self.question.options
-        return Options(asked["tolerance"], asked["time_limit"], self.verbose, asked["seed"])
+        return Options(
+            tolerance=asked["tolerance"],
+            time_limit=asked["time_limit"],
+            verbose=self.verbose,
+            seed=asked["seed"],
+        )
 
 
 def answer(cell: Cell, place: Site) -> Record:
@@ -112,7 +117,7 @@ class Said:
 
 def _once(task: Program, method: str, options: Options, longer: float = 0.0) -> Said:
     """What a method says in one call, which may take so much longer than its time limit [s]."""
-    context, limit = Context(options), options.time_limit
+    context, limit = Context(options=options), options.time_limit
     forget_peak_memory()
     reason = "" if limit is None else f"killed at its time limit of {limit:.4g} s"
     if longer:
@@ -137,7 +142,7 @@ WARM = (
 
 def cell_workers(count: int, memory_limit: int | None, threads: int) -> Workers:
     """A pool of processes that are warm for cells."""
-    return Workers(count, threads=threads, memory_limit=memory_limit, preload=WARM)
+    return Workers(count=count, threads=threads, memory_limit=memory_limit, preload=WARM)
 
 
 _apart = threading.local()

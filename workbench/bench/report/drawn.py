@@ -46,7 +46,13 @@ class DrawnRun:
 
 def draw_runs(folders: Sequence[Path], executor: Executor, progress: Progress) -> list[DrawnRun]:
     """Figures and tables of the runs in results folders, a run to a task."""
-    return spread(partial(_drawn, added_problems()), folders, executor, progress, "runs drawn")
+    return spread(
+        partial(_drawn, added_problems()),
+        folders,
+        executor,
+        progress=progress,
+        description="runs drawn",
+    )
 
 
 def _drawn(problems: Sequence[Path], folder: Path) -> DrawnRun:

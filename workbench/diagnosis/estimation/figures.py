@@ -31,7 +31,7 @@ def channels(loops: Sequence[RequirementLoop]) -> Figure:
     for loop, colour in zip(loops, cycle(figures.CYCLE), strict=False):
         omega = frequencies_of(loop.system)
         omega = omega[(omega >= loop.band[0]) & (omega <= loop.band[1])]
-        found = frequency_sweep(loop.system, loop.structure, omega)
+        found = frequency_sweep(loop.system, loop.structure, omega=omega)
         frequency = found.omega / 2 / np.pi
         panel.loglog(frequency, found.upper, color=colour, label=f"{loop.name}, upper bound")
         panel.loglog(frequency, found.lower, ":", color=colour, label="lower bound")

@@ -54,7 +54,7 @@ class FrontPoint:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -81,7 +81,7 @@ class FrontPoint:
 class FaultFront:
     """Filters F over a basis, for a loop's set of plants or (`nominal`) for its nominal one.
 
-    frequency: grid [Hz] (F,), rising. Raises InputError for another one, and where it has no
+    frequency_hz: grid [Hz] (F,), rising. Raises InputError for another one, and where it has no
     frequency at which the error, or none at which the leakage is limited.
 
     Examples
@@ -93,7 +93,7 @@ class FaultFront:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -105,17 +105,17 @@ class FaultFront:
     (0.0, 0.003, 0.0001)
     """
 
-    def __init__(self, loop: FaultLoop, frequency: ArrayLike, nominal: bool = False) -> None:
+    def __init__(self, loop: FaultLoop, frequency_hz: ArrayLike, *, nominal: bool = False) -> None:
         self.loop = loop
-        self.frequency = f = np.asarray(frequency, float)
+        self.frequency_hz = f = np.asarray(frequency_hz, float)
         if f.ndim != 1 or not np.isfinite(f).all() or (np.diff(f, prepend=0.0) <= 0.0).any():
             raise InputError("frequency must be (F,), positive, finite and rising")
-        if not f[0] <= loop.demands.leakage_below or not f[-1] >= loop.demands.error_above:
+        if not f[0] <= loop.demands.leakage_below_hz or not f[-1] >= loop.demands.error_above_hz:
             raise InputError(
                 f"the grid from {f[0]:g} to {f[-1]:g} Hz must have frequencies up to "
-                f"{loop.demands.leakage_below:g} Hz and from {loop.demands.error_above:g} Hz on"
+                f"{loop.demands.leakage_below_hz:g} Hz and from {loop.demands.error_above_hz:g} Hz on"
             )
-        self.omega = loop.warped(self.frequency)
+        self.omega = loop.warped(self.frequency_hz)
         L = loop.open_loop(self.omega)
         self.back = 1 + L  # 1 / S
         one = np.ones((len(L), 1), complex)
@@ -136,18 +136,18 @@ class FaultFront:
 
     def judged(self, T: ComplexArray) -> tuple[float, float, float]:
         """Relative error, leakage and rms of the noise of T (F,), on the grid."""
-        f, size = self.frequency, np.abs(T) * self.worst
+        f, size = self.frequency_hz, np.abs(T) * self.worst
         demands = self.loop.demands
         error = np.abs(1 - T[:, None] / self.p).max(axis=1)
-        leakage = (size * self.disturbance)[f <= demands.leakage_below].max()
+        leakage = (size * self.disturbance)[f <= demands.leakage_below_hz].max()
         noise = demands.noise * np.sqrt((self._shares * size**2).sum())
-        return float(error[f >= demands.error_above].max()), float(leakage), float(noise)
+        return float(error[f >= demands.error_above_hz].max()), float(leakage), float(noise)
 
     @property
     def _shares(self) -> RealArray:
         """Shares of the noise's power (F,) that the frequencies stand for."""
-        band = self.loop.demands.noise_band
-        inside = np.minimum(self.frequency, band)
+        band = self.loop.demands.noise_band_hz
+        inside = np.minimum(self.frequency_hz, band)
         edges = np.concatenate([[0.0], (inside[1:] + inside[:-1]) / 2, [inside[-1]]])
         return np.diff(edges) / band
 
@@ -187,7 +187,7 @@ class FaultFront:
         need_positive(peak, "peak", or_none=True)
         self._need_stable_set()
         if self._factor_of_nothing(error, peak) <= 1.0:  # T = 0 lets nothing through
-            nothing = np.zeros(len(self.frequency), complex)
+            nothing = np.zeros(len(self.frequency_hz), complex)
             return FrontPoint(np.zeros(basis.shape[1]), *self.judged(nothing))
         scale = np.abs(basis).max(axis=0)
         basis = basis / scale
@@ -224,7 +224,7 @@ class FaultFront:
         >>> from workbench.uncertainty import UncertaintyModel
         >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
         >>> demands = EstimationDemands(
-        ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+        ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
         ... )
         >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
         >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -256,7 +256,7 @@ class FaultFront:
     def _need_stable_set(self) -> None:
         """Raise SolverError where the loop itself is unstable for plants of the set."""
         if not np.isfinite(self.worst).all():
-            at = self.frequency[~np.isfinite(self.worst)][0]
+            at = self.frequency_hz[~np.isfinite(self.worst)][0]
             raise SolverError(
                 f"no filter of this basis: near {at:.4g} Hz the set has plants on which the loop "
                 "itself is not stable; make it smaller (FaultLoop.within)"
@@ -274,9 +274,9 @@ class FaultFront:
         Their E is the leakage, in the demands' unit; where a limit of it is given, E is the common
         factor of error, leakage and peak.
         """
-        demands, f, tight = self.loop.demands, self.frequency, 1 - GRID_MARGIN
+        demands, f, tight = self.loop.demands, self.frequency_hz, 1 - GRID_MARGIN
         kept, growing = (1.0, 0.0) if leakage is None else (0.0, 1.0)
-        slow, fast = f <= demands.leakage_below, f >= demands.error_above
+        slow, fast = f <= demands.leakage_below_hz, f >= demands.error_above_hz
         leaking = _rows(basis, self.worst / demands.unit * self.disturbance)[slow]
         largest = tight * (1.0 if leakage is None else leakage / demands.unit)
         one, zero = np.ones(len(f)), np.zeros(len(f), complex)

@@ -5,7 +5,7 @@ The reduced filter keeps only its poles: what they can do is a convex problem ag
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import chain
 
 import numpy as np
@@ -49,7 +49,7 @@ class FrontFilter:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -63,6 +63,7 @@ class FrontFilter:
     F: StateSpace
     point: FrontPoint
     answer: FaultFilter
+    _: KW_ONLY
     removal: Conditions | None = None
 
     @property
@@ -82,7 +83,7 @@ class FrontFilter:
 
 def full_order(
     loop: FaultLoop,
-    frequency: ArrayLike,
+    frequency_hz: ArrayLike,
     basis: LaguerreBasis,
     count: int,
     error: float,
@@ -91,7 +92,7 @@ def full_order(
 ) -> FrontFilter:
     """The filter of least leakage and noise within limits over a Laguerre basis, certified.
 
-    frequency: grid [Hz] (F,) of the convex problem. count: functions of the basis. leakage: limit
+    frequency_hz: grid [Hz] (F,) of the convex problem. count: functions of the basis. leakage: limit
     in the unit of the fault. peak: of the sensitivity while the estimate is removed from the error,
     None where it never is. Raises SolverError where the set of plants allows no such filter.
 
@@ -104,7 +105,7 @@ def full_order(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -114,14 +115,14 @@ def full_order(
     >>> found.meets, found.point.error <= 0.5 * (1 + 1e-6)
     (True, True)
     """
-    front = FaultFront(loop, frequency)
+    front = FaultFront(loop, frequency_hz)
     point = front.least(basis.response(count, front.omega), error, leakage, peak)
     return certified_filter(loop, basis.filter(point.coefficients), point, error, leakage, peak)
 
 
 def few_states(
     loop: FaultLoop,
-    frequency: RealArray,
+    frequency_hz: RealArray,
     F: StateSpace,
     order: int,
     error: float,
@@ -149,7 +150,7 @@ def few_states(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -163,15 +164,15 @@ def few_states(
     if not F.C.any() and not F.D.any():  # F = 0, which needs no states
         import control
 
-        one = np.ones((len(frequency), 1), complex)
-        nothing = FaultFront(loop, frequency).least(one, error, leakage, peak)
+        one = np.ones((len(frequency_hz), 1), complex)
+        nothing = FaultFront(loop, frequency_hz).least(one, error, leakage, peak)
         return certified_filter(loop, control.ss([], [], [], 0.0), nothing, error, leakage, peak)
     program = estimation(loop, error, leakage)
 
     def tried(poles: StateSpace) -> FrontFilter | None:
         """The best filter with these poles; None where none meets the error and the leakage."""
         try:
-            front = FaultFront(loop, near_poles(loop, frequency, poles.poles()))
+            front = FaultFront(loop, near_poles(loop, frequency_hz, poles.poles()))
             functions = front.of_filter(poles)
         except InputError:
             return None
@@ -192,7 +193,7 @@ def few_states(
                 return found
         return best
 
-    ways = [approximations(F, order, method, program.plant) for method in REDUCTIONS]
+    ways = [approximations(F, order, method=method, plant=program.plant) for method in REDUCTIONS]
     found = [one for way in ways for one in [tried(next(way))] if one is not None]
     if not found:  # none of the direct ones: the first of the others that does
         others = filter(None, map(tried, chain.from_iterable(ways)))
@@ -208,7 +209,7 @@ def few_states(
 
 def estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation:
     """The fault estimation of a loop with its requirements."""
-    return FaultEstimation(loop.plant, "f", loop.requirements(error, leakage))
+    return FaultEstimation(loop.plant, "f", requirements=loop.requirements(error, leakage))
 
 
 def certified_filter(
@@ -224,7 +225,7 @@ def certified_filter(
     if answer is None:
         raise SolverError(f"the filter is not stable: poles {np.sort(F.poles().real)[-2:]}")
     removal = None if peak is None else removal_conditions(loop, F, peak)
-    return FrontFilter(F, point, answer, removal)
+    return FrontFilter(F, point, answer, removal=removal)
 
 
 def removal_conditions(
@@ -236,4 +237,4 @@ def removal_conditions(
     Raises InputError for a peak that is not positive.
     """
     need_positive(peak, "peak")
-    return conditions(loop.removal.weighted([1 / peak]), F, tolerance=tolerance)
+    return conditions(loop.removal.weighted(performance=[1 / peak]), F, tolerance=tolerance)

@@ -29,7 +29,7 @@ class LaguerreBasis:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -67,9 +67,9 @@ class LaguerreBasis:
     def _inverse_sensitivity(self) -> Rational:
         """(1 + L) (s + slowest pole) / (s + corner)."""
         loop = self.loop
-        L = loop.G * loop.K
+        L = loop.nominal * loop.controller
         direct = 1.0 + float(L.D[0, 0])
         zeros = np.linalg.eigvals(L.A - L.B @ L.C / direct)
-        poles = np.concatenate([loop.K.poles(), loop.G.poles()])
+        poles = np.concatenate([loop.controller.poles(), loop.nominal.poles()])
         poles[np.argmin(np.abs(poles))] = -self.corner
         return Rational(conjugate_pairs(zeros), conjugate_pairs(poles), direct)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
@@ -56,12 +56,13 @@ class Requirement:
     >>> import control
     >>> from workbench.diagnosis import Requirement
     >>> weight = control.tf([1.0, 0.1], [1.0, 2.0])
-    >>> Requirement("error", "f", weight, bound=0.3, band=(1.0, 100.0)).band
+    >>> Requirement("error", "f", weight=weight, bound=0.3, band=(1.0, 100.0)).band
     (1.0, 100.0)
     """
 
     name: str
     signals: Signals
+    _: KW_ONLY
     weight: Any = 1.0
     bound: float = 1.0
     band: tuple[float, float] = EVERYWHERE
@@ -90,7 +91,7 @@ def estimation_plant(
     """
     _need_filtered(plant)
     f = exogenous_names(plant, faults)
-    _shown(plant.channel(None, f), f)
+    _shown(plant.channel(performance=None, exogenous=f), f)
     d = [name for name in exogenous_names(plant, None) if name not in f]
     if requirements is None:
         requirements = [Requirement("faults", f)]
@@ -118,7 +119,7 @@ def estimation_plant(
         for name, signal in zip(names, driven, strict=True):
             terms[name].append(signal)
     used = [name for name, parts in terms.items() if parts]
-    kept = plant.channel(None, used)
+    kept = plant.channel(performance=None, exogenous=used)
     outs, ins = list(kept.system.output_labels), list(kept.system.input_labels)
     structure = plant.structure or ()
     perturbation = [
@@ -161,7 +162,7 @@ def _need_requirements(requirements: Any) -> None:
 
 def exogenous_names(plant: GeneralisedPlant, signals: Signals) -> list[str]:
     """The names of the given exogenous inputs of a plant; of all of them for None."""
-    chosen = plant.channel(None, signals)
+    chosen = plant.channel(performance=None, exogenous=signals)
     labels = list(chosen.system.input_labels)
     return labels[len(labels) - chosen.controls - chosen.exogenous : len(labels) - chosen.controls]
 

@@ -96,7 +96,7 @@ class KalmanEstimator:
     >>> from workbench.simulation import sampled
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> estimator = KalmanEstimator(model, Noise(0.0, 1e-3, 1e-2, 1.0))
     >>> bool(abs(estimator.settled.poles()).max() < 1)
     True
@@ -160,7 +160,7 @@ class KalmanEstimator:
         gain[:m] = self.settled.gain
         # state: x^, room for the next x^, frequency; gain; rests; P; room for A P.
         state = np.zeros(3 * n + 2 + 2 * m * m)
-        state[2 * n] = model.rotation.frequency
+        state[2 * n] = model.rotation.frequency_hz
         state[2 * n + 1 : 3 * n + 1] = gain
         state[3 * n + 1] = 1.0
         state[3 * n + 2 : 3 * n + 2 + m * m] = self.stationary.ravel()
@@ -172,7 +172,9 @@ class KalmanEstimator:
             _entries(model.A[:m, :m]),
         ]
         outputs = len(model.Z) + 2
-        return Controller(_step, state, np.concatenate(parameters), outputs, 3, model.period)
+        return Controller(
+            _step, state, np.concatenate(parameters), outputs=outputs, reads=3, dt=model.dt
+        )
 
 
 def _doubled(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:

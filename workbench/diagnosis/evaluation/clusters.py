@@ -72,7 +72,7 @@ class Clusters:
         ]
         return np.stack([np.sum(one**2, axis=0) for one in white], axis=1)
 
-    def classify(self, features: ArrayLike, reject: float = 0.0) -> Whole:
+    def classify(self, features: ArrayLike, *, reject: float = 0.0) -> Whole:
         """The most likely kind (N,) of each sample, if all kinds are equally frequent.
 
         A sample is UNKNOWN if it is so far from every cluster that only a share `reject` of the

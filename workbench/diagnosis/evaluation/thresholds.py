@@ -47,7 +47,7 @@ class Threshold:
 
 
 def quantile_threshold(
-    clean: ArrayLike, false_alarm_rate: float, confidence: float = 0.95, block: int = 1
+    clean: ArrayLike, false_alarm_rate: float, *, confidence: float = 0.95, block: int = 1
 ) -> Threshold:
     """The least of the fault-free values (N,) that a new value exceeds at most at the given rate.
 
@@ -88,7 +88,7 @@ def quantile_threshold(
     return Threshold(float(ordered[k - 1]), float(share.mean()), (low, high), confidence, n)
 
 
-def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -> float:
+def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, *, noise: float = 0.0) -> float:
     """The level that no fault-free residual exceeds: the sum over disturbances of gain times bound.
 
     gains   (M,), from each disturbance to the residual, the largest over the whole uncertainty set;
@@ -135,7 +135,7 @@ def above_noise(level: float, noise: float) -> float:
 
 
 def adaptive_alarm(
-    base: float, gain: float, decay: float, residual: int = 0, known: int = 1
+    base: float, gain: float, decay: float, *, residual: int = 0, known: int = 1
 ) -> Controller:
     """An alarm while |r| > T, where the threshold T follows a known signal v.
 
@@ -163,7 +163,7 @@ def adaptive_alarm(
             f"base {base}, gain {gain}, decay {decay}: need base > 0, gain >= 0, 0 <= decay < 1"
         )
     parameters = np.array([base, gain, decay, residual, known], float)
-    return Controller(_adaptive, np.zeros(1), parameters, 2, max(residual, known) + 1)
+    return Controller(_adaptive, np.zeros(1), parameters, outputs=2, reads=max(residual, known) + 1)
 
 
 @compiled

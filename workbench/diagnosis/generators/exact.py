@@ -157,7 +157,7 @@ def _residual(
     omega: Array | None,
 ) -> ResidualGenerator:
     """The generator of the residual with one row of a structure."""
-    hidden = unattainable(model, row, omega)
+    hidden = unattainable(model, row, omega=omega)
     if hidden:
         raise InputError(_why(model, number, row, hidden, omega))
     shown = tuple(name for name, one in zip(model.faults, row, strict=True) if one)
@@ -269,7 +269,7 @@ def _why(
 ) -> str:
     """A message that says which faults of a row no residual shows, and why."""
     zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
-    test = detectability(model, 0.0 if omega is None else omega, decoupled=zeros)
+    test = detectability(model, omega=0.0 if omega is None else omega, decoupled=zeros)
     reasons = []
     for name in hidden:
         place = test.faults.index(name)

@@ -99,7 +99,7 @@ def transfer(
 
 
 def structure_matrix(
-    Q: StateSpace, model: FaultModel, omega: ArrayLike | None = None
+    Q: StateSpace, model: FaultModel, *, omega: ArrayLike | None = None
 ) -> NDArray[np.bool_]:
     """The structure matrix (q, k): whether residual i reacts to fault j.
 

@@ -35,7 +35,7 @@ LEAST_DAMPING = 1e-4
 """Least damping ratio of a pole in the fit."""
 
 
-def fit_matrix_response(omega: Any, values: Any, order: int, weight: Any = None) -> StateSpace:
+def fit_matrix_response(omega: Any, values: Any, order: int, *, weight: Any = None) -> StateSpace:
     """A stable continuous-time system of an order whose response is near given matrices.
 
     Parameters

@@ -121,6 +121,7 @@ class SmallestAreaStadium(EnclosingStadium):
 
 def smallest_area_stadium(
     points: ArrayLike,
+    *,
     center: ArrayLike | None = None,
     angle: ArrayLike | None = None,
     method: str = "search",
@@ -163,7 +164,7 @@ def smallest_area_stadium(
     >>> 0.4 < float(stadium.radius) < 2.0
     True
     """
-    return finite_answer(SmallestAreaStadium(points, center, angle), method, options)
+    return finite_answer(SmallestAreaStadium(points, center=center, angle=angle), method, options)
 
 
 @method(SmallestAreaStadium, "search", optimal=True, accuracy=ANY_ACCURACY_ALIKE)

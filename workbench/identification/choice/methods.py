@@ -121,8 +121,8 @@ class _Trial:
             judged = sum(max(len(u) - program.washed, 0) for u, _ in left.pieces())
             return np.full((2, judged, left.y.shape[1]), np.inf)
         errors = validation_errors(model, left, program.washed)
-        if program.bandwidth is not None:
-            outputs, felt = weighted_runs(model, left, program.washed, program.bandwidth)
+        if program.bandwidth_hz is not None:
+            outputs, felt = weighted_runs(model, left, program.washed, program.bandwidth_hz)
             size = np.sqrt((outputs**2).mean(axis=0) / judged_variance(left, program.washed))
             errors[1] = felt / np.maximum(size, np.finfo(float).tiny)
         if not self._held_back:
@@ -182,7 +182,7 @@ class _Trial:
             predictor,
             simulator,
             _by_order(self._program, candidates),
-            self._program.record.sample_time,
+            self._program.record.dt,
             candidates=candidates,
         )
         said = "; ".join(candidates.words(k, task) for k, task in enumerate(self._program.tasks))
@@ -233,7 +233,7 @@ def _physical_fits(program: StateSpaceFit, physical: PhysicalModel) -> Fitter:
     def fit(record: Experiments) -> InnovationsModel | None:
         found = physical.fitted(
             record,
-            program.delays,
+            delay_samples=program.delays_samples,
             direct=program.direct,
             largest_radius=program.largest_radius,
         )

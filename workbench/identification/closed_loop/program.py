@@ -44,7 +44,7 @@ class ClosedLoopFit(StateSpaceFit):
         an array with as many samples as u and y. It must not depend on the noise.
     controller
         The controller C from y to -u, sampled as the record; method "indirect" needs it.
-    period
+    dt
         Samples of a period of the excitation, where it repeats itself throughout the record. What
         it explains is then found without a model, line by line. Without a period it is found by
         impulse responses of at most 70 samples: sample no faster than they can follow the loop.
@@ -69,7 +69,7 @@ class ClosedLoopFit(StateSpaceFit):
     >>> u = control.forced_response(control.feedback(1, G * C), inputs=r).outputs
     >>> y = control.forced_response(G, inputs=u).outputs
     >>> program = ClosedLoopFit(u, y, orders=[1], direct=False, excitation=r, controller=C)
-    >>> wb.solve(program, "two-stage").certificate.valid
+    >>> wb.solve(program, method="two-stage").certificate.valid
     True
     """
 
@@ -77,13 +77,13 @@ class ClosedLoopFit(StateSpaceFit):
 
     excitation: Any = field(default=None, kw_only=True)
     controller: StateSpace | None = field(default=None, kw_only=True)
-    period: int | None = field(default=None, kw_only=True)
+    dt: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.period is not None:
-            need_count("period", self.period)
-            refuse_other_period(np.asarray(self.record.excitation), self.period)
+        if self.dt is not None:
+            need_count("dt", self.dt)
+            refuse_other_period(np.asarray(self.record.excitation), self.dt)
         if self.controller is None:
             return
         controller = self._in_states(self.controller)
@@ -96,14 +96,14 @@ class ClosedLoopFit(StateSpaceFit):
             )
         if not controller.isdtime(strict=True):
             raise InputError("the controller is in continuous time; sample it as the record is")
-        told = self.sample_time is not None or self.record.sample_time != 1.0
+        told = self.dt is not None or self.record.dt != 1.0
         apart = controller.dt is not True and not np.isclose(
-            controller.dt, self.record.sample_time, rtol=SAME_TIME, atol=0
+            controller.dt, self.record.dt, rtol=SAME_TIME, atol=0
         )
         if told and apart:
             raise InputError(
                 f"the controller is sampled every {controller.dt:.6g} s and the record every "
-                f"{self.record.sample_time:.6g} s; sample it as the record is"
+                f"{self.record.dt:.6g} s; sample it as the record is"
             )
 
     @staticmethod
@@ -121,7 +121,7 @@ class ClosedLoopFit(StateSpaceFit):
     @cached_property
     def record(self) -> Experiments:
         """The record, with its excitation."""
-        plain = as_experiments(self.u, self.y, self.sample_time, self.samples, assume=self.assume)
+        plain = as_experiments(self.u, self.y, dt=self.dt, samples=self.samples, assume=self.assume)
         if self.excitation is None:
             raise InputError(
                 "excitation is missing: give what was added to the loop from outside and recorded, "
@@ -142,7 +142,7 @@ class ClosedLoopFit(StateSpaceFit):
     def explained(self, record: Experiments) -> Experiments | None:
         """A part of the record as its excitation explains it; None where the part is too short."""
         if id(record) not in self._explained:  # the part is kept, so that its id stays its own
-            self._explained[id(record)] = record, explained_part(record, self.period)
+            self._explained[id(record)] = record, explained_part(record, self.dt)
         return self._explained[id(record)][1]
 
     def _fits_of(
@@ -157,15 +157,15 @@ class ClosedLoopFit(StateSpaceFit):
 
     def _run_fit(self, model: InnovationsModel, clean: Experiments) -> RealArray:
         """Fits (ny,) [%] of a free run to what an excitation explains of u and y."""
-        if self.period is None:
+        if self.dt is None:
             return scored_fit(model.free_run, clean, self.washed)
-        return steady_fit(model, clean, self.period)
+        return steady_fit(model, clean, self.dt)
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
         where = "standard deviations depend on the method: closed_loop_deviations tells them"
         return [*facts_of(self, answer, self.tasks), where]
 
-    def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> None:
+    def deviations(self, answer: IdentifiedModels, cycles_per_sample: RealArray) -> None:
         """None: they depend on the method; see `closed_loop_deviations`."""
 
     def misfit(self, model: InnovationsModel, clean: Experiments) -> float:

@@ -108,7 +108,7 @@ class CrestFactor(Program):
             "amplitude of a sampled line less that asked for, relative to the largest",
             error,
             1e-9,
-            where,
+            where=where,
             over=f"at {len(spectrum)} lines of the spectrum",
         )
         grid, bound = self.peak(phases)
@@ -162,7 +162,7 @@ class CrestFactor(Program):
     def figures(self, answer: Any) -> dict[str, Figure]:
         points = DRAWN_INSTANTS * int(self.lines[-1])
         drawn, schroeder = (
-            self.multisine(phases).period(points) / self.rms
+            self.multisine(phases).period(points=points) / self.rms
             for phases in (self._phases(answer), schroeder_phases(self.lines, self.amplitudes))
         )
         return {"period": period_figure(drawn, schroeder)}

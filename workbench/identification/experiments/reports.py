@@ -65,7 +65,7 @@ def record_report(
     """
     if not isinstance(direct, bool):
         raise InputError(f"direct is {direct!r}; it must be True or False")
-    record = as_experiments(u, y, dt)
+    record = as_experiments(u, y, dt=dt)
     if r is not None:
         record = record.driven_by(r)
     return record.reported(direct=direct, order=order)
@@ -85,6 +85,6 @@ def report_of_arrays(
     ``assume`` names assumptions that the user vouches for. Raises `InputError` where a finding
     forbids to use the record.
     """
-    report = Experiments(u, y, sample_time=dt, excitation=r).report.assuming(assume)
+    report = Experiments(u, y, dt=dt, excitation=r).report.assuming(assume)
     report.need_usable(name=name)
     return report

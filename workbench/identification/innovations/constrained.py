@@ -122,7 +122,12 @@ def with_known_gains(
     K = m.K if predicting else np.zeros_like(m.K)
     drive = InputRegression(m.A - K @ m.C, m.C, (direct,) * nu + (False,) * drifts)
     noise = replace(  # what the predictor makes of past outputs alone
-        m, B=np.zeros_like(m.B), D=np.zeros_like(m.D), u_offset=0 * m.u_offset, delay=(), members=()
+        m,
+        B=np.zeros_like(m.B),
+        D=np.zeros_like(m.D),
+        u_offset=0 * m.u_offset,
+        delay_samples=(),
+        members=(),
     )
 
     def pieces() -> Iterator[tuple[RealArray, RealArray]]:

@@ -44,7 +44,7 @@ class _Posterior:
 
 
 def impulse_response(
-    record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
+    record: Experiments, *, direct: bool = True, delay_samples: Sequence[int] = ()
 ) -> InnovationsModel | None:
     """Impulse responses regularised by a kernel that decays; None if the record is too short.
 
@@ -64,7 +64,7 @@ def impulse_response(
     0.5
     """
     record.reported(direct=direct).need_usable()
-    return impulse_model(record, direct=direct, delay=delay)
+    return impulse_model(record, direct=direct, delay=delay_samples)
 
 
 def impulse_model(
@@ -77,16 +77,20 @@ def impulse_model(
         return None
     model = _shift_register(found.response, found.level, direct)
     model = found.scaling.restored(model, late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def impulse_response_deviations(
-    record: Experiments, frequency: ArrayLike, *, direct: bool = True, delay: Sequence[int] = ()
+    record: Experiments,
+    cycles_per_sample: ArrayLike,
+    *,
+    direct: bool = True,
+    delay_samples: Sequence[int] = (),
 ) -> RealArray:
     """Standard deviations (F, ny, nu) of |G - truth| for the model of `impulse_response`.
 
     They are those of the posterior density: of responses that decay as the kernel says, after what
-    the record tells of them, with white noise at the outputs. ``frequency`` (F,) [cycles/sample].
+    the record tells of them, with white noise at the outputs. ``cycles_per_sample`` (F,) [cycles/sample].
     Raises `InputError` where the record is too short for a model.
 
     Examples
@@ -102,7 +106,9 @@ def impulse_response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    changes = impulse_response_changes(record, frequency, direct=direct, delay=delay)
+    changes = impulse_response_changes(
+        record, cycles_per_sample, direct=direct, delay=delay_samples
+    )
     return np.sqrt((np.abs(changes) ** 2).sum(axis=0))
 
 

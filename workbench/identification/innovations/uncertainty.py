@@ -72,7 +72,11 @@ def model_deviations(
 
 
 def response_deviations(
-    model: InnovationsModel, record: Experiments, frequency: ArrayLike, direct: bool = True
+    model: InnovationsModel,
+    record: Experiments,
+    cycles_per_sample: ArrayLike,
+    *,
+    direct: bool = True,
 ) -> RealArray:
     """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
 
@@ -99,11 +103,13 @@ def response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    frequency = _checked(model, record, frequency)
+    cycles_per_sample = _checked(model, record, cycles_per_sample)
     estimates = _estimates(model, record, direct, None)
     return estimates.deviations(
-        lambda step: np.abs(response_along(estimates.criterion, estimates.theta, step, frequency)),
-        model.response(frequency),
+        lambda step: np.abs(
+            response_along(estimates.criterion, estimates.theta, step, cycles_per_sample)
+        ),
+        model.response(cycles_per_sample),
     )
 
 
@@ -242,7 +248,7 @@ def response_slopes(
         np.einsum("f,oi,ju->fouij", one[:, 0, 0], outputs, inputs),
     ]
     flat = [each.reshape(*each.shape[:3], -1) for each in found[: 4 if direct else 3]]
-    late = z ** -np.asarray(model.delay or (0,), dtype=float)
+    late = z ** -np.asarray(model.delay_samples or (0,), dtype=float)
     return np.concatenate(flat, axis=-1) * late[..., None]
 
 

@@ -39,7 +39,7 @@ def fit_dataset(problem: LeastSquares, values: np.ndarray) -> Dataset:
             data, axis = datum.response, f"{label}_frequency"
             dims: tuple[str, ...] = (axis, f"{label}_output", f"{label}_input")[: data.ndim]
             unit = {"units": "Hz", "long_name": "frequency"}
-            variables[axis] = (axis, datum.frequency, unit)
+            variables[axis] = (axis, datum.frequency_hz, unit)
         elif isinstance(datum, MeasuredRecord):
             data, dims = datum.y, (f"{label}_output", f"{label}_sample")
         else:  # a kind of data defined by the caller

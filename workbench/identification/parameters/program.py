@@ -58,10 +58,10 @@ class ParameterFit(LeastSquares, Program):
     >>> frequency = np.geomspace(0.1, 10, 20)
     >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
     >>> measured = MeasuredResponse(
-    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     ... )
     >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
-    >>> solution = wb.solve(ParameterFit([measured], start), "scipy")
+    >>> solution = wb.solve(ParameterFit([measured], start), method="scipy")
     >>> solution.certificate.valid, solution.answer.round(4).tolist()
     (True, [3.0, 2.0])
     """
@@ -95,7 +95,7 @@ class ParameterFit(LeastSquares, Program):
             "distance beyond a bound, relative to the parameter's scale",
             float(np.max(outside)) if finite else float("nan"),
             1e-8,
-            f"of {self.names[int(np.argmax(outside))]}",
+            where=f"of {self.names[int(np.argmax(outside))]}",
         )
         if not finite:
             return [bounds]
@@ -105,7 +105,7 @@ class ParameterFit(LeastSquares, Program):
             "largest over smallest singular value of the scaled Jacobian",
             seen.condition,
             1e9,
-            "; ".join(seen.blind),
+            where="; ".join(seen.blind),
         )
         stationary = Check(
             "stationary",
@@ -225,7 +225,7 @@ class ParameterEstimate(ProgramAnswer):
     >>> frequency = np.geomspace(0.1, 10, 20)
     >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
     >>> measured = MeasuredResponse(
-    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     ... )
     >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
     >>> found = fit_parameters(measured, start, confidence=0.95)
@@ -291,7 +291,7 @@ def fit_parameters(
     >>> frequency = np.geomspace(0.1, 10, 20)
     >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
     >>> measured = MeasuredResponse(
-    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     ... )
     >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
     >>> found = fit_parameters(measured, start)
@@ -299,7 +299,7 @@ def fit_parameters(
     {'k': 3.0, 'a': 2.0}
     """
     program = ParameterFit(data if isinstance(data, Sequence) else [data], parameters)
-    solution = solve(program, method, options)
+    solution = solve(program, method=method, options=options)
     if solution.certificate is None or not solution.certificate.valid:
         failures = () if solution.certificate is None else solution.certificate.failures
         raise SolverError("; ".join([f"{method}: {solution.message}", *failures]))
@@ -307,7 +307,7 @@ def fit_parameters(
     notes = tuple(program.notes(values))
     for note in notes:
         warnings.warn(note, IdentificationWarning, stacklevel=2)
-    halves = program.intervals(values, confidence)
+    halves = program.intervals(values, confidence=confidence)
     return ParameterEstimate(
         values=dict(zip(program.names, map(float, values), strict=True)),
         covariance=program.covariance(values),

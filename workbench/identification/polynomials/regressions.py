@@ -23,7 +23,7 @@ def arx(
     order: int,
     *,
     direct: bool = True,
-    delay: Sequence[int] = (),
+    delay_samples: Sequence[int] = (),
     apart: bool = False,
 ) -> InnovationsModel | None:
     """ARX model of experiments, its polynomials matrices for several outputs; None if too short.
@@ -36,7 +36,7 @@ def arx(
         Degree n.
     direct
         Whether inputs may act at once: without, B_0 = 0.
-    delay
+    delay_samples
         Delays [samples] of the inputs (nu,); empty for none.
     apart
         Whether each output depends on its own past alone and on inputs: A_1 to A_n are diagonal.
@@ -58,7 +58,7 @@ def arx(
     (0.5, 1)
     """
     record.reported(direct=direct, order=order).need_usable()
-    return arx_model(record, order, direct=direct, delay=delay, apart=apart)
+    return arx_model(record, order, direct=direct, delay=delay_samples, apart=apart)
 
 
 def arx_model(
@@ -89,7 +89,7 @@ def arx_model(
     lags = found[:, lagged.history].reshape(ny, order, m)
     D = found[:, lagged.history.stop :] if direct else np.zeros((ny, nu))
     model = scaling.restored(arx_from_lags(lags, D, found[:, 0]), late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def arx_from_lags(lags: RealArray, D: RealArray, level: RealArray) -> InnovationsModel:

@@ -84,7 +84,7 @@ def regularised_arx(
             D[:, j], response = response[:, 0], response[:, 1:]
         taps[:, :, j] = response
     model = scaling.restored(arx_from_lags(taps, D, level), late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def _groups(nu: int, ny: int, output: int) -> list[int]:

@@ -73,7 +73,7 @@ def sparse_arx(
         level[o], D[o] = found[0], found[now]
         taps[o] = found[history].reshape(lags, m)
     model = scaling.restored(arx_from_lags(taps, D, level), late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def _terms(

@@ -30,8 +30,8 @@ def rational_model_figure(
     omega = np.union1d(between, data.omega)
     fit = model.response(omega)
     sizes, angles = (
-        uncertainty.magnitude_band(omega, confidence),
-        uncertainty.phase_band(omega, confidence),
+        uncertainty.magnitude_band(omega, confidence=confidence),
+        uncertainty.phase_band(omega, confidence=confidence),
     )
     p, m = model.shape
     figure, panels = figures.axes(2 * p, m, size=(7.0 if m == 1 else 4.5 * m, 5.0 * p), sharex=True)

@@ -211,7 +211,7 @@ def _along(
     extra = model.delay - structure.delay + share * way["delay"]
     if structure.delay_bounds is not None:
         extra = np.clip(extra, *structure.delay_bounds)
-    return CommonPoleModel(entries, structure.delay + extra, model.sample_time)
+    return CommonPoleModel(entries, structure.delay + extra, dt=model.dt)
 
 
 def _moved(roots: ComplexArray, way: ComplexArray, share: float) -> ComplexArray:

@@ -135,4 +135,4 @@ class FitPoint:
             zeros, gain = self.basis.roots(share)
             scaled = gain * unit ** float(self.poles.size - zeros.size)
             entries[i][j] = Rational(zeros * unit, poles, scaled)
-        return CommonPoleModel(entries, structure.delay + self.delay, structure.sample_time)
+        return CommonPoleModel(entries, structure.delay + self.delay, dt=structure.sample_time)

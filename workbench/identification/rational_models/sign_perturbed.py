@@ -12,7 +12,7 @@ Source: B. C. Csaji, M. C. Campi and E. Weyer, IEEE Trans. Signal Processing 63(
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -69,6 +69,7 @@ class SignPerturbedRegion:
     """
 
     structure: ModelStructure
+    _: KW_ONLY
     confidence: float = 0.95
     sums: int = 100
     seed: int = 0

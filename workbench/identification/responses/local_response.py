@@ -105,7 +105,7 @@ def local_response(
     >>> y = y + 0.01 * noise
     >>> found = local_response(u[:, None], y[:, None], 1.0, frequency_hz=[0.1, 0.2])
     >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
-    >>> bool((abs(found.response[:, 0, 0] - exact) <= found.radius(0.95)[:, 0, 0]).all())
+    >>> bool((abs(found.response[:, 0, 0] - exact) <= found.radius(confidence=0.95)[:, 0, 0]).all())
     True
     """
     need_positive(dt, "dt")

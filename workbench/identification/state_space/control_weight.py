@@ -51,7 +51,7 @@ def weighted_runs(
 
     Samples that are missing count as no error and as the mean output.
     """
-    weight = control_weight(bandwidth, record.sample_time)
+    weight = control_weight(bandwidth, record.dt)
     mean = np.nanmean(record.y, axis=0)
     outputs, errors = [], []
     for u, y in record.pieces():

@@ -32,7 +32,9 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
     record, rest = program.record, program.rest
     estimate = program.nonparametric
     frequency = (
-        np.linspace(0, 0.5, FREQUENCIES + 2)[1:-1] if estimate is None else estimate.frequency
+        np.linspace(0, 0.5, FREQUENCIES + 2)[1:-1]
+        if estimate is None
+        else estimate.cycles_per_sample
     )
     grid, held = ("frequency", "output", "input"), ("time", "output")
     own, crossed = program.residual_tests(answer.predictor)
@@ -126,7 +128,7 @@ def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) ->
     matrices: dict[str, Any] = {one: data[f"{name}_{one}"].values for one in MATRICES}
     return InnovationsModel(
         **matrices,
-        delay=program.delays,
+        delay_samples=program.delays_samples,
         **record.labels,
         members=tuple(innovations_model_of(program, data, one) for one in stored),
         resting=int(data[resting]) if resting in data else 0,

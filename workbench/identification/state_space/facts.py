@@ -40,9 +40,9 @@ def facts_of(
         words.append(f"{len(record.starts)} experiments, each with an initial state of its own")
     if record.missing:
         words.append(f"{record.missing} of {record.y.size} output samples are missing")
-    if program.delays:
-        found = ", ".join(map(str, program.delays))
-        how = "estimated" if isinstance(program.delay, str) else "given"
+    if program.delays_samples:
+        found = ", ".join(map(str, program.delays_samples))
+        how = "estimated" if isinstance(program.delay_samples, str) else "given"
         words.append(f"inputs act {found} samples later, as {how}")
     if program.known is not None and program.known.poles:
         poles = ", ".join(
@@ -90,7 +90,7 @@ def simulator_deviations(
 def _of_impulses(program: RecordedQuestion, frequency: ArrayLike) -> ComplexArray:
     """Changes (Q, F, ny, nu) of impulse responses by one standard deviation each."""
     return impulse_response_changes(
-        program.used, frequency, direct=program.direct, delay=program.delays
+        program.used, frequency, direct=program.direct, delay=program.delays_samples
     )
 
 

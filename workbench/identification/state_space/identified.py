@@ -33,4 +33,4 @@ class IdentifiedModels(ProgramAnswer):
     @property
     def lti(self) -> StateSpace:
         """The simulator's system from u to y, at the record's sampling time."""
-        return replace(self.simulator, sample_time=self.sample_time).system()
+        return replace(self.simulator, dt=self.sample_time).system()

@@ -111,7 +111,7 @@ def known_checks(
             "singular value of (A - pole)^multiplicity that must vanish, as a distance",
             errors[worst],
             KNOWN_ROUNDING,
-            f"at the pole {known.groups()[worst][0]:.6g}",
+            where=f"at the pole {known.groups()[worst][0]:.6g}",
             over=THIS_SYSTEM,
         )
     if known.gain is not None:
@@ -129,7 +129,7 @@ def gain_check(name: str, found: RealArray, known: RealArray, size: RealArray) -
         "static gain less that given, relative to it or to the spread of y over that of u",
         float(apart[o, j]),
         KNOWN_ROUNDING,
-        f"from input {j + 1} to output {o + 1}",
+        where=f"from input {j + 1} to output {o + 1}",
         over=THIS_SYSTEM,
     )
 

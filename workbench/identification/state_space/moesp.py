@@ -75,10 +75,10 @@ def projection_fits(program: StateSpaceFit, weights: ProjectionWeights) -> Fitte
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
             if id(record) not in wholes:  # the program holds its parts, so that ids stay their own
-                wholes[id(record)] = bridged(record.delayed(program.delays), program.direct)
+                wholes[id(record)] = bridged(record.delayed(program.delays_samples), program.direct)
             return best_projection(
                 record, order, weights,
-                direct=program.direct, delay=program.delays, largest_radius=program.largest_radius,
+                direct=program.direct, delay=program.delays_samples, largest_radius=program.largest_radius,
                 known=program.known, whole=wholes[id(record)],
             )  # fmt: skip
 
@@ -113,7 +113,7 @@ def best_projection(
     ]
     models = (projection_model(late, order, half, weights, direct=direct) for half in windows)
     found = (
-        replace(model, delay=tuple(delay)) if model is not None and any(delay) else model
+        replace(model, delay_samples=tuple(delay)) if model is not None and any(delay) else model
         for model in models
     )
     return best_fitting(found, record, direct=direct, largest_radius=largest_radius, known=known)
@@ -173,7 +173,7 @@ def projection_model(
     if simulating is None:
         return None
     found = scaling.restored(simulating, late)
-    return replace(found, delay=tuple(delay)) if any(delay) else found
+    return replace(found, delay_samples=tuple(delay)) if any(delay) else found
 
 
 def _scaled(record: Experiments, scaling: Scaling) -> Iterator[tuple[RealArray, RealArray]]:

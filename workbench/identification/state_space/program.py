@@ -85,13 +85,13 @@ class StateSpaceFit(RecordedQuestion, Program):
         Number of samples from which an initial state is estimated; None: at most 50.
     title
         Title of figures.
-    sample_time
+    dt
         Sampling time of the record [s]; None: that of its labels, or 1.
     samples
         Where samples lie in plain arrays, if their shapes do not tell: "rows" or "columns".
     direct
         Whether inputs may act at once, through D. Of a loop without a delay they must not.
-    delay
+    delay_samples
         Delay [samples] of the inputs, one number or one for each; "estimate" finds them: up to 100,
         or N / (4 (nu + ny)) - 4 of N samples for estimation where that is less; and longer ones
         up to an eighth of those samples, where the answer is seen clearly.
@@ -107,7 +107,7 @@ class StateSpaceFit(RecordedQuestion, Program):
     static_gain
         Known static gains (ny, nu), NaN where unknown; a number for one input and one output. Both
         models have them exactly.
-    bandwidth
+    bandwidth_hz
         Bandwidth [Hz] of a loop that is to be designed on the simulator, or None. Its order and
         kind are then chosen by the errors of free runs as such a loop feels them: weighted by
         S T = (s / omega_b) / (1 + s / omega_b)^2, which is largest at the bandwidth.
@@ -135,19 +135,19 @@ class StateSpaceFit(RecordedQuestion, Program):
     >>> from workbench.identification import StateSpaceFit
     >>> u = np.random.default_rng(0).standard_normal(200)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
-    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1]), "n4sid")
+    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1]), method="n4sid")
     >>> solution.certificate.valid
     True
 
     With a known pole, here that of an integrator:
 
     >>> y = control.forced_response(control.tf([0.5], [1, -1], 1.0), inputs=u).outputs
-    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1], known_poles=[1.0]), "subspace")
+    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1], known_poles=[1.0]), method="subspace")
     >>> float(solution.answer.simulator.A[0, 0])
     1.0
     """
 
-    bandwidth: float | None = field(default=None, kw_only=True)
+    bandwidth_hz: float | None = field(default=None, kw_only=True)
     physical: Mapping[str, PhysicalModel] = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
@@ -161,8 +161,8 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.bandwidth is not None:
-            need_bandwidth(self.bandwidth, self.record.sample_time)
+        if self.bandwidth_hz is not None:
+            need_bandwidth(self.bandwidth_hz, self.record.dt)
         for name, model in self.physical.items():
             if not isinstance(model, PhysicalModel):
                 raise InputError(
@@ -172,16 +172,18 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
         found = super().fits_to_choose_by(model, record)
-        if self.bandwidth is not None:
-            found[USES.index("free_run")] = control_fit(model, record, self.washed, self.bandwidth)
+        if self.bandwidth_hz is not None:
+            found[USES.index("free_run")] = control_fit(
+                model, record, self.washed, self.bandwidth_hz
+            )
         return found
 
     @property
     def tasks(self) -> tuple[str, str]:
         """What predictor and simulator are chosen for, in words."""
-        if self.bandwidth is None:
+        if self.bandwidth_hz is None:
             return "predict", "simulate"
-        return "predict", f"design a loop of {self.bandwidth:g} Hz"
+        return "predict", f"design a loop of {self.bandwidth_hz:g} Hz"
 
     @property
     def problem_size(self) -> float:
@@ -220,7 +222,7 @@ class StateSpaceFit(RecordedQuestion, Program):
                     "error on the samples held out, over that of the mean",
                     float(np.max(row)),
                     limit,
-                    f"of {self.record.outputs[int(np.argmax(row))]}",
+                    where=f"of {self.record.outputs[int(np.argmax(row))]}",
                     over=self.held_out,
                 )
                 for use, row in judged.items()
@@ -283,12 +285,14 @@ class StateSpaceFit(RecordedQuestion, Program):
     def facts(self, answer: IdentifiedModels) -> list[str]:
         return facts_of(self, answer, self.tasks) + deviations_told(self, answer)
 
-    def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> RealArray | None:
+    def deviations(
+        self, answer: IdentifiedModels, cycles_per_sample: RealArray
+    ) -> RealArray | None:
         """Standard deviations (F, ny, nu) of the simulator's magnitudes at frequencies (F,).
 
         None where none are known. They hold where the errors of its predictions are white.
         """
-        return simulator_deviations(self, answer, frequency)
+        return simulator_deviations(self, answer, cycles_per_sample)
 
     # --- what is shown ---------------------------------------------------------------------------
 
@@ -297,8 +301,8 @@ class StateSpaceFit(RecordedQuestion, Program):
         for part, used in (("", self.rest), ("estimation_", self.used)):
             for use, row in zip(USES, self._fits(answer, used), strict=True):
                 numbers |= {f"{part}fit_{use}_y{i + 1}": float(v) for i, v in enumerate(row)}
-        if self.bandwidth is not None:
-            row = control_fit(answer.simulator, self.rest, self.washed, self.bandwidth)
+        if self.bandwidth_hz is not None:
+            row = control_fit(answer.simulator, self.rest, self.washed, self.bandwidth_hz)
             numbers |= {f"fit_control_y{i + 1}": float(v) for i, v in enumerate(row)}
         own, crossed = self.residual_tests(answer.predictor)
         lags = len(own)
@@ -343,6 +347,4 @@ class StateSpaceFit(RecordedQuestion, Program):
         predictor, simulator = (datasets.innovations_model_of(self, data, name) for name in MODELS)
         scores = data["validation_fit"].values
         candidates = datasets.stored_candidates(data)
-        return IdentifiedModels(
-            predictor, simulator, scores, self.record.sample_time, candidates=candidates
-        )
+        return IdentifiedModels(predictor, simulator, scores, self.record.dt, candidates=candidates)

@@ -6,7 +6,7 @@ Arguments are checked and settled here, before anything is computed.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -71,14 +71,15 @@ class RecordedQuestion:
 
     u: Any
     y: Any = None
+    _: KW_ONLY
     estimation: int | None = None
     orders: Sequence[int] | None = None
     washout: int | None = None
     title: str = field(default="record", kw_only=True)
-    sample_time: float | None = field(default=None, kw_only=True)
+    dt: float | None = field(default=None, kw_only=True)
     samples: SamplesAlong | None = field(default=None, kw_only=True)
     direct: bool = field(default=True, kw_only=True)
-    delay: int | Sequence[int] | Literal["estimate"] = field(default=0, kw_only=True)
+    delay_samples: int | Sequence[int] | Literal["estimate"] = field(default=0, kw_only=True)
     poles: Poles = field(default="marginal", kw_only=True)
     known_poles: Sequence[complex] = field(default=(), kw_only=True)
     static_gain: ArrayLike | None = field(default=None, kw_only=True)
@@ -90,7 +91,7 @@ class RecordedQuestion:
             raise InputError(f'poles is {self.poles!r}; it must be "stable", "marginal" or "any"')
         if not isinstance(self.direct, bool):
             raise InputError(f"direct is {self.direct!r}; it must be True or False")
-        checked_delays(self.delay, record)
+        checked_delays(self.delay_samples, record)
         known = self.known
         if known is not None:
             refuse_poles_outside(known.poles, self.poles)
@@ -143,7 +144,7 @@ class RecordedQuestion:
     @cached_property
     def record(self) -> Experiments:
         """All experiments, one after the other."""
-        return as_experiments(self.u, self.y, self.sample_time, self.samples, assume=self.assume)
+        return as_experiments(self.u, self.y, dt=self.dt, samples=self.samples, assume=self.assume)
 
     @cached_property
     def report(self) -> RecordReport:
@@ -189,12 +190,12 @@ class RecordedQuestion:
         return first if len(first) == len(whole) else whole
 
     @cached_property
-    def delays(self) -> tuple[int, ...]:
+    def delays_samples(self) -> tuple[int, ...]:
         """Delay [samples] of each input; empty where none is delayed."""
-        if isinstance(self.delay, str):
+        if isinstance(self.delay_samples, str):
             found = estimated_delays(self.used)
         else:
-            found = checked_delays(self.delay, self.record)
+            found = checked_delays(self.delay_samples, self.record)
         return found if any(found) else ()
 
     @cached_property

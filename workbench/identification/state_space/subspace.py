@@ -175,7 +175,7 @@ def best_subspace_of(
         return None
     models = SubspaceModels(late, pasts, direct)
     found = (
-        replace(models.model(order, past), delay=tuple(delay) if any(delay) else ())
+        replace(models.model(order, past), delay_samples=tuple(delay) if any(delay) else ())
         for past in pasts
     )
     return best_fitting(found, record, direct=direct, largest_radius=largest_radius)

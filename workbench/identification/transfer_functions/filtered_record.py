@@ -52,7 +52,7 @@ class FilteredRecord:
             raise InputError(f"the filter has a root at {np.roots(filter_).real.max():g} rad/s")
         if len(record.u) <= m + n + 1:
             raise InputError(f"{len(record.u)} samples cannot tell {m + n + 1} coefficients")
-        return cls(record, degrees, DerivativeFilter(filter_, 1.0 / record.sample_rate))
+        return cls(record, degrees, DerivativeFilter(filter_, record.dt))
 
     @classmethod
     def at(

@@ -72,8 +72,8 @@ class GuaranteedProbability(Answer):
 
 def guaranteed_probability(
     system: Any,
-    gain: float | None = None,
     *,
+    gain: float | None = None,
     distributions: Mapping[str, Any] | None = None,
     tolerance: float = 0.01,
     parts: int = 5000,

@@ -65,7 +65,7 @@ def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
         return SystemNorm(math.inf, math.inf, math.nan).checked_by(BoundaryPoleChecker(found))
     numerator = stable_numerator(found)
     structure = Structure([Full(found.ninputs, found.noutputs)])
-    bounds = peak(numerator.system, structure, tolerance)
+    bounds = peak(numerator.system, structure, tolerance=tolerance)
     lower, upper = numerator.enclosed(bounds.lower, bounds.upper)
     norm = SystemNorm(lower, upper, bounds.omega, peak=bounds)
     return norm.checked_by(AxisGainChecker(found))

@@ -88,7 +88,7 @@ def h_infinity_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> System
     found = as_system(system, "system")
     if not is_stable(found):
         return SystemNorm(math.inf, math.inf, math.nan).checked_by(UnstableChecker(found))
-    bounds = peak(found, Structure([Full(found.ninputs, found.noutputs)]), tolerance)
+    bounds = peak(found, Structure([Full(found.ninputs, found.noutputs)]), tolerance=tolerance)
     norm = SystemNorm(bounds.lower, bounds.upper, bounds.omega, peak=bounds)
     return norm.checked_by(GainChecker())
 

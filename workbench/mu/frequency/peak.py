@@ -26,8 +26,8 @@ INTERVALS_COVER = "intervals on which multipliers prove it cover the band"
 def peak(
     system: Any,
     structure: Structure,
-    tolerance: float = 1e-3,
     *,
+    tolerance: float = 1e-3,
     complex_part: float = 0.0,
     band: tuple[float, float] = (0.0, math.inf),
     steps: int = 500,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class Peak(Answer):
     band unless upper is infinite.
     ``complex_part`` is the complex uncertainty added to real scalars, as a share of them; the peak
     holds for this larger set of perturbations.
-    Of a system with sampling time ``period`` [s] the band ends at half the sampling rate, and
+    Of a system with sampling time ``dt`` [s] the band ends at half the sampling rate, and
     intervals are over v = 2 / period tan(omega period / 2).
     """
 
@@ -59,9 +59,10 @@ class Peak(Answer):
     Delta: Array
     intervals: tuple[CertifiedInterval, ...]
     message: str
+    _: KW_ONLY
     complex_part: float = 0.0
     band: tuple[float, float] = (0.0, math.inf)
-    period: float = 0.0
+    dt: float = 0.0
     scalings: ScalingFunctions | None = None
 
     @property
@@ -77,7 +78,7 @@ class Peak(Answer):
     @property
     def intervals_band(self) -> tuple[float, float]:
         """The band in the frequency of the intervals."""
-        low, high = (bilinear_frequency(omega, self.period) for omega in self.band)
+        low, high = (bilinear_frequency(omega, self.dt) for omega in self.band)
         return low, high
 
     def multipliers(self, structure: Structure) -> tuple[Array, Array, Array] | None:
@@ -210,7 +211,7 @@ def peak_checks(
             "whether the multipliers leave it unproven",
             float(bool(fault)),
             0.0,
-            fault,
+            where=fault,
             proven=True,
         ),
         Check(
@@ -235,7 +236,7 @@ def stored_peak(name: str, found: Peak) -> dict[str, Any]:
         f"{name}_Delta": ((f"{name}_input", f"{name}_output", "complex"), parts, delta),
         **({} if found.proof is None else stored_proof(f"{name}_proof", found.proof)),
         f"{name}_complex_part": ((), found.complex_part, one),
-        **({f"{name}_period": ((), found.period, {"units": "s"})} if found.period else {}),
+        **({f"{name}_period": ((), found.dt, {"units": "s"})} if found.dt else {}),
     }
 
 
@@ -255,8 +256,8 @@ def restored_peak(data: Dataset, name: str) -> Peak | None:
         parts[..., 0] + 1j * parts[..., 1],
         proof.intervals if proof else (),
         "",
-        float(data[f"{name}_complex_part"]),
-        (angular_frequency(low, period), angular_frequency(high, period)),
-        period,
-        proof.scalings if proof else None,
+        complex_part=float(data[f"{name}_complex_part"]),
+        band=(angular_frequency(low, period), angular_frequency(high, period)),
+        dt=period,
+        scalings=proof.scalings if proof else None,
     )

@@ -101,6 +101,7 @@ def _same_response(M: ComplexArray, claimed: ComplexArray) -> Check:
 def frequency_sweep(
     system: Any,
     structure: Structure,
+    *,
     omega: ArrayLike | None = None,
     lower: str = "power",
     executor: Executor | None = None,
@@ -171,11 +172,11 @@ def _below(
     found: FrequencyBounds, structure: Structure, method: str
 ) -> tuple[RealArray, ComplexArray]:
     """Lower bounds (F,) and their Deltas; a slower method searches where the fast leaves a gap."""
-    fast = lower_bound(found.M, structure, "power")
+    fast = lower_bound(found.M, structure, method="power")
     value, Delta = fast.value, fast.Delta
     apart = value < found.upper * (1.0 - MET)
     if method != "power":  # also without a gap: a method that does not exist is named
-        searched = lower_bound(found.M[apart], structure, method)
+        searched = lower_bound(found.M[apart], structure, method=method)
         better = searched.value > value[apart]
         place = np.flatnonzero(apart)[better]
         value[place], Delta[place] = searched.value[better], searched.Delta[better]

@@ -65,7 +65,7 @@ def proposals(
 
     Nothing that stands on it may be called a bound before the kernel has proven it.
     """
-    search = _Search(MuLowerBound(M, structure), Context(options or Options()))
+    search = _Search(MuLowerBound(M, structure), Context(options=options or Options()))
     {"power": _power_search, "best": _best_search}[method](search)
     return search.proposed()
 

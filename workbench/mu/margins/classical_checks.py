@@ -108,7 +108,7 @@ class ClassicalChecker(CrossingChecker):
         where = f"the first above {omega[missed[0]]:.6g} rad/s" if missed else ""
         statement = "number of crossings of the unit circle that are missed"
         over = f"between {omega.size} frequencies"
-        return Check("missed", statement, float(len(missed)), 0.0, where, over=over)
+        return Check("missed", statement, float(len(missed)), 0.0, where=where, over=over)
 
     def _sizes(self, omega: RealArray) -> RealArray:
         """|L| in doubles; infinite at a pole."""

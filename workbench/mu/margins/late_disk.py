@@ -53,7 +53,7 @@ class LateDiskChecker(PartsChecker):
             distance = distance_at(system, T, answer.omega, product)
         statement = "distance from -1 of the loop with the worst factors, relative"
         where = f"at {answer.omega:.6g} rad/s"
-        return [Check("worst factors", statement, distance, peaks.NEARLY_SINGULAR, where)]
+        return [Check("worst factors", statement, distance, peaks.NEARLY_SINGULAR, where=where)]
 
 
 def late_disk(

@@ -59,7 +59,7 @@ def late_group(
     factors = [DynamicElement(f"{FACTOR}{k}", 1, 1) for k in channels]
     names = shifted.value.names + tuple(one.channels[0] for one in factors)
     elements = {**shifted.elements, **{one.name: one for one in factors}}
-    margin = late_margin(UncertainSystem(LFT(shifted.value.M, names), elements, 0.0), tolerance)
+    margin = late_margin(UncertainSystem(LFT(shifted.value.M, names), elements, dt=0.0), tolerance)
     if margin.lower == 0.0:
         raise InputError(
             f"the loop in {', '.join(channels.values())} keeps a size up to infinite frequency, "

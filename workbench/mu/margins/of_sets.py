@@ -121,7 +121,7 @@ def set_margins(
         shares = _shares(time_limit, KINDS * len(channels))
 
         def next_context() -> Context:
-            return Context(Options(time_limit=next(shares)), progress, watch)
+            return Context(options=Options(time_limit=next(shares)), progress=progress, watch=watch)
 
         return {
             name: margins_of_channel(loop, k, tolerance, parts, next_context).checked_by(

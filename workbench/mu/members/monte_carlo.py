@@ -47,7 +47,7 @@ class MonteCarlo:
     >>> from workbench.uncertainty import feedback, real, tf
     >>> k = real("k", 10, percent=40)
     >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
-    >>> found = monte_carlo(closed, lambda member: float(member.dcgain()), count=20)
+    >>> found = monte_carlo(closed, quantity=lambda member: float(member.dcgain()), count=20)
     >>> found.confidence, bool(found.values.max() < 0.8)
     (0.95, True)
     """
@@ -114,10 +114,10 @@ class MonteCarlo:
 
 def monte_carlo(
     system: Any,
+    *,
     quantity: Callable[[StateSpace], float] | None = None,
     count: int = 1000,
     seed: int = 0,
-    *,
     confidence: float = 0.95,
     executor: Executor | None = None,
 ) -> MonteCarlo:
@@ -182,7 +182,7 @@ def largest_gain(member: StateSpace) -> float:
 def _value(
     system: UncertainSystem, quantity: Callable[[StateSpace], float], seed: int, number: int
 ) -> float:
-    (member,) = system.sample(1, (seed, number))
+    (member,) = system.sample(1, seed=(seed, number))
     try:
         found = quantity(member)
     except WorkbenchError:

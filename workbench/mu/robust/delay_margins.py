@@ -48,7 +48,7 @@ def delay_is_borne(found: UncertainSystem, name: str, high: float) -> bool:
     """Whether stability is proven for all delays up to one, whatever the other elements are."""
     if len(found.elements) == 1 and (first := _first(found, name)) is not None:
         return high < first or math.isinf(first)
-    return peak(*_up_to(found, name, high), PROOF_TOLERANCE).upper < 1.0
+    return peak(*_up_to(found, name, high), tolerance=PROOF_TOLERANCE).upper < 1.0
 
 
 def delay_is_lost(found: UncertainSystem, name: str, tau: float) -> bool:

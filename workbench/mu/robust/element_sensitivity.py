@@ -94,7 +94,7 @@ class SensitivityChecker(PartsChecker):
 
 
 def margin_sensitivity(
-    system: Any, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-4
+    system: Any, *, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-4
 ) -> MarginSensitivity:
     """Bounds, by name, of how much each element counts: 0 for not at all, 1 for all alone.
 
@@ -132,8 +132,8 @@ def margin_sensitivity(
 
     def margin(one: Any) -> Margin:
         if gain is None:
-            return robust_stability(one, tolerance)
-        return robust_performance(one, gain, tolerance)
+            return robust_stability(one, tolerance=tolerance)
+        return robust_performance(one, gain=gain, tolerance=tolerance)
 
     known = uncertain(system, "system")
     own = margin(known)

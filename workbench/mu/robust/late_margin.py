@@ -155,7 +155,7 @@ class LateStabilityChecker(PartsChecker):
             distance = peaks.regularity(M @ np.asarray(self.attained.Delta))
             statement = "smallest singular value of the loop at that frequency, relative"
             where = f"at {answer.omega:.6g} rad/s"
-            found.append(Check("worst", statement, distance, peaks.NEARLY_SINGULAR, where))
+            found.append(Check("worst", statement, distance, peaks.NEARLY_SINGULAR, where=where))
         return found
 
 
@@ -174,7 +174,7 @@ def late_margin(given: UncertainSystem, tolerance: float) -> StabilityMargin:
         late = LateSystem(given, analysed(without_dead_time(given, order=order)), order)
         structure = late.cover.structure
         stable = even_channels(late.cover.system, structure)[0]
-        proof = skewed_peak(stable, structure, late.fixed, tolerance)
+        proof = skewed_peak(stable, structure, late.fixed, tolerance=tolerance)
         if best is None or proof.upper < best[1].upper:
             best = late, proof
         attained = _attained(late, proof.omega)

@@ -57,8 +57,8 @@ MOST_GROWTH = 1e6
 
 def robust_stability(
     system: Any,
-    tolerance: float = 1e-4,
     *,
+    tolerance: float = 1e-4,
     decay: float = 0.0,
     damping: float = 0.0,
     parts: int = PARTS,
@@ -113,7 +113,7 @@ def robust_stability(
     idle = tuple(name for name in whole.elements if name not in given.elements)
     if not given.elements:
         unlimited = StabilityMargin(
-            math.inf, math.inf, math.nan, None, None, 0, whole.dt or 0.0, idle=idle
+            math.inf, math.inf, math.nan, None, None, parts=0, dt=whole.dt or 0.0, idle=idle
         )
         again = partial(robust_stability, whole)
         return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", whole))
@@ -123,7 +123,7 @@ def robust_stability(
     if damping:
         asked.append(with_damping(given, damping))
     with shown_live("robust stability") as (progress, watch):
-        context = Context(Options(time_limit=time_limit), progress, watch)
+        context = Context(options=Options(time_limit=time_limit), progress=progress, watch=watch)
         margins = [_margin(one, tolerance, parts, context) for one in asked]
     first = min(margins, key=lambda one: one.upper)
     found = replace(
@@ -149,7 +149,7 @@ def _margin(
     if all(isinstance(block, Real) for block in structure):
         return _margin_of_parameters(found, tolerance, parts, context)
     N, period = even_channels(found.system, structure)
-    bounds = peak(N, structure, tolerance)
+    bounds = peak(N, structure, tolerance=tolerance)
     lower = 1 / bounds.upper if bounds.upper > 0 else math.inf
     omega = angular_frequency(bounds.omega, period)
     if not bounds.lower > 0:
@@ -179,13 +179,13 @@ def _margin_of_parameters(
     box = box_margin(given, Growing(len(given.places)), tolerance, parts, context=context)
     best = None if box.values is None else _singular(given, given.perturbation(box.values))
     if best is None:
-        return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
+        return StabilityMargin(box.lower, math.inf, math.nan, None, None, parts=box.parts)
     need_agreement(best.value, 1 / box.lower if box.lower > 0 else math.inf, upper_claim=EXCLUDED)
     worst = values_of(
         found.elements.values(), found.structure, control.ss([], [], [], best.Delta.real)
     )
     omega = angular_frequency(best.omega, period)
-    return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, box.parts)
+    return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, parts=box.parts)
 
 
 def _singular(given: RealParameters, Delta: RealArray) -> Attained | None:
@@ -213,7 +213,7 @@ def _proven_again(asked: tuple[UncertainSystem, ...], found: StabilityMargin) ->
 
 
 def robust_performance(
-    system: Any, gain: float = 1.0, tolerance: float = 1e-3
+    system: Any, *, gain: float = 1.0, tolerance: float = 1e-3
 ) -> PerformanceMargin:
     """Certified factor by which all uncertainty may grow before the largest gain exceeds a level.
 
@@ -260,7 +260,7 @@ def robust_performance(
     def bounded(t: float) -> Peak:
         scale = np.ones(outputs.size)
         scale[: structure.columns], scale[structure.columns :] = t, 1 / gain
-        return peak(whole.channels(outputs, inputs, scale), closed, tolerance / 4)
+        return peak(whole.channels(outputs, inputs, scale), closed, tolerance=tolerance / 4)
 
     low, high, omega = 0.0, math.inf, math.nan
     proven: dict[float, Peak] = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,7 @@ class StabilityMargin(Answer):
     omega: float
     worst: Mapping[str, Any] | None
     peak: Peak | None
+    _: KW_ONLY
     parts: int = 0
     dt: float = 0.0
     delays: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,7 @@ class SkewedPeak(Answer):
     omega: float
     Delta: Array
     message: str
+    _: KW_ONLY
     level: float = 0.0
     proof: PeakProof | None = None
 
@@ -226,7 +227,7 @@ def bound_checks(
             "whether the multipliers leave it unproven",
             float(bool(fault)),
             0.0,
-            fault,
+            where=fault,
             proven=True,
         ),
         Check(
@@ -332,6 +333,6 @@ def restored_worst_case(data: Dataset, name: str) -> WorstCaseGain:
         float(data[f"{name}_omega"]),
         parts[..., 0] + 1j * parts[..., 1],
         "",
-        float(data[f"{name}_level"]),
-        proof,
+        level=float(data[f"{name}_level"]),
+        proof=proof,
     )

@@ -57,6 +57,7 @@ def skewed_peak(
     system: Any,
     structure: Structure,
     fixed: Sequence[str | int] | str | int,
+    *,
     tolerance: float = 1e-3,
 ) -> SkewedPeak:
     """Certified bounds of the supremum of the skewed mu over all frequencies.
@@ -101,7 +102,7 @@ def skewed_peak(
     lower, omega, Delta = search.attained()
     need_agreement(lower, upper, "the peak of the skewed mu")
     omega = float(stable.angular(omega))
-    found = SkewedPeak(lower, upper, omega, Delta, message, level, proof)
+    found = SkewedPeak(lower, upper, omega, Delta, message, level=level, proof=proof)
     return found.checked_by(SkewedPeakChecker(system, structure, varies))
 
 

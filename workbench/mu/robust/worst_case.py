@@ -40,7 +40,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 def worst_case_gain(
-    system: Any, structure: Structure | None = None, tolerance: float = 1e-2
+    system: Any, structure: Structure | None = None, *, tolerance: float = 1e-2
 ) -> WorstCaseGain:
     """Certified bounds of the worst-case gain of an uncertain system.
 
@@ -106,7 +106,7 @@ def worst_case_gain(
         "ball arithmetic proves that a perturbation of size 1 has this gain",
         "multipliers prove it on intervals that cover all frequencies",
     )
-    found = WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
+    found = WorstCaseGain(lower, upper, omega, Delta, message, level=level, proof=proof)
     return found.checked_by(WorstCaseChecker(system, structure, dt=period))
 
 

@@ -81,7 +81,7 @@ def opinion(
             "largest bound by a perturbation proven singular over the upper bound, less 1",
             proven,
             0.0,
-            where,
+            where=where,
             proven=True,
         ),
         Check(

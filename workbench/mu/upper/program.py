@@ -91,7 +91,7 @@ class MuUpperBound(Program):
     >>> from workbench.structure import Complex, Real, Structure
     >>> structure = Structure([Real(1), Complex(1)])
     >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
-    >>> solution = wb.solve(MuUpperBound(M, structure), "fast")
+    >>> solution = wb.solve(MuUpperBound(M, structure), method="fast")
     >>> solution.certificate.valid
     True
     """
@@ -167,13 +167,15 @@ class MuUpperBound(Program):
         short = np.where(proved <= value, 0.0, (proved - value) / np.where(value > 0, value, 1.0))
         excess, at = worst(short, self.place)
         found = [
-            Check("structure", "D and G are off their structure by, relative", off, 1e-12, where),
+            Check(
+                "structure", "D and G are off their structure by, relative", off, 1e-12, where=where
+            ),
             Check(
                 "bound",
                 "what D > 0 and G prove, rounding included, exceeds the bound by, relative",
                 excess,
                 0.0,
-                at,
+                where=at,
                 proven=True,
             ),
         ]

@@ -139,7 +139,11 @@ class BandwidthLimits(Study):
     frequency = dim(lambda self: self._bandwidths() / (2 * np.pi), unit="Hz", meaning="bandwidth")
     limit_of = dim(lambda self: list(self._relaxed()), meaning="what is left out")
 
-    @array((structure, frequency), "1", "certified peak of mu; NaN where none was made")
+    @array(
+        dims=(structure, frequency),
+        unit="1",
+        meaning="certified peak of mu; NaN where none was made",
+    )
     def peak(self, made: Any) -> RealArray:
         every = [
             [made.get((name, k), (np.nan,))[0] for k in range(len(STEPS))] for name in self.tasks
@@ -154,13 +158,15 @@ class BandwidthLimits(Study):
             if k is not None
         }
 
-    @array((limit_of,), "1", "largest bandwidth without it over that with all")
+    @array(dims=(limit_of,), unit="1", meaning="largest bandwidth without it over that with all")
     def growth(self, possible: DataArray) -> RealArray:
         without = [one().largest() for one in self._relaxed().values()]
         most = float(possible) * 2 * np.pi
         return np.array(without) / most if most else np.full(len(without), np.nan)
 
-    @array((), "Hz", "bandwidth that no controller can exceed, whatever its order")
+    @array(
+        dims=(), unit="Hz", meaning="bandwidth that no controller can exceed, whatever its order"
+    )
     def possible(self) -> float:
         return self._whole().largest() / (2 * np.pi)
 

@@ -150,7 +150,7 @@ def conflict_proof(
 
 def summed_excess(proof: DualCertificate, loop: DemandedLoop) -> float:
     """What `DualCertificate.excess` bounds, by a sum over points of the lenses themselves."""
-    omega = 2 * np.pi * np.geomspace(*proof.basis.band, POINTS)
+    omega = 2 * np.pi * np.geomspace(*proof.basis.band_hz, POINTS)
     h = proof.h(omega)
     of_S, of_T = np.full(omega.size, LEAST_SIZE), np.full(omega.size, LEAST_SIZE)
     for one in loop.more:

@@ -73,7 +73,7 @@ class Shippable:
             own = stability_of(without_integrators(K) if self.integral else K)
             found.append(
                 Check(
-                    "controller stable", statement, own.value, own.limit, own.where,
+                    "controller stable", statement, own.value, own.limit, where=own.where,
                     over=THIS_SYSTEM,
                 )
             )  # fmt: skip

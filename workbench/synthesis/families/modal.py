@@ -61,12 +61,12 @@ class Modal(Family):
             )
 
     @classmethod
-    def of(cls, K: StateSpace) -> tuple[Modal, RealArray]:
+    def of(cls, controller: StateSpace) -> tuple[Modal, RealArray]:
         """The family that contains a controller, and the controller's parameters.
 
         Raises InputError for a controller with a mode that no second-order block has.
         """
-        return Modal(K.nstates).about(K)
+        return Modal(controller.nstates).about(controller)
 
     def about(self, controller: StateSpace) -> tuple[Modal, RealArray]:
         if controller.nstates != self.order:

@@ -263,7 +263,15 @@ class PID(ThreeTerms):
     terms: ClassVar[str] = "PID"
 
     @classmethod
-    def of(cls, P: float, I: float, D: float, T: float, leak: float = 0.0) -> tuple[PID, RealArray]:  # noqa: E741
+    def of(
+        cls,
+        P: float,
+        I: float,  # noqa: E741
+        D: float,
+        T: float,
+        *,
+        leak: float = 0.0,
+    ) -> tuple[PID, RealArray]:
         """The family with an integrator of that leak, and the parameters of the controller.
 
         T: filter of the derivative [s]. leak: size of the integrator's pole [rad/s].

@@ -50,7 +50,7 @@ class PlantGap(Answer):
     upper: float
 
 
-def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
+def gap_metric(first: Any, second: Any, *, tolerance: float = 1e-3) -> PlantGap:
     """The gap of two plants: the larger of both directed gaps, with certified norms.
 
     Parameters

@@ -54,7 +54,7 @@ class LoopShaping(HinfSynthesis):
 
     Parameters
     ----------
-    G
+    nominal
         StateSpace or TransferFunction.
     W1, W2
         Weights at the input and at the output of G: systems or numbers. A weight with a single
@@ -78,7 +78,7 @@ class LoopShaping(HinfSynthesis):
     (True, 2.0)
     """
 
-    G: StateSpace
+    nominal: StateSpace
     W1: StateSpace
     W2: StateSpace
     shaped: StateSpace
@@ -86,22 +86,24 @@ class LoopShaping(HinfSynthesis):
     default_method: ClassVar[str] = "coprime"
     headline: ClassVar[str] = "epsilon"
 
-    def __init__(self, G: Any, W1: Any = 1.0, W2: Any = 1.0, gamma: float | None = None) -> None:
-        G = as_system(G, "G")
-        W2 = as_weight(W2, G.noutputs, "W2")
-        W1 = as_weight(W1, G.ninputs, "W1") if is_real(W1) else as_system(W1, "W1")
-        if (W1.ninputs, W1.noutputs) == (1, 1) and G.ninputs > 1:
-            W1 = as_weight(W1, G.ninputs, "W1")
-        if W1.noutputs != G.ninputs:
-            raise InputError(f"W1 has {W1.noutputs} outputs; G has {G.ninputs} inputs")
-        dt = common_dt([named_realisation(one) for one in (W2, G, W1)])
+    def __init__(
+        self, nominal: Any, *, W1: Any = 1.0, W2: Any = 1.0, gamma: float | None = None
+    ) -> None:
+        nominal = as_system(nominal, "nominal")
+        W2 = as_weight(W2, nominal.noutputs, "W2")
+        W1 = as_weight(W1, nominal.ninputs, "W1") if is_real(W1) else as_system(W1, "W1")
+        if (W1.ninputs, W1.noutputs) == (1, 1) and nominal.ninputs > 1:
+            W1 = as_weight(W1, nominal.ninputs, "W1")
+        if W1.noutputs != nominal.ninputs:
+            raise InputError(f"W1 has {W1.noutputs} outputs; G has {nominal.ninputs} inputs")
+        dt = common_dt([named_realisation(one) for one in (W2, nominal, W1)])
         if dt is True:
             raise InputError("G is sampled at a time not given (dt True); give it in seconds")
-        shaped = W2 * G * W1
+        shaped = W2 * nominal * W1
         parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
         A, B, C = visible_matrices(*balanced(*parts[:3]), dt or 0.0)
         shaped = realisation((A, B, C, parts[3]), dt or 0.0)
-        fields = {"G": G, "W1": W1, "W2": W2, "shaped": shaped, "gamma": gamma}
+        fields = {"nominal": nominal, "W1": W1, "W2": W2, "shaped": shaped, "gamma": gamma}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "plant", _four_blocks(shaped))
@@ -112,7 +114,9 @@ class LoopShaping(HinfSynthesis):
         import control
 
         whole = self.W1 * answer.K * self.W2
-        return control.ss(whole, inputs=self.G.output_labels, outputs=self.G.input_labels)
+        return control.ss(
+            whole, inputs=self.nominal.output_labels, outputs=self.nominal.input_labels
+        )
 
     def witnessed(self, answer: HinfController) -> HinfController:
         """The answer with the controller for the loop of G."""
@@ -153,7 +157,7 @@ class LoopShaping(HinfSynthesis):
         statement = "epsilon = 1 / norm over epsilon_max by the Hankel norm, less 1"
         largest = self.epsilon_max
         if not largest > 0.0:
-            lost = Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")
+            lost = Check("epsilon", statement, math.inf, 0.0, where="(lost in rounding)")
             return [*found, replace(lost, over=EVERY_FREQUENCY)]
         excess = 1.0 / (answer.norm * largest) - 1.0
         # A small margin is a difference of numbers near 1.

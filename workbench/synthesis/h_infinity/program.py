@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -64,6 +64,7 @@ class HinfController(drawn.DrawnController):
     K: StateSpace
     norm: float
     gamma: float
+    _: KW_ONLY
     least: float = math.nan
     whole: StateSpace | None = None
     """The controller of the user's plant, where K is only a part of it."""
@@ -157,6 +158,7 @@ class HinfSynthesis(ControllerSynthesis):
     (True, 2.73)
     """
 
+    _: KW_ONLY
     gamma: float | None = None
 
     default_method: ClassVar[str] = "riccati"
@@ -363,4 +365,6 @@ class HinfSynthesis(ControllerSynthesis):
         K = self.absorbed.plant.named(restored(data, "controller"))
         reached = tuple(map(float, data["reached"].values)) if "reached" in data else ()
         slope = float(data["slope"]) if "slope" in data else math.nan
-        return self.witnessed(HinfController(K, norm, gamma, least, reached=reached, slope=slope))
+        return self.witnessed(
+            HinfController(K, norm, gamma, least=least, reached=reached, slope=slope)
+        )

@@ -101,7 +101,7 @@ def claimed(program: HinfSynthesis, made: Made) -> Claim:
         size, gamma = proven, max(gamma, proven)
     if least > (1 + CLAIM_TOLERANCE) * size:
         said, least = f"{said}; its least level {least:.6g} is refuted by this loop", math.nan
-    return HinfController(K_found, size, gamma, least), Outcome.SOLVED, said
+    return HinfController(K_found, size, gamma, least=least), Outcome.SOLVED, said
 
 
 def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:

@@ -54,7 +54,7 @@ def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> S
     >>> import control
     >>> from workbench.synthesis import continuous_time, discretised
     >>> G = control.tf([3.0], [1.0, 2.0, 0.0])
-    >>> sampled = discretised(G, sample_time=0.1, method="zoh")
+    >>> sampled = discretised(G, dt=0.1, method="zoh")
     >>> sorted(continuous_time(sampled).poles().real.round(9).tolist())
     [-2.0, 0.0]
 

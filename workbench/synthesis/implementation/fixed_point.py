@@ -108,11 +108,11 @@ class FixedPoint:
         return self.quantised.system
 
     def conditions(
-        self, plant: Any, delay: float = 0.0, *, sign: int | None = None
+        self, plant: Any, *, delay_samples: float = 0.0, sign: int | None = None
     ) -> SampledConditions:
         """Stability and margins, as `sampled_conditions`, with the rounded coefficients."""
         system, dt = self.quantised.system, self.quantised.dt
-        return sampled_conditions(plant, system, dt, delay, sign=sign)
+        return sampled_conditions(plant, system, dt, delay_samples=delay_samples, sign=sign)
 
 
 def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:

@@ -38,7 +38,7 @@ def follows(K: StateSpace, wanted: StateSpace, precision: str) -> Check:
         "largest difference from the controller that was given, in its number format, relative",
         float(apart[worst]),
         FOLLOWED[precision],
-        f"at {omega[worst]:.6g} rad/s",
+        where=f"at {omega[worst]:.6g} rad/s",
         over=f"at {omega.size} frequencies",
     )
 

@@ -66,8 +66,8 @@ def margins_table(answer: ImplementedController) -> str:
             name,
             f"{row.gain[0]:.3g}",
             f"{row.gain[1]:.3g}",
-            f"{row.phase:.3g}",
-            f"{row.delay:.3g}",
+            f"{row.phase_deg:.3g}",
+            f"{row.delay_samples:.3g}",
         ]
         for name, row in zip(answer.K.output_labels, answer.margins, strict=True)
     ]
@@ -76,7 +76,7 @@ def margins_table(answer: ImplementedController) -> str:
 
 def stored_margins(margins: tuple[SampledMargins, ...]) -> dict[str, Any]:
     """Margins as a variable of a dataset."""
-    rows = [[*row.gain, row.phase, row.phase_at, row.delay] for row in margins]
+    rows = [[*row.gain, row.phase_deg, row.phase_at, row.delay_samples] for row in margins]
     said = f"margins of each control: {', '.join(MARGINS)} (1, 1, deg, rad/s, samples)"
     return {"margins": (("control", "margin"), np.array(rows, float), {"long_name": said})}
 

@@ -54,7 +54,7 @@ class ImplementedController(DrawnController):
     >>> import workbench as wb
     >>> from workbench.synthesis import Implementation
     >>> K, G = control.tf([10.0], [1.0], 0.1), control.tf([1.0], [1.0, 1.0])
-    >>> answer = wb.solve(Implementation(K, G, period=0.1)).answer
+    >>> answer = wb.solve(Implementation(K, G, dt=0.1)).answer
     >>> answer.precision, "controller_step" in answer.code()
     ('double', True)
     """
@@ -83,8 +83,8 @@ class ImplementedController(DrawnController):
             f"{self.memory} bytes a sample",
         ]
         lines += [
-            f"  control {number}: gain up to {one.gain[1]:.3g}, phase {one.phase:.3g} degrees, "
-            f"delay {one.delay:.3g} samples"
+            f"  control {number}: gain up to {one.gain[1]:.3g}, phase {one.phase_deg:.3g} degrees, "
+            f"delay {one.delay_samples:.3g} samples"
             for number, one in enumerate(self.margins, start=1)
         ]
         return "\n".join(lines)
@@ -104,7 +104,7 @@ class ImplementedController(DrawnController):
             return sum(4 * WORD * len(one.shifts) for line in self.fixed.cascades for one in line)
         return BYTES[self.precision] * max(int(self.K.nstates), 1)
 
-    def code(self, name: str = "controller") -> str:
+    def code(self, *, name: str = "controller") -> str:
         """Text of the C99 header; names in it begin with `name`."""
         if self.precision == "fixed":
             assert self.fixed is not None and self.format is not None
@@ -114,7 +114,7 @@ class ImplementedController(DrawnController):
             )
         return header(self.K, name, self.precision, self.actuator)
 
-    def export(self, path: str | Path, name: str = "controller") -> Path:
+    def export(self, path: str | Path, *, name: str = "controller") -> Path:
         """Write the C99 header to a file, which is replaced as a whole or not at all.
 
         Raises InputError for a name that is no C identifier, or a folder that cannot be written.
@@ -124,5 +124,5 @@ class ImplementedController(DrawnController):
             raise InputError(
                 f"{path}: a controller is exported as a C header, .h; export() writes other formats"
             )
-        replace_file(path, self.code(name).encode("ascii"))
+        replace_file(path, self.code(name=name).encode("ascii"))
         return path

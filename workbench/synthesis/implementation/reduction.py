@@ -31,7 +31,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 
 def reduce_order(
-    K: Any,
+    controller: Any,
     plant: GeneralisedPlant,
     *,
     target: float = 1.0,
@@ -95,19 +95,19 @@ def reduce_order(
     1
     """
     need_positive(target, "target")
-    K = as_system(K, "K")
-    need_continuous(K)
-    found, given = _certified(plant, K)
-    least, of = reducer(K, method, plant, found)
+    controller = as_system(controller, "controller")
+    need_continuous(controller)
+    found, given = _certified(plant, controller)
+    least, of = reducer(controller, method, plant, found)
     if order is None:
-        orders = list(range(least, K.nstates))
+        orders = list(range(least, controller.nstates))
     else:
-        check_order(order, least, K, method)
-        orders = [order] if order < K.nstates else []
+        check_order(order, least, controller, method)
+        orders = [order] if order < controller.nstates else []
     tried: dict[int, StateSpace] = {}
     for k in orders:
         one = of(k)
-        if one.nstates < K.nstates:
+        if one.nstates < controller.nstates:
             tried.setdefault(one.nstates, one)
     certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
     if refine:
@@ -144,7 +144,7 @@ def _best_refined(
     best = min(one, _certified(plant, again)[1], key=lambda each: each.upper)
     if not best.stable:
         return best
-    solution = solve(MuSynthesis(plant, start=best.K), "fixed")
+    solution = solve(MuSynthesis(plant, start=best.K), method="fixed")
     if solution.answer is None:
         return best
     return min(best, _certified(plant, solution.answer.K)[1], key=lambda each: each.upper)

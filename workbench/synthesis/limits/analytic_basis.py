@@ -6,7 +6,7 @@ plant's zeros there, where T is 0, and the plant's poles there, where T is 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +39,7 @@ class AnalyticBasis:
     corners
         Magnitudes [rad/s] (N,) of the functions' real poles, positive; they should cover the
         frequencies where T falls off.
-    band
+    band_hz
         Frequencies [Hz] between which h is sought. A proof covers all frequencies.
     zeros, poles
         The plant's zeros and poles [rad/s] in the open right half-plane, one of each pair.
@@ -60,7 +60,8 @@ class AnalyticBasis:
     """
 
     corners: RealArray
-    band: tuple[float, float]
+    band_hz: tuple[float, float]
+    _: KW_ONLY
     zeros: ComplexArray = field(default_factory=lambda: NONE)
     poles: ComplexArray = field(default_factory=lambda: NONE)
 
@@ -68,9 +69,11 @@ class AnalyticBasis:
         corners = np.atleast_1d(np.asarray(self.corners, dtype=float))
         if not corners.size or not (np.isfinite(corners) & (corners > 0.0)).all():
             raise InputError("corners must be positive frequencies [rad/s], one at least")
-        low, high = self.band
+        low, high = self.band_hz
         if not 0.0 < low < high < np.inf:
-            raise InputError(f"band is {self.band}; it must be two frequencies [Hz], low and high")
+            raise InputError(
+                f"band_hz is {self.band_hz}; it must be two frequencies [Hz], low and high"
+            )
         object.__setattr__(self, "corners", corners)
         for name in ("zeros", "poles"):
             given = np.atleast_1d(np.asarray(getattr(self, name), dtype=complex))
@@ -103,7 +106,7 @@ class AnalyticBasis:
 
         The parts are of equal length in log omega.
         """
-        ends = 2 * np.pi * np.geomspace(*self.band, parts + 1)
+        ends = 2 * np.pi * np.geomspace(*self.band_hz, parts + 1)
         omega = np.sqrt(ends[1:] * ends[:-1])
         return omega, omega * np.log(ends[1:] / ends[:-1])
 

@@ -98,7 +98,7 @@ class DualCertificate:
             The basis has a zero or pole in the right half-plane that the plant has not.
         """
         self._check(loop)
-        ends = 2 * np.pi * np.geomspace(*self.basis.band, START_CELLS)
+        ends = 2 * np.pi * np.geomspace(*self.basis.band_hz, START_CELLS)
         cells, highest = FrequencyCells(np.append(0.0, ends[:-1]), ends), float(ends[-1])
         bound, gain = self._over(loop, cells), np.full(START_CELLS, np.inf)
         total = np.inf

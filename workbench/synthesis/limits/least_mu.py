@@ -71,7 +71,7 @@ class LeastMu(Answer):
     T: ComplexArray
 
 
-def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
+def least_mu(weights: LoopWeights, *, tolerance: float = 1e-3) -> LeastMu:
     """The least mu over all complex K, frequency by frequency, by branch and bound.
 
     K at each frequency is any complex number: neither causality nor stability is asked for, see
@@ -244,7 +244,7 @@ class LargestLeastMuChecker(Checker):
 
 
 def largest_least_mu(
-    weights: Callable[[RealArray], LoopWeights], omega: RealArray, rounds: int = 3
+    weights: Callable[[RealArray], LoopWeights], omega: RealArray, *, rounds: int = 3
 ) -> LargestLeastMu:
     """A lower bound on every controller's peak of mu, and its frequency.
 

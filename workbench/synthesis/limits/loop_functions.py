@@ -7,7 +7,7 @@ with the uncertainty G_0 (1 + W_c delta_c + W_r delta_r).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,6 +84,7 @@ class LoopFunctions:
     performance: Rational
     control: Rational
     plant: Rational
+    _: KW_ONLY
     circular: Rational | None = None
     real: Rational | None = None
 

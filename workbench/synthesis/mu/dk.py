@@ -146,7 +146,7 @@ def _rounds(
     """
     level = np.nan
     patience = LONG_PATIENCE if now.blend else PATIENCE
-    for tried in context.rounds(MOST_ROUNDS, "mu synthesis", now.tried):
+    for tried in context.rounds(MOST_ROUNDS, "mu synthesis", first=now.tried):
         said = "rounding made a loop unstable"
         if K is None:
             try:
@@ -176,7 +176,7 @@ def _rounds(
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used
         fit = float(np.expm1(missed))
-        now.history.append(Iterate(peak, level, fit, K, now.used.parameters))
+        now.history.append(Iterate(peak, level, fit, K, scalings=now.used.parameters))
         context.record(now.history[-1].row(len(now.history)))
         K = None
         peaks = np.minimum.accumulate([each.peak for each in now.history])
@@ -200,7 +200,7 @@ def _proven(program: MuSynthesis, now: DKState, K: StateSpace, level: float) -> 
     answer = program.scaled_answer(K, scalings.functions(x), upper)
     if answer is None:
         return None
-    last = Iterate(upper, level, math.nan, answer.K, used.parameters)
+    last = Iterate(upper, level, math.nan, answer.K, scalings=used.parameters)
     return replace(answer, history=(*now.history, last))
 
 

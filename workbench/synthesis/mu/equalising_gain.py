@@ -19,7 +19,7 @@ COMPARED_PEAK_TOLERANCE = 1e-2
 """Relative width of the intervals that certify the peaks compared."""
 
 
-def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any) -> float:
+def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, controller: Any) -> float:
     """The factor on K, from 1 on, that makes the peaks of robust performance of two plants equal.
 
     Parameters
@@ -27,7 +27,7 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
     falling, rising
         Two channels of one plant. A larger gain makes the first one's peak lower and the second
         one's higher, as with the channels of a disturbance and of the control signal.
-    K
+    controller
         StateSpace or TransferFunction that stabilises both.
 
     Returns
@@ -63,9 +63,9 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
     """
 
     def apart(log_gain: float) -> float:
-        controller = np.exp(log_gain) * K
-        one = performance_peak(falling, controller, COMPARED_PEAK_TOLERANCE)
-        other = performance_peak(rising, controller, COMPARED_PEAK_TOLERANCE)
+        scaled = np.exp(log_gain) * controller
+        one = performance_peak(falling, scaled, tolerance=COMPARED_PEAK_TOLERANCE)
+        other = performance_peak(rising, scaled, tolerance=COMPARED_PEAK_TOLERANCE)
         if one is None or other is None:  # unstable
             return np.nan
         return float(np.log(one.upper / other.upper))

@@ -101,7 +101,7 @@ class Finish:
         """A controller with as few states as its peak allows, certified."""
         if self.reduces:
             K = with_few_states(self.program, K, (1 + PEAK_TOLERANCE) * peak)
-        return self.program.answer(K, tuple(history))
+        return self.program.answer(K, history=tuple(history))
 
 
 def with_few_states(program: MuSynthesis, K: StateSpace, most: float) -> StateSpace:

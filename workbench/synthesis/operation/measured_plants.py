@@ -40,7 +40,7 @@ def measured_plants(
         tried = []
         for count in range(max(order, 1), max(order, min(HIGHEST_ORDER, omega.size // 4)) + 1):
             fit = ResponseFit(
-                omega, values, count, weight, zeros=count - 1, unstable_poles=unstable_poles
+                omega, values, count, weight=weight, zeros=count - 1, unstable_poles=unstable_poles
             )
             every = [*relocated_fits(fit, context), vector_fits(fit, context)[0]]
             tried += [(float(np.sqrt(np.mean(fit.errors(one) ** 2))), one) for one in every]

@@ -18,7 +18,7 @@ lemma, which makes g = gamma^2 enter linearly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -71,6 +71,7 @@ class ProvenFeedback(ProgramAnswer):
     Y: RealArray
     multiplier: float
     level: float
+    _: KW_ONLY
     bound: float = 0.0
     dual: tuple[str, ...] = field(default=(), repr=False)
 

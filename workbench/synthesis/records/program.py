@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
@@ -89,6 +89,7 @@ class FeedbackFromRecords(ConicallyStated):
     """
 
     records: StateRecords
+    _: KW_ONLY
     criterion: Criterion = "decay"
     C: RealArray | None = None
     D: RealArray | None = None
@@ -311,7 +312,9 @@ class FeedbackFromRecords(ConicallyStated):
     def from_dataset(self, data: Dataset) -> ProvenFeedback:
         dual = tuple(map(str, data["dual"].values)) if "dual" in data else ()
         multiplier, level, bound = (float(data[name]) for name in ("multiplier", "level", "bound"))
-        return ProvenFeedback(data["K"].values, data["Y"].values, multiplier, level, bound, dual)
+        return ProvenFeedback(
+            data["K"].values, data["Y"].values, multiplier, level, bound=bound, dual=dual
+        )
 
     def figures(self, answer: ProvenFeedback) -> dict[str, Figure]:
         return {"loops": figures.loops(self, answer)}

@@ -13,7 +13,7 @@ nonconservative design via a matrix S-lemma, IEEE Trans. Automatic Control 67 (2
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -67,6 +67,7 @@ class NoiseEnergy:
     """
 
     energy: RealArray
+    _: KW_ONLY
     weight: RealArray | None = None
     mean: RealArray | None = None
 

@@ -135,7 +135,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
     >>> import control
     >>> from workbench.synthesis import approximated
     >>> G = control.tf([1.0], [1.0, 1.0]) + control.tf([1.0], [1.0, 100.0])
-    >>> small = approximated(G, 1, "balanced")
+    >>> small = approximated(G, 1, method="balanced")
     >>> bool(0.004 < small.error < 0.01), small.holds, type(small + small).__name__
     (True, True, 'StateSpace')
     """

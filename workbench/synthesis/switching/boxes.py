@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,7 +46,7 @@ class SwitchedBox:
     loops
         [A_d B_d; 0 1] (m, m) of the held plant -> transitions (n, n) of the clean and of the
         defect mode; affine.
-    period
+    dt
         Sampling period [s].
     parts
         Cells along each parameter to begin with (p,).
@@ -70,7 +70,7 @@ class SwitchedBox:
     ...     ends = np.array([1.0 - 0.5 * share]), np.array([1.0 + 0.5 * share])
     ...     plant = lambda p: np.array([[-p[0], 1.0], [0.0, 0.0]])
     ...     loops = lambda held: (held[:1, :1] - 0.5 * held[:1, 1:], held[:1, :1])
-    ...     return SwitchedBox(ends, plant, loops, period=1.0, parts=(2,))
+    ...     return SwitchedBox(ends, plant, loops, dt=1.0, parts=(2,))
     ...
     >>> len(box(1.0).cells())
     2
@@ -79,8 +79,9 @@ class SwitchedBox:
     ends: tuple[RealArray, RealArray]
     plant: Callable[[RealArray], RealArray]
     loops: Callable[[RealArray], tuple[RealArray, RealArray]]
-    period: float
+    dt: float
     parts: tuple[int, ...]
+    _: KW_ONLY
     halved: tuple[int, ...] = ()
     dwells: tuple[int, ...] = (1, 10, 30)
 
@@ -114,7 +115,7 @@ class SwitchedBox:
         """Transitions (n, n) of both modes of the plant with these parameters (p,)."""
         from scipy.linalg import expm
 
-        return self.loops(expm(self.period * self.plant(parameters)))
+        return self.loops(expm(self.dt * self.plant(parameters)))
 
     def sets(self, cell: ParameterCell) -> tuple[TransitionSet, TransitionSet]:
         """Transitions of both modes over a cell."""
@@ -122,7 +123,7 @@ class SwitchedBox:
         M = self.plant(centre)
         half = (cell.high - cell.low) / 2
         slopes = [self.plant(centre + step) - M for step in np.diag(half)]
-        held = held_set(M, slopes, self.period)
+        held = held_set(M, slopes, self.dt)
         pairs = [self.loops(each) for each in held.vertices]
         clean, defect = (
             TransitionSet(np.stack(vertices), np.tensordot(held.remainder, gains, 2))
@@ -154,8 +155,11 @@ class SwitchedBox:
             return None
         rate = None if dwell == 1 else math.sqrt(slowest)
         # The shortest stay in the defect is sought, among one sample only: it exists or not.
-        modes = Mode("clean", clean, dwell, rate=rate), Mode("defect", defect, None)
-        found = solve(SwitchedStability(modes, 1))
+        modes = (
+            Mode("clean", clean, shortest_samples=dwell, rate=rate),
+            Mode("defect", defect, shortest_samples=None),
+        )
+        found = solve(SwitchedStability(modes, limit_samples=1))
         return found.answer.P if found.certificate and found.certificate.valid else None
 
     def dwell(self, sets: Sequence[TransitionSet], P: RealArray) -> int | None:
@@ -249,7 +253,7 @@ def proven_share(
     ...     ends = np.array([1.0 - 0.5 * share]), np.array([1.0 + 0.5 * share])
     ...     plant = lambda p: np.array([[-p[0], 1.0], [0.0, 0.0]])
     ...     loops = lambda held: (held[:1, :1] - 0.5 * held[:1, 1:], held[:1, :1])
-    ...     return SwitchedBox(ends, plant, loops, period=1.0, parts=(2,))
+    ...     return SwitchedBox(ends, plant, loops, dt=1.0, parts=(2,))
     ...
     >>> found = proven_share(box, (0.5, 1.0), Context())
     >>> list(found.volumes)

@@ -51,7 +51,7 @@ def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) ->
     best = shortest_proven(program, proven, context)
     if best is None:
         none = Outcome.INFEASIBLE if sure else Outcome.FAILED
-        return None, none, f"{said}: no dwell up to {program.limit} samples is proven"
+        return None, none, f"{said}: no dwell up to {program.limit_samples} samples is proven"
     return best, Outcome.SOLVED, said
 
 
@@ -116,7 +116,7 @@ def _program(
         held = [Q >> margin * np.eye(n) for Q in P]
         held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
         for i, mode in enumerate(modes):
-            if mode.longest is None:
+            if mode.longest_samples is None:
                 held += [_falls(one, P[i], P[i], margin) for one in congruent(mode.decaying, L)]
             held += [
                 _falls(one, P[j], P[i], margin)

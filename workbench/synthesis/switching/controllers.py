@@ -53,7 +53,7 @@ def split_slowest(K: StateSpace) -> SplitController:
     )  # fmt: skip
 
 
-def unswitched(K: StateSpace) -> Modes:
+def unswitched(controller: StateSpace) -> Modes:
     """Modes of a sampled controller that goes on as it is while the measurement has a defect.
 
     Examples
@@ -66,11 +66,11 @@ def unswitched(K: StateSpace) -> Modes:
     >>> bool(np.array_equal(clean.A, defect.A))
     True
     """
-    alone = _alone(split_slowest(K))
+    alone = _alone(split_slowest(controller))
     return alone, alone
 
 
-def measurement_dropped(K: StateSpace) -> Modes:
+def measurement_dropped(controller: StateSpace) -> Modes:
     """Modes of a sampled controller whose input is set to zero during a defect; its states run.
 
     Examples
@@ -82,11 +82,11 @@ def measurement_dropped(K: StateSpace) -> Modes:
     >>> bool(clean.B.any()), bool(defect.B.any())
     (True, False)
     """
-    alone = _alone(split_slowest(K))
+    alone = _alone(split_slowest(controller))
     return alone, ControllerMode(alone.A, 0 * alone.B, alone.C, 0 * alone.D)
 
 
-def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
+def measurement_filtered(controller: StateSpace, F: StateSpace) -> Modes:
     """Modes of a sampled controller whose input passes F during a defect: K, then K F.
 
     F: sampled, one input and output; it is fed all the time.
@@ -100,7 +100,7 @@ def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
     >>> clean.A.shape  # the controller's state and that of the filter
     (2, 2)
     """
-    alone = _alone(split_slowest(K))
+    alone = _alone(split_slowest(controller))
     n, both = len(alone.A), block_diag(alone.A, F.A)
     wide = np.hstack([alone.C, np.zeros((1, F.nstates))])
     clean = ControllerMode(both, np.vstack([alone.B, F.B]), wide, alone.D)
@@ -114,7 +114,7 @@ def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
     )
 
 
-def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
+def controller_replaced(controller: StateSpace, other: StateSpace) -> Modes:
     """Modes of a sampled controller K in whose place another one stands during a defect.
 
     Raises InputError where they have different slowest poles.
@@ -129,7 +129,7 @@ def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
     >>> bool(abs(defect.B).sum() < abs(clean.B).sum())
     True
     """
-    a, _, _, B, C, _ = first = split_slowest(K)
+    a, _, _, B, C, _ = first = split_slowest(controller)
     a2, b2, A2, B2, C2, D2 = split_slowest(other)
     if abs(a2 - a) > SLOW_POLE_TOLERANCE * abs(1 - a) + SLOW_POLE_ROUNDING:
         raise InputError(

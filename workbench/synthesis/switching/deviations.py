@@ -100,7 +100,7 @@ class Deviations:
     @cached_property
     def turn(self) -> ComplexArray:
         """Factor on the disturbance's phasor over a sample (F,)."""
-        return np.asarray(np.exp(1j * self.omega * self.loop.period))
+        return np.asarray(np.exp(1j * self.omega * self.loop.dt))
 
     @cached_property
     def steady(self) -> ComplexArray:
@@ -180,7 +180,7 @@ class Deviations:
         false = self.false * np.cumsum(np.linalg.norm(self.kicks @ (root.T @ after).T, axis=1))
         return np.asarray(disturbed + false)
 
-    def proven(self, P: RealArray, distances: NDArrayInt) -> RealArray:
+    def proven(self, P: RealArray, distances_samples: NDArrayInt) -> RealArray:
         """Bounds of the error (N, distances), for defects up to n samples, that far apart or more.
 
         P (2, n, n): functions of the clean and the defect mode, as `SwitchedStability` gives
@@ -189,7 +189,7 @@ class Deviations:
         root_c, root_o = (np.linalg.cholesky(each) for each in P)
         A_c, A_o = self.loop.clean[0], self.loop.defect[0]
         g_o = np.maximum.accumulate(_factors(A_o, root_o, root_c, range(1, self.longest + 1)))
-        g_c = _factors(A_c, root_c, root_o, distances)
+        g_c = _factors(A_c, root_c, root_o, distances_samples)
         b = np.maximum.accumulate(self._sizes(root_c, np.eye(len(A_c))))
         output, seen = self.loop.output[0], []
         for _ in range(self.longest):

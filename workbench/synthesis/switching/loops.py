@@ -42,7 +42,7 @@ class SampledPlant:
     >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
     >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
     >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> plant.period, plant.A.round(4).tolist()
+    >>> plant.dt, plant.A.round(4).tolist()
     (0.1, [[0.8187]])
     """
 
@@ -51,7 +51,7 @@ class SampledPlant:
     output: RealArray
     measured: RealArray
     gain: float
-    period: float
+    dt: float
     filter: FilterResponse
 
 
@@ -109,7 +109,7 @@ class SwitchedLoop:
     clean: tuple[RealArray, RealArray]
     defect: tuple[RealArray, RealArray]
     output: RealArray
-    period: float
+    dt: float
     filter: FilterResponse
 
 
@@ -136,7 +136,7 @@ def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
     """
     clean, defect = ((transition(plant, mode), disturbance_input(plant, mode)) for mode in modes)
     output = np.hstack([plant.output, np.zeros((1, len(modes[0].A)))])
-    return SwitchedLoop(clean, defect, output, plant.period, plant.filter)
+    return SwitchedLoop(clean, defect, output, plant.dt, plant.filter)
 
 
 def transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
@@ -152,10 +152,10 @@ def disturbance_input(plant: SampledPlant, mode: ControllerMode) -> RealArray:
     return plant.gain * np.vstack([plant.B @ mode.D, mode.B])
 
 
-def closed_transition(G: StateSpace, K: StateSpace, delay: float) -> RealArray:
+def closed_transition(plant: StateSpace, controller: StateSpace, delay_samples: float) -> RealArray:
     """Transition (n, n) over a sample of G behind a hold, and of K in negative feedback.
 
-    G: continuous, strictly proper; K: sampled, its dt is the period [s]; delay: samples by which u
+    plant: continuous, strictly proper; K: sampled, its dt is the period [s]; delay: samples by which u
     is late.
 
     Examples
@@ -168,6 +168,6 @@ def closed_transition(G: StateSpace, K: StateSpace, delay: float) -> RealArray:
     >>> bool(np.isclose(closed_transition(G, K, 0.0), held - 3.0 * (1 - held) / 2.0))
     True
     """
-    P = sampled(G, K.dt, delay)
-    corner = P.A - P.B @ K.D @ P.C
-    return np.block([[corner, P.B @ K.C], [-K.B @ P.C, K.A]])
+    P = sampled(plant, controller.dt, delay_samples=delay_samples)
+    corner = P.A - P.B @ controller.D @ P.C
+    return np.block([[corner, P.B @ controller.C], [-controller.B @ P.C, controller.A]])

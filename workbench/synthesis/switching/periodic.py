@@ -35,11 +35,11 @@ def longest_unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:
 
 def _of_plant(A: RealArray, B: RealArray, other: Mode, limit: int) -> tuple[int, int]:
     A, B = _contracting(A, B)
-    both = other.shortest is None
-    if other.longest is None:
-        m = np.arange(other.shortest or 1, _until_small(B, limit) + 1)
+    both = other.shortest_samples is None
+    if other.longest_samples is None:
+        m = np.arange(other.shortest_samples or 1, _until_small(B, limit) + 1)
     else:
-        m = np.arange(other.shortest or 1, other.longest + 1)
+        m = np.arange(other.shortest_samples or 1, other.longest_samples + 1)
     m = _selected(m)
     second = _powers(B, m)
     sizes = np.linalg.norm(second, 2, axis=(1, 2))

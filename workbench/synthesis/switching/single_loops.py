@@ -53,7 +53,7 @@ class SingleLoops:
         Continuous systems with one input and one output; the plants strictly proper.
     discrete
         The controllers as a computer runs them, under the same names; their dt is the period [s].
-    delay
+    delay_samples
         Turn-around of the computer [samples].
 
     Raises
@@ -77,7 +77,7 @@ class SingleLoops:
     controllers: Mapping[str, StateSpace]
     discrete: Mapping[str, StateSpace]
     plants: Mapping[str, StateSpace]
-    delay: float
+    delay_samples: float
 
     def __post_init__(self) -> None:
         if list(self.discrete) != list(self.controllers):
@@ -92,7 +92,9 @@ class SingleLoops:
         if sampling == "continuous":
             return G * self.controllers[controller]
         K = self.discrete[controller]
-        return sampled(G, K.dt, self.delay if sampling == "delayed" else 0.0) * K
+        return (
+            sampled(G, K.dt, delay_samples=self.delay_samples if sampling == "delayed" else 0.0) * K
+        )
 
     def growth(self, controller: str, plant: str, sampling: str) -> float:
         """Growth rate [1/s] of the slowest decaying motion of a closed loop; negative if stable."""
@@ -101,7 +103,7 @@ class SingleLoops:
             L = G * self.controllers[controller]
             return float(np.linalg.eigvals(L.A - L.B @ L.C).real.max())
         K = self.discrete[controller]
-        A = closed_transition(G, K, self.delay if sampling == "delayed" else 0.0)
+        A = closed_transition(G, K, self.delay_samples if sampling == "delayed" else 0.0)
         return math.log(abs(np.linalg.eigvals(A)).max()) / K.dt
 
     def margins(self) -> MarginsOfPlants:
@@ -122,14 +124,14 @@ class SingleLoops:
         """Certified mu of robust stability (controllers, 2, 2): without and with delay; its bounds.
 
         uncertain: continuous generalised plant that every controller is closed with. The delay is
-        that of hold and computer, half a period and `delay`, as a rational approximation. Infinite
+        that of hold and computer, half a period and `delay_samples`, as a rational approximation. Infinite
         where the nominal loop is unstable.
         """
         import control
 
         found = []
         for name in context.track(list(self.controllers), "robust stability"):
-            K, delay = self.controllers[name], (0.5 + self.delay) * self.discrete[name].dt
+            K, delay = self.controllers[name], (0.5 + self.delay_samples) * self.discrete[name].dt
             late = control.ss(control.tf(*control.pade(delay, PADE_ORDER)))
             found.append([_mu(uncertain, K), _mu(uncertain, late * K)])
         return np.array(found)

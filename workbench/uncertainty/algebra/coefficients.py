@@ -159,7 +159,7 @@ def _with_states(
 ) -> UncertainSystem:
     """The system of [A B; C D] with so many states, its repetitions of elements reduced."""
     value = LFT(whole.M, whole.names + (INTEGRATOR,) * states)
-    return UncertainSystem(value, elements, dt)._used().reduced()
+    return UncertainSystem(value, elements, dt=dt)._used().reduced()
 
 
 def _matrix(given: Any, name: str) -> UncertainSystem:

@@ -49,7 +49,7 @@ class DelayElement(Element):
         return (self.name,)
 
     def block(self, occurrences: int) -> Block:
-        return Complex(occurrences, self.name)
+        return Complex(occurrences, name=self.name)
 
     @property
     def cover(self) -> StateSpace:

@@ -224,4 +224,4 @@ def _connected(
     passing = np.zeros(value.M.shape)
     passing[len(value.names) :, len(value.names) :] = through
     found = LFT(value.M + passing, value.names)
-    return UncertainSystem(found, combined_elements(parts), common_time(parts))
+    return UncertainSystem(found, combined_elements(parts), dt=common_time(parts))

@@ -29,7 +29,7 @@ def realised_support(
     value, where = worst(counted, lambda i: f"at {responses.place(i[0])}")
     statement = "how far a response reaches beyond the realised set, over the radius"
     limit, over = REALISED_SUPPORT_TOLERANCE, responses.over
-    return Check("support", statement, value, limit, where, over=over)
+    return Check("support", statement, value, limit, where=where, over=over)
 
 
 def excess_over_radius(
@@ -56,7 +56,7 @@ def given_nominal(nominal: Rational, given: Rational, responses: Responses) -> C
     value, where = worst(apart, lambda i: f"at {responses.place(i[0])}")
     statement = "distance of its response from that of the given one, relative"
     over = f"at the {responses.omega.size} given frequencies"
-    return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where, over=over)
+    return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where=where, over=over)
 
 
 def at_most(what: str, name: str, value: int, limit: int) -> Check:

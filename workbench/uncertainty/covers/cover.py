@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
@@ -81,12 +81,13 @@ class UncertaintyCover(Program):
     confidence
         Probability with which each disc about an estimate holds the true response; the cover
         contains these discs. None: the responses themselves.
-    windows
+    windows_hz
         Parts to draw enlarged: for each caption a range of frequency [Hz].
     """
 
     responses: Responses
     order: int
+    _: KW_ONLY
     zeros: Any = None  # an int after construction
     complex_order: int = 4
     form: Form = field(default="multiplicative", kw_only=True)
@@ -94,7 +95,7 @@ class UncertaintyCover(Program):
     unstable_poles: int = field(default=0, kw_only=True)
     leave_out: int = field(default=0, kw_only=True)
     confidence: float | None = field(default=None, kw_only=True)
-    windows: Any = field(default_factory=dict, kw_only=True)
+    windows_hz: Any = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "joint"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -275,7 +276,7 @@ class UncertaintyCover(Program):
         model = answer.model
         if model.form != self.form:
             raise InputError(f"the answer is {model.form}, asked for was {self.form}")
-        inside = contains(model, self.responses, self.leave_out)
+        inside = contains(model, self.responses, leave_out=self.leave_out)
         spared = f" but the {self.leave_out} worst at each frequency" if self.leave_out else ""
         assumed = self.responses.assumption
         statement = (
@@ -289,7 +290,7 @@ class UncertaintyCover(Program):
                 statement,
                 inside.worst,
                 CONTAINMENT_TOLERANCE,
-                inside.where,
+                where=inside.where,
                 over=self.responses.over,
             ),
             *self._between(containment_check, model),
@@ -383,7 +384,7 @@ class UncertaintyCover(Program):
             "inflation": float(np.max((width + length) / size)),
             "order_nominal": model.nominal.order,
             "order_Wc": model.W_c.order,
-            "outside": int(contains(model, self.responses, self.leave_out).outside.sum()),
+            "outside": int(contains(model, self.responses, leave_out=self.leave_out).outside.sum()),
         } | self._noise(answer)
 
     def _noise(self, answer: CoverSteps) -> dict[str, float]:
@@ -406,7 +407,12 @@ class UncertaintyCover(Program):
 
         parts = [rational(data, name) for name in ("nominal", "W_c", "W_r")]
         model = UncertaintyModel(
-            parts[0], parts[1], parts[2], self.form, self.responses.dt, tested=self.responses.tested
+            parts[0],
+            parts[1],
+            parts[2],
+            form=self.form,
+            dt=self.responses.dt,
+            tested=self.responses.tested,
         )
         first: Circle | Stadium = shape(data, "first")
         if self.shape == "circle":
@@ -414,4 +420,4 @@ class UncertaintyCover(Program):
         return CoverSteps(model, first, shape(data, "second"), shape(data, "third"))
 
     def figures(self, answer: CoverSteps) -> dict[str, Figure]:
-        return cover_figures(self.responses, answer, self.windows)
+        return cover_figures(self.responses, answer, self.windows_hz)

@@ -167,7 +167,7 @@ def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
         "proven bound on the distance of a plant beyond its set, relative to the radius",
         excess.value,
         CONTAINMENT_TOLERANCE,
-        f"{_place(excess, responses.dt)}, by {list(plants)[excess.plant]}",
+        where=f"{_place(excess, responses.dt)}, by {list(plants)[excess.plant]}",
         over=f"at every frequency, for these {len(plants)} plants",
         proven=True,
     )
@@ -192,7 +192,7 @@ def sampled_containment(model: UncertaintyModel, responses: Responses) -> Check:
         "how far a realised plant reaches beyond the realised set, over the radius",
         float(excess[k, i]),
         REALISED_SUPPORT_TOLERANCE,
-        f"at {omega[k] / (2 * np.pi):.6g} Hz, by {list(plants)[i]}",
+        where=f"at {omega[k] / (2 * np.pi):.6g} Hz, by {list(plants)[i]}",
         over=f"at {omega.size} frequencies of a dense grid, for these {len(plants)} plants",
     )
 

@@ -94,7 +94,7 @@ class CoverOfEstimateChecker(Checker):
         return float((self._discs() / self._sizes(answer)).max())
 
     def _discs(self) -> RealArray:
-        radius = self.uncertainty.radius(self._fine, self.confidence, everywhere=True)
+        radius = self.uncertainty.radius(self._fine, confidence=self.confidence, everywhere=True)
         return radius[:, *self.entry]
 
     def checks(self, answer: UncertaintyModel, tolerance: float) -> list[Check]:
@@ -102,7 +102,7 @@ class CoverOfEstimateChecker(Checker):
         beyond = (self._discs() + np.abs(apart)) / self._sizes(answer) - 1.0
         value, where = worst(beyond, lambda at: f"at {self._fine[at[0]]:.6g} rad/s")
         statement = "radius of a disc over that of the model, less 1"
-        return [Check("containment", statement, value, CONTAINMENT_TOLERANCE, where)]
+        return [Check("containment", statement, value, CONTAINMENT_TOLERANCE, where=where)]
 
     def second_opinion(self, answer: UncertaintyModel) -> list[Check]:
         from scipy.stats import binom
@@ -125,8 +125,8 @@ class CoverOfEstimateChecker(Checker):
 def cover_of_estimate(
     uncertainty: ModelUncertainty,
     order: int,
-    confidence: float = 0.95,
     *,
+    confidence: float = 0.95,
     entry: tuple[int, int] = (0, 0),
     form: Literal["multiplicative", "additive"] = "multiplicative",
     omega: ArrayLike | None = None,
@@ -180,7 +180,7 @@ def cover_of_estimate(
     need_tolerance(confidence)
     order = as_count("order", order)
     model, data = uncertainty.model, uncertainty.structure.data
-    if model.sample_time is not None:
+    if model.dt is not None:
         raise InputError("a model in continuous time is needed, not a sampled one")
     i, j = entry
     p, m = model.shape
@@ -200,7 +200,7 @@ def cover_of_estimate(
     nominal = model.entries[i][j]
 
     def wanted(at: RealArray) -> RealArray:
-        radius: RealArray = uncertainty.radius(at, confidence, everywhere=True)[:, i, j]
+        radius: RealArray = uncertainty.radius(at, confidence=confidence, everywhere=True)[:, i, j]
         return radius / np.abs(nominal.response(at)) if form == "multiplicative" else radius
 
     # The weight covers straight lines in log-log scale from one frequency to the next. They are

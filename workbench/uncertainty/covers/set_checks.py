@@ -52,4 +52,4 @@ def set_check(
     """The check of one kind of set; ``about`` says what its centre is."""
     value, where = worst(off, lambda i: f"at {places.place(i[0])}")
     statement = f"a radius off the least{about}, a deviation beyond it, relative"
-    return Check(name, statement, value, limit, where, over=over)
+    return Check(name, statement, value, limit, where=where, over=over)

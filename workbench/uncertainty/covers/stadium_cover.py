@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -44,13 +44,14 @@ class StadiumCover(UncertaintyCover):
     >>> from workbench.uncertainty import Responses, StadiumCover
     >>> omega = np.geomspace(1, 100, 20)
     >>> plants = Responses(
-    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
     ... )
     >>> solution = wb.solve(StadiumCover(plants, order=1, complex_order=1, real_order=1))
     >>> solution.certificate.valid
     True
     """
 
+    _: KW_ONLY
     real_order: int = 4
     orientation: Orientation = field(default_factory=smooth, kw_only=True)
     minimum_phase: bool = field(default=False, kw_only=True)

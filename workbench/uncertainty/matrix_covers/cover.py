@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -114,6 +114,7 @@ class MatrixCover(Program):
 
     responses: MatrixResponses
     nominal: Any
+    _: KW_ONLY
     form: MatrixForm = "additive"
     left: Shape = field(default="diagonal", kw_only=True)
     right: Shape = field(default="diagonal", kw_only=True)
@@ -203,12 +204,12 @@ class MatrixCover(Program):
     @cached_property
     def sets(self) -> MatrixSets:
         """The program of the smallest sets at each frequency."""
-        return MatrixSets(self.deviations, self.left, self.right, floor=self.floor)
+        return MatrixSets(self.deviations, left=self.left, right=self.right, floor=self.floor)
 
     def sets_beside(self, W_2: Array) -> MatrixSets:
         """The program of the smallest sets with W_2 (F, ., .) given, for what W_1 has to do."""
         X = self.covered @ np.linalg.inv(W_2)[:, None]
-        return MatrixSets(X, self.left, "scalar", floor=self.floor)
+        return MatrixSets(X, left=self.left, right="scalar", floor=self.floor)
 
     @cached_property
     def covered(self) -> Array:
@@ -237,12 +238,12 @@ class MatrixCover(Program):
             return self, given.shares
         axis = beyond(self.axis)
         omega = angular_frequency(np.union1d(axis, between(axis)), given.dt)
-        responses = MatrixResponses.of_systems(given.known, omega, given.plants)
+        responses = MatrixResponses.of_systems(given.known, omega, plants=given.plants)
         inside = (omega >= given.omega[0]) & (omega <= given.omega[-1])
         shares = responses.shares * inside
         return replace(self, responses=responses), shares / shares.sum()
 
-    def deltas(self, model: MatrixModel, response: Any = system_response) -> Array:
+    def deltas(self, model: MatrixModel, *, response: Any = system_response) -> Array:
         """Delta (F, N, ., .) of every plant."""
         omega = self.responses.omega
         X = self.deviations if response is system_response else self._residuals(response)
@@ -282,13 +283,15 @@ class MatrixCover(Program):
             raise InputError(f"the answer is {model.form}, asked for was {self.form}")
         norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
         value, where = worst(norms - 1, self.responses.numbered)
-        checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where)]
+        checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where=where)]
         if self.everywhere:
             bounds = [certified_norm(delta) - 1 for delta in self.known_deltas(model)]
             value, where = worst(bounds, lambda i: f"plant {self.responses.plants[i[0]]}")
             over = f"{EVERY_FREQUENCY}, for these {len(bounds)} plants"
             statement = "proven bound of the norm of a Delta, less 1"
-            found = Check("everywhere", statement, value, CONTAINED, where, over=over, proven=True)
+            found = Check(
+                "everywhere", statement, value, CONTAINED, where=where, over=over, proven=True
+            )
             checks.append(found)
         checks.append(self._nominal_check(model))
         for name, shape, order in (
@@ -314,7 +317,7 @@ class MatrixCover(Program):
         value, where = worst(self.sets.excess(least), lambda i: f"at {self.responses.place(i[0])}")
         statement = "logarithm of the size of a smallest set beyond its proven lower bound"
         limit, over = max(tolerance, LEAST_GAP), self.sets.quantifier
-        return Check("no set is smaller", statement, value, limit, where, over=over)
+        return Check("no set is smaller", statement, value, limit, where=where, over=over)
 
     def _nominal_check(self, model: MatrixModel) -> Check:
         omega = self.responses.omega
@@ -323,14 +326,14 @@ class MatrixCover(Program):
         apart = apart / np.maximum(np.abs(given).max(axis=(1, 2)), np.finfo(float).tiny)
         value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
         statement = "distance of its response from that of the given one, relative"
-        return Check("nominal given", statement, value, CONTAINED, where)
+        return Check("nominal given", statement, value, CONTAINED, where=where)
 
     def second_opinion(self, answer: FoundCover) -> Sequence[Check]:
         model, responses = answer.model, self.responses
         X = self._residuals(plain_response)
         found = [
             semidefinite(responses, X, model),
-            plants_made(responses, self.deltas(model, plain_response), model),
+            plants_made(responses, self.deltas(model, response=plain_response), model),
             decays(model.W_1, "W_1 decays"),
             decays(model.W_2, "W_2 decays"),
             decays(inverse_weight(model.W_1), "inverse of W_1 decays"),

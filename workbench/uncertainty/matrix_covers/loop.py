@@ -46,7 +46,7 @@ class MatrixCoverForLoop(MatrixCover):
     >>> nominal = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     >>> systems = [nominal * (1 + d) for d in (-0.1, 0.05, 0.1)]
     >>> responses = MatrixResponses.of_systems(systems, np.geomspace(0.1, 10, 10))
-    >>> loop = feedback(np.eye(2), MatrixModel.unweighted(nominal, "additive") * 2.0)
+    >>> loop = feedback(np.eye(2), MatrixModel.unweighted(nominal, form="additive") * 2.0)
     >>> cover = MatrixCoverForLoop(responses, nominal, left_order=1, right_order=1, loop=loop)
     >>> cover.quantifier
     'at the 10 given frequencies, for these 3 plants'
@@ -77,8 +77,8 @@ class MatrixCoverForLoop(MatrixCover):
         """The program of the sets with the least mu of the loop at each frequency."""
         return MatrixSets(
             self.deviations,
-            self.left,
-            self.right,
+            left=self.left,
+            right=self.right,
             size="mu",
             floor=self.floor,
             loop=self.loop_response,
@@ -89,7 +89,7 @@ class MatrixCoverForLoop(MatrixCover):
         loop = self.loop_response
         loop = np.concatenate([W_2 @ loop[:, :n], loop[:, n:]], axis=1)
         X = self.covered @ np.linalg.inv(W_2)[:, None]
-        return MatrixSets(X, self.left, "scalar", size="mu", floor=self.floor, loop=loop)
+        return MatrixSets(X, left=self.left, right="scalar", size="mu", floor=self.floor, loop=loop)
 
     def without_loop(self) -> MatrixCover:
         """The program of small sets, for the same plants."""

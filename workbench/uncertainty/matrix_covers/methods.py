@@ -152,12 +152,12 @@ def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixM
     dt = program.responses.dt
     if dt:
         W_1, W_2 = bilinear_sampled(W_1, dt), bilinear_sampled(W_2, dt)
-    model = MatrixModel(program.nominal, W_1, W_2, program.form)
+    model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
     need = _need(program, model)
     for _ in range(MOST_RAISES):
         factor = need * (1 + GAIN_MARGIN)
         W_1 = realisation((W_1.A, W_1.B, factor * W_1.C, factor * W_1.D), dt)
-        model = MatrixModel(program.nominal, W_1, W_2, program.form)
+        model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
         need = _need(program, model)
         if need <= 1:
             return model

@@ -72,7 +72,7 @@ class _Statement:
         self.unit = float(np.sqrt(rows[f].max() * columns[f].max()))
         mean = self.program.deviations[f].mean(axis=0)
         self.start = mean if self.program.centre == "free" else np.zeros_like(mean)
-        away = self.program.away(self.start[None], np.array([f]))[0]
+        away = self.program.away(self.start[None], at=np.array([f]))[0]
         for parameter, E in zip(self.E, away, strict=True):
             parameter.value = E / self.unit
         return solve_conic(self.problem, solver, context.options, context)

@@ -145,7 +145,7 @@ class BarrierSets:
         level = point.gamma if self.loop is not None else None
         if self.loop is not None:
             barrier = barrier + log_det_value(point.K[:, None])
-        return self.program.size_of(point.P, point.S, level) + mu * barrier
+        return self.program.size_of(point.P, point.S, level=level) + mu * barrier
 
     def _moved(
         self, mu: float, at: np.ndarray, step: RealArray, decrement: RealArray
@@ -176,7 +176,7 @@ class BarrierSets:
         if len(self.z):
             Z = Z + np.linalg.solve(P, z) @ np.linalg.inv(S)
         P, S = left @ P, S @ right
-        M = P[:, None] @ self.program.away(Z, at) @ S[:, None]
+        M = P[:, None] @ self.program.away(Z, at=at) @ S[:, None]
         if self.loop is None:
             return SetsAt(P, S, Z, M, here.gamma, here.delta, here.K)
         more = step[:, self.plain :]

@@ -15,7 +15,7 @@ models fill a disc, whose radius is up to root 2 times that of the real ball.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -75,6 +75,7 @@ class EstimateRegion(Algebraic):
     """
 
     uncertainty: ModelUncertainty
+    _: KW_ONLY
     confidence: float = 0.95
     region: Region = "ball"
     entry: tuple[int, int] = (0, 0)
@@ -83,7 +84,7 @@ class EstimateRegion(Algebraic):
         need_tolerance(self.confidence)
         need_choice(self.region, Region, "region")
         model = self.uncertainty.model
-        if model.sample_time is not None:
+        if model.dt is not None:
             raise InputError("a model in continuous time is needed, not a sampled one")
         (i, j), (p, m) = self.entry, model.shape
         if not (0 <= i < p and 0 <= j < m):
@@ -189,8 +190,8 @@ class EstimateRegion(Algebraic):
     def structure(self) -> Structure:
         """One full block (1, k), or k real scalars."""
         if self.region == "ball":
-            return Structure([Full(1, self.dimension, "coefficients")])
-        return Structure([Real(1, f"coefficient {k + 1}") for k in range(self.dimension)])
+            return Structure([Full(1, self.dimension, name="coefficients")])
+        return Structure([Real(1, name=f"coefficient {k + 1}") for k in range(self.dimension)])
 
     @property
     def lti(self) -> StateSpace:

@@ -13,7 +13,11 @@ from workbench.uncertainty.responses.plants import Responses
 
 
 def members(
-    model: ParametricModel, omega: RealArray, deltas: RealArray, names: Sequence[str] | None = None
+    model: ParametricModel,
+    omega: RealArray,
+    deltas: RealArray,
+    *,
+    names: Sequence[str] | None = None,
 ) -> Responses:
     """Responses of plants of a parametric set, with these plants as systems.
 
@@ -56,4 +60,6 @@ def members(
     if rows.ndim != 2:
         raise InputError(f"deltas have shape {rows.shape}; give (N, P), a row for each plant")
     values = model.response(omega, rows)[..., 0, 0].T
-    return Responses(omega, values, plants=names, known=[model.at(row) for row in rows])
+    return Responses(
+        omega=omega, values=values, plants=names, known=[model.at(row) for row in rows]
+    )

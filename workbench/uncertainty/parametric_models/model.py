@@ -78,7 +78,7 @@ class ParametricModel(Algebraic):
     @cached_property
     def structure(self) -> Structure:
         """A repeated real scalar for each parameter that the model depends on."""
-        return Structure(Real(n, name) for name, n in self.lft.repetitions().items())
+        return Structure(Real(n, name=name) for name, n in self.lft.repetitions().items())
 
     @cached_property
     def system(self) -> StateSpace:

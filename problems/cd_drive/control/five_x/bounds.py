@@ -28,7 +28,9 @@ START_FACTOR = 1.002
 def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
     """The plant of H-infinity synthesis for the nominal drive, with both channels."""
     whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
-    return regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), LEAST_NOISE)
+    return regularised(
+        whole.channel(performance=("z_p", "z_u"), exogenous="w_p").nominal(), LEAST_NOISE
+    )
 
 
 def nominal_level(uncertain: UncertainLoop, omega: RealArray) -> float:

@@ -46,7 +46,7 @@ class UncertainLoop:
             performance_function(self.axis, self.speed),
             Rational(NONE, NONE, control_gain(self.axis)),
             self.model.nominal.scaled(1 / gain),
-            self.model.W_c,
-            self.model.W_r,
+            circular=self.model.W_c,
+            real=self.model.W_r,
         )
         return {"nominal": whole.nominal, "dynamic": whole}

@@ -122,4 +122,4 @@ def _sampled(axis: Axis, speed: float, answer: Dataset) -> float:
 
 def _largest(name: str, statement: str, found: dict, limit: float) -> Check:
     case = max(found, key=lambda key: found[key])
-    return Check(name, statement, float(found[case]), limit, f"at {case}")
+    return Check(name, statement, float(found[case]), limit, where=f"at {case}")

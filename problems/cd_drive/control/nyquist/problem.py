@@ -124,10 +124,10 @@ class Nyquist(Study):
         },
         **dict.fromkeys(PARTS, "1") | {"angle": "rad"},
     )
-    distance = array(along, "1", "distance of -1 from the set, negative inside")(
+    distance = array(dims=along, unit="1", meaning="distance of -1 from the set, negative inside")(
         lambda sets: [[signed_distance(CRITICAL, one) for one in row] for row in sets]
     )
-    L = array((drive, frequency), "1", "open loop")(
+    L = array(dims=(drive, frequency), unit="1", meaning="open loop")(
         lambda measured, factor: (measured.values * factor[:, None]).T
     )
 
@@ -182,7 +182,7 @@ class Nyquist(Study):
             ("bounds", "how far these are apart, relative", gap, BOUND_GAP),
         ):
             largest, where = worst(np.array(values), place)
-            found.append(Check(title, statement, largest, limit, where))
+            found.append(Check(title, statement, largest, limit, where=where))
         return found
 
     @check()

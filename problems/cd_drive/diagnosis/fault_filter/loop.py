@@ -51,11 +51,11 @@ def fault_loop(
 
     filter_ = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0)
     demands = EstimationDemands(
-        FAST, SLOW, GAIN, disc_weight(axis), NOISE[axis], NOISE_BAND, LENGTH_UNIT
+        FAST, SLOW, GAIN, disc_weight(axis), NOISE[axis], NOISE_BAND, unit=LENGTH_UNIT
     )
     if delay is None:
         return FaultLoop(model, K, filter_, demands)
-    return FaultLoop(model, K, filter_, demands, PERIOD, delay)
+    return FaultLoop(model, K, filter_, demands, dt=PERIOD, delay_samples=delay)
 
 
 def disc_weight(axis: Axis) -> StateSpace:
@@ -74,7 +74,7 @@ def grid(loop: FaultLoop) -> RealArray:
     """Frequencies [Hz], those where the drives resonate and where requirements end among them."""
     ends = [SLOW, FAST, NOISE_BAND]
     resonances = [np.geomspace(*RESONANT, 80), np.geomspace(350.0, 700.0, 30)]
-    top = 0.999 * RATE / 2 if loop.period is not None else 1e5
+    top = 0.999 * RATE / 2 if loop.dt is not None else 1e5
     return np.unique(np.concatenate([np.geomspace(0.02, top, 220), *resonances, ends]))
 
 

@@ -64,19 +64,19 @@ def loop_model(
     common: dict[str, Any] = {"orders": orders, "direct": False, "sample_time": signals.step}
     if method == "open-loop":
         program: StateSpaceFit = StateSpaceFit(signals.u, signals.y, assume="open loop", **common)
-        solution = solve(program, "output-error", options)
+        solution = solve(program, method="output-error", options=options)
     else:
         program = ClosedLoopFit(
             signals.u,
             signals.y,
             excitation=signals.r,
             controller=controller,
-            period=signals.period,
+            dt=signals.period,
             # The direct method may pass unstable models on its way from a poor start.
             poles="any" if method == "direct" else "marginal",
             **common,
         )
-        solution = solve(program, method, options)
+        solution = solve(program, method=method, options=options)
     if solution.answer is None or solution.certificate is None:
         raise SolverError(f"method {method} gave no model: {solution.message}")
     direct, found = method == "direct", solution.answer

@@ -67,7 +67,7 @@ class Cases:
         """The controller of a case; ``level`` [V] is that of a clean disc."""
         fast = sampled_controller(one.axis, case.fast + one.gain_db)
         if case.use == "alone":
-            return Cascade(MEASUREMENTS, [Part("K", linear(fast, PERIOD), ["f_en"], ["u"])])
+            return Cascade(MEASUREMENTS, [Part("K", linear(fast, PERIOD), ["f_en"], tells=["u"])])
         made = Strategies(one.axis, level, one.believed, K=fast, replacement=self._slow(case, one))
         return made.named("K_prime" if case.use == "switched" else case.use)
 

@@ -76,7 +76,7 @@ def filter_checks(
     program, continuous = estimation(loop, *limits_of_estimate), bilinear_continuous(F)
     plants, over_limits = plants_of(reached), limits_of(reached)
     for channel in program.channels:
-        upper = program.certified(continuous, channel).upper
+        upper = program.certified(continuous, channel=channel).upper
         over = f"{plants}, in the band of the requirement"
         words = f"certified supremum of mixed mu{over_limits}"
         found.append(Check(channel.name, words, upper, 1.0, over=over))

@@ -96,7 +96,7 @@ class Design:
         parts = [
             replace(one, controller=eye) if one.name == "detector" else one for one in made.parts
         ]
-        return Cascade(made.measurements, parts, made.previous)
+        return Cascade(made.measurements, parts, previous=made.previous)
 
 
 @dataclass(frozen=True)
@@ -137,8 +137,10 @@ def met(
     threads run, and all threads share what is compiled.
     """
     machine()  # threads that meet it at one time would each compile it
-    with Threads(workers) as pool:
-        return np.transpose(spread(task, many, pool, progress, what), (2, 1, 0, 3))
+    with Threads(workers=workers) as pool:
+        return np.transpose(
+            spread(task, many, pool, progress=progress, description=what), (2, 1, 0, 3)
+        )
 
 
 def played(

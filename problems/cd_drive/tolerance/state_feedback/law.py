@@ -124,8 +124,10 @@ class StateFeedback:
             MEASUREMENTS,
             [
                 *strategies.detector,
-                Part("estimator", estimator.controller, ["f_en", "u_last", "w_Q"], told),
-                Part("u", linear(law, PERIOD, range(n + 2)), [*states, "u_last", "u_p"]),
+                Part("estimator", estimator.controller, ["f_en", "u_last", "w_Q"], tells=told),
+                Part(
+                    "u", linear(law, PERIOD, measurements=range(n + 2)), [*states, "u_last", "u_p"]
+                ),
             ],
         )
 

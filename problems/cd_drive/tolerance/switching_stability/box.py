@@ -64,7 +64,7 @@ def parametric_box(
         clean, defect = (transition(_late(axis, held), mode) for mode in modes)
         return clean, defect
 
-    return SwitchedBox((low, high), plant, loops, PERIOD, FIRST_CELLS, HALVED, DWELLS)
+    return SwitchedBox((low, high), plant, loops, PERIOD, FIRST_CELLS, halved=HALVED, dwells=DWELLS)
 
 
 def _continuous(axis: Axis, parameters: RealArray) -> RealArray:

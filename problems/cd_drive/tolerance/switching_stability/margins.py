@@ -58,5 +58,7 @@ class LoopsAlone:
 
     def robust(self, context: Context) -> RealArray:
         """Certified mu of robust stability, see `SingleLoops.robust`."""
-        uncertain = TradeOff(self.axis, self.length).uncertain.channel(CHANNELS[:1], "w")
+        uncertain = TradeOff(self.axis, self.length).uncertain.channel(
+            performance=CHANNELS[:1], exogenous="w"
+        )
         return self.loops.robust(uncertain, context)

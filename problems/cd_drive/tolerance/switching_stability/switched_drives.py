@@ -107,7 +107,10 @@ class SwitchedDrives:
             np.stack([getattr(loop, mode)[0] for loop in loops]) for mode in ("clean", "defect")
         )
         return SwitchedStability(
-            (Mode("clean", clean, None), Mode("defect", defect, 1, self.longest))
+            (
+                Mode("clean", clean, shortest_samples=None),
+                Mode("defect", defect, shortest_samples=1, longest_samples=self.longest),
+            )
         )
 
     def disc(self, case: str) -> tuple[RealArray, RealArray]:

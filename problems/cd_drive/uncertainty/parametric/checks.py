@@ -83,14 +83,14 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
             "distance from those of the plants named, which are of the set",
             claimed,
             PLANT_RESPONSE_ROUNDING,
-            claim,
+            where=claim,
         ),
         Check(
             "vertices",
             "deviation of a vertex beyond the largest",
             missed,
             PLANT_RESPONSE_ROUNDING,
-            miss,
+            where=miss,
         ),
     ]
 

@@ -98,12 +98,12 @@ def test_a_full_filter_has_the_response_of_its_coefficients(loops):
 @pytest.mark.cases(0)
 def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops):
     loop = loops[0]
-    fronts = [FaultFront(loop, grid(loop), nominal) for nominal in (True, False)]
+    fronts = [FaultFront(loop, grid(loop), nominal=nominal) for nominal in (True, False)]
     basis = LaguerreBasis(loop, LAGUERRE_POLE)
     points = [each.least(basis.response(12, each.omega), 0.3) for each in fronts]
     assert points[0].total < points[1].total
     assert all(point.error <= 0.3 for point in points)
-    bound = least_total(loop.demands, 0.3, BOUND_CORNER, 24)
+    bound = least_total(loop.demands, 0.3, BOUND_CORNER, coefficients=24)
     assert 0.2 * points[0].total < bound < points[0].total
 
 

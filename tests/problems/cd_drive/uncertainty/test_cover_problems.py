@@ -22,7 +22,7 @@ FOUND = [("focus", "steps"), ("focus", "joint"), ("radial", "steps"), ("radial",
 
 
 def certified(program, method="steps"):
-    solution = wb.solve(program, method)
+    solution = wb.solve(program, method=method)
     assert solution.certificate is not None, solution.message
     assert solution.certificate.valid, solution.certificate.failures
     return solution.answer, program.metrics(solution.answer)
@@ -191,7 +191,7 @@ def test_points_left_out_make_smaller_sets():
 @pytest.mark.slow
 def test_content_widens_the_sets_and_says_what_it_assumes():
     program = circle_cover("focus", frequencies=SMALL, content=0.95)
-    solution = wb.solve(program, "steps")
+    solution = wb.solve(program, method="steps")
     assert solution.certificate.valid
     assert "normal distribution" in solution.certificate.checks[0].statement
     assert "0.95" in solution.certificate.checks[0].statement

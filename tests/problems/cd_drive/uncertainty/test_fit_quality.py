@@ -48,7 +48,7 @@ def centres(axis, kind):
 
 
 def worst(program, method):
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     if solution.certificate is None or not solution.certificate.valid:
         return np.inf  # SB10YD gives unstable fits now and then
     return program.metrics(solution.answer)["error_worst"]

@@ -159,7 +159,7 @@ def _rounds(
     if now.used is None:
         K = min(now.history, key=lambda each: each.peak).K
     level = np.nan
-    for tried in context.rounds(MOST_ROUNDS, "multipliers", now.tried):
+    for tried in context.rounds(MOST_ROUNDS, "multipliers", first=now.tried):
         if K is None:
             assert now.used is not None
             try:
@@ -178,7 +178,7 @@ def _rounds(
         now.before = now.used
         now.used, missed = dg_step(structure, loop, now.within, start)
         fit = float(np.expm1(missed))
-        last = Iterate(peak, level, fit, K, {"multipliers": now.used[1]})
+        last = Iterate(peak, level, fit, K, scalings={"multipliers": now.used[1]})
         reached = program.reaching(K, peak, (*now.history, last))
         if reached is not None:
             return reached

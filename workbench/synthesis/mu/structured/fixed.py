@@ -90,7 +90,7 @@ def _searched(program: MuSynthesis, context: Context, finish: Finish) -> tuple[l
     minima = [_minimised(first, x, context, target)]
     beside = partial(_minimised_until, _end(context), target, MOST_STEPS)
     where = context.executor or InProcess()
-    further = spread(beside, others, where, context.progress, "further starts")
+    further = spread(beside, others, where, progress=context.progress, description="further starts")
     minima += [(unpacked(rounds), said) for rounds, said in further]
     best = min(range(len(minima)), key=lambda place: minima[place][0][-1].peak)
     history, said = minima[best]
@@ -106,7 +106,9 @@ def _ahead(
     trial = partial(_minimised_until, _end(context, TRIAL_SHARE), target, TRIAL_STEPS)
     where = context.executor or InProcess()
     rules = ", ".join(dict.fromkeys(start.rule for start in starts))
-    ended = spread(trial, problems, where, context.progress, f"first steps from {rules}")
+    ended = spread(
+        trial, problems, where, progress=context.progress, description=f"first steps from {rules}"
+    )
     moved = []
     for start, (rounds, _) in zip(starts, ended, strict=True):
         last = unpacked(rounds)[-1]
@@ -203,7 +205,7 @@ def _minimised(
     history = unpacked(kept) if kept is not None else [problem.iterate(x, bound)]
     for number, each in enumerate(history, start=1):
         context.record(each.row(number))
-    for _ in context.rounds(steps, "fixed structure", len(history) - 1):
+    for _ in context.rounds(steps, "fixed structure", first=len(history) - 1):
         peak = history[-1].peak
         if peak <= target:
             return history, "reached the target"
@@ -235,7 +237,7 @@ def _minimised_until(
 ) -> tuple[dict[str, NDArray[Any]], str]:
     """`_minimised`, stopped at a time [s since the epoch], wherever it runs; rounds as arrays."""
     left = None if until is None else max(until - time.time(), SHORTEST)
-    history, said = _minimised(*begun, Context(Options(time_limit=left)), target, steps)
+    history, said = _minimised(*begun, Context(options=Options(time_limit=left)), target, steps)
     return packed(history), said
 
 

@@ -59,7 +59,7 @@ def by_trust_region(program: HinfSynthesis, context: Context) -> Claim:
     size = certified_norm(program.loop(answer.K))
     least = least_of_all(program, size) if program.gamma is None else math.nan
     level = size if program.gamma is None else program.gamma
-    return HinfController(answer.K, size, level, least), outcome, said
+    return HinfController(answer.K, size, level, least=least), outcome, said
 
 
 def least_of_all(program: HinfSynthesis, reached: float) -> float:

@@ -137,7 +137,7 @@ def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Desce
     least = least_of_all(program, size) if program.gamma is None else math.nan
     slope = stationarity(best.scaled, np.zeros(len(best.x)), context.rng)
     reached = tuple(sorted(point.value for point in ended))
-    answer = HinfController(K, size, level, least, reached=reached, slope=slope)
+    answer = HinfController(K, size, level, least=least, reached=reached, slope=slope)
     return answer, Outcome.SOLVED, f"searched from {len(starts)} starts"
 
 

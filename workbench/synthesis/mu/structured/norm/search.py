@@ -129,7 +129,7 @@ class NormSearch:
         """A context with a part of the time left, for starts of other kinds than random ones."""
         left, options = self.context.left, self.context.options
         limit = None if math.isinf(left) else max(STARTING_SHARE * left, SHORTEST)
-        return Context(replace(options, time_limit=limit), self.context.progress)
+        return Context(options=replace(options, time_limit=limit), progress=self.context.progress)
 
     def _drawn(self) -> list[NormPoint]:
         """Points of random controllers of an order."""

@@ -99,7 +99,7 @@ def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
     try:
         left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
-        own = Context(options)
+        own = Context(options=options)
         with clocked_by(own):
             # what is best left out depends on the order, which is lower still
             answer, _, _ = iterated(program.without_demands(), own, 0.0, reduces=False)
