@@ -95,7 +95,7 @@ def search_grid(loop: StateSpace) -> RealArray:
 
 
 def crossings(curve: Curve, frequency_hz: RealArray) -> RealArray:
-    """Frequencies [Hz] at which a continuous curve changes sign, one between grid neighbours.
+    """Frequencies [Hz] at which a curve changes sign, one between neighbours of `frequency_hz` [Hz].
 
     Examples
     --------
@@ -115,7 +115,7 @@ def crossings(curve: Curve, frequency_hz: RealArray) -> RealArray:
 
 
 def bands(curve: Curve, frequency_hz: RealArray) -> list[tuple[float, float]]:
-    """Frequency ranges [Hz] within a grid in which a continuous curve is positive.
+    """Frequency ranges [Hz] within a grid `frequency_hz` [Hz] in which a curve is positive.
 
     Examples
     --------

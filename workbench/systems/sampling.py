@@ -52,9 +52,9 @@ def split_delay(delay: float) -> tuple[int, float]:
 
 
 def sampled(system: Any, dt: float, *, delay_samples: float = 0.0) -> StateSpace:
-    """Exact discrete-time model of a system whose held inputs arrive `delay_samples` samples late.
+    """Exact discrete-time model of a system whose held inputs arrive late.
 
-    `dt` is the sampling time [s]. Within [k, k + 1) samples the input changes once, at k plus
+    ``dt`` [s]: the sampling time; ``delay_samples`` [samples]: how late they arrive. Within [k, k + 1) samples the input changes once, at k plus
     the fraction of the delay, so the plant is discretised over two pieces. The delayed inputs
     become states, placed after those of the plant.
 

@@ -163,9 +163,9 @@ class FaultLoop:
         return replace(self, model=replace(self.model, **smaller))
 
     def warped(self, frequency_hz: ArrayLike) -> RealArray:
-        """omega [rad/s] at which the continuous systems have the loop's response at `frequency_hz`.
+        """omega [rad/s] at which the continuous systems have the loop's response.
 
-        frequency [Hz] (F,).
+        ``frequency_hz`` (F,) [Hz].
         """
         omega = 2 * np.pi * np.asarray(frequency_hz, float)
         if self.dt is None:

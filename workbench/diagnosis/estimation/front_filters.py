@@ -131,8 +131,8 @@ def few_states(
 ) -> FrontFilter:
     """The best filter with the poles of a reduction of F to at most an order; of F = 0 itself.
 
-    Filters that are certified to meet all requirements come first. frequency: grid [Hz] (F,), to
-    which frequencies about the reduced poles are added. peak: as of `full_order`. Raises
+    Filters that are certified to meet all requirements come first. ``frequency_hz`` (F,) [Hz]: grid,
+    to which frequencies about the reduced poles are added. peak: as of `full_order`. Raises
     SolverError where no reduction has poles that meet the relative error, the leakage and the peak.
 
     Examples

@@ -23,11 +23,12 @@ from workbench.input_checks import is_real, need_numbers
 
 @dataclass(frozen=True)
 class Rotation:
-    """A rotation frequency [Hz] and the harmonics of it that disturb.
+    """A frequency of rotation and the harmonics of it that disturb.
 
+    frequency_hz  of the rotation [Hz];
     adaptation  rate of the frequency loop [1/s]; 0: the frequency stays;
-    range_hz       lowest and highest frequency that may be followed [Hz]; None: half of `frequency_hz`
-                and twice that;
+    range_hz    lowest and highest frequency that may be followed [Hz]; None: half of
+                `frequency_hz` and twice that;
     floor       amplitude of the first harmonic below which adaptation fades, because a small
                 oscillation tells little of its frequency; in the unit of the disturbance.
 

@@ -141,7 +141,7 @@ class Experiments:
         )
 
     def delayed(self, delays_samples: Sequence[int]) -> Experiments:
-        """The experiments with each input later by so many samples.
+        """The experiments with each input later by `delays_samples` [samples].
 
         The first samples, whose inputs were before the experiment, are left out, and so is the
         excitation.

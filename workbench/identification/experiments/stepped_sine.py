@@ -91,7 +91,7 @@ def sine_fit(
     signal
         Real, shape (..., N).
     dt, frequency_hz
-        Sampling frequency and frequency of the sine [Hz].
+        Sampling time [s] and frequency of the sine [Hz].
     harmonics
         Number of harmonics, including the fundamental.
 

@@ -180,7 +180,7 @@ class PeriodicStream:
         self._rounding = self._periods * variance
 
     def response(self, *, dt: float = 1.0) -> PeriodicLocalResponse:
-        """The response, when all samples have arrived; ``dt`` [Hz].
+        """The response, when all samples have arrived; ``dt`` [s]: their sampling time.
 
         Raises
         ------

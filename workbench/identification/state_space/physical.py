@@ -139,6 +139,7 @@ class PhysicalModel:
     ) -> InnovationsModel | None:
         """The model with the parameters estimated from experiments.
 
+        ``delay_samples`` [samples]: how much later the inputs act.
         None where inputs act at once though they may not, or a pole is beyond the largest radius.
         """
         values = self.estimated(record, delay_samples=delay_samples)

@@ -47,6 +47,7 @@ class Peak(Answer):
     it is no larger than 1 / lower, and NaN where lower is 0. ``omega`` [rad/s] is the frequency of
     Delta, or where there is none the frequency of the largest upper bound. ``intervals`` cover the
     band unless upper is infinite.
+    ``band`` [rad/s]: where the supremum is taken.
     ``complex_part`` is the complex uncertainty added to real scalars, as a share of them; the peak
     holds for this larger set of perturbations.
     Of a system with sampling time ``dt`` [s] the band ends at half the sampling rate, and

@@ -66,7 +66,8 @@ def discretised(
     prewarp
         Frequency [rad/s] at which the bilinear transform keeps the response of K.
     plant, sign, delay_samples
-        The loop in which K is used, as in `sampled_conditions`. If a plant is given, the sampled
+        The loop in which K is used, as in `sampled_conditions`, and how late its control acts
+        [samples]. If a plant is given, the sampled
         loop is tested, and K is returned only if the loop is stable.
 
     Raises

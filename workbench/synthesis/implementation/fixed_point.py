@@ -110,7 +110,10 @@ class FixedPoint:
     def conditions(
         self, plant: Any, *, delay_samples: float = 0.0, sign: int | None = None
     ) -> SampledConditions:
-        """Stability and margins, as `sampled_conditions`, with the rounded coefficients."""
+        """Stability and margins, as `sampled_conditions`, with the rounded coefficients.
+
+        ``delay_samples`` [samples]: how late the control acts.
+        """
         system, dt = self.quantised.system, self.quantised.dt
         return sampled_conditions(plant, system, dt, delay_samples=delay_samples, sign=sign)
 

@@ -155,8 +155,8 @@ def disturbance_input(plant: SampledPlant, mode: ControllerMode) -> RealArray:
 def closed_transition(plant: StateSpace, controller: StateSpace, delay_samples: float) -> RealArray:
     """Transition (n, n) over a sample of G behind a hold, and of K in negative feedback.
 
-    plant: continuous, strictly proper; K: sampled, its dt is the period [s]; delay: samples by which u
-    is late.
+    plant: continuous, strictly proper; controller: sampled, its dt is the sampling time [s].
+    ``delay_samples`` [samples]: how late u is.
 
     Examples
     --------
