@@ -194,8 +194,8 @@ ANSWERS = {
         measurements=1,
         controls=1,
     ),
-    "reduce_order": lambda: synthesis.reduce_order(STATIC, plant()),
-    "reduced controller": lambda: synthesis.reduce_order(STATIC, plant()).tried[0],
+    "reduce_order": lambda: synthesis.reduce_order(plant(), STATIC),
+    "reduced controller": lambda: synthesis.reduce_order(plant(), STATIC).tried[0],
     "least_mu": lambda: synthesis.least_mu(loop_weights()),
     "largest_least_mu": lambda: synthesis.largest_least_mu(
         lambda omega: synthesis.LoopWeights(

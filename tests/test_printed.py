@@ -28,7 +28,7 @@ def way():
         measurement="e",
     )
     design = wb.solve(MuSynthesis(plant), method="dk")
-    board = wb.solve(Implementation(design, cover, 0.002, precision="float"))
+    board = wb.solve(Implementation(cover, design, 0.002, precision="float"))
     hinf = wb.solve(HinfSynthesis(plant))
     return {"responses": responses, "cover": cover, "mu": design, "board": board, "hinf": hinf}
 

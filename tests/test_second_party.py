@@ -98,7 +98,7 @@ def working_loop() -> Certificate:
         omega=omega, values=np.array([gain / (1j * omega + 1) for gain in (0.9, 1.1)]).T
     )
     K, point = control.tf([2.0, 1.0], [1.0, 0.0]), WorkingPoint(50.0, 20.0)
-    board = wb.solve(Implementation(K, LAG, dt=0.1, working_point=point))
+    board = wb.solve(Implementation(LAG, K, dt=0.1, working_point=point))
     return wb.solve(WorkingLoop(plants, board)).certificate
 
 
@@ -114,7 +114,7 @@ def kept_demands() -> Certificate:
     )
     K, point = control.tf([2.0, 1.0], [1.0, 0.0]), WorkingPoint(50.0, 20.0)
     model = UncertaintyModel(LAG, control.tf([0.1], [1.0]))
-    board = wb.solve(Implementation(K, model, dt=0.1, working_point=point))
+    board = wb.solve(Implementation(model, K, dt=0.1, working_point=point))
     return wb.solve(KeptDemands(plants, board, Demands(bandwidth=1.0))).certificate
 
 

@@ -37,7 +37,7 @@ def main() -> wb.Solution:
     design = wb.solve(MuSynthesis(plant), method="dk")
     print(f"mu of robust performance, proven: {design.answer.upper:.3f}")
     board = wb.solve(
-        Implementation(design, plant, PERIOD, delay_samples=DELAY, precision="float", order=8)
+        Implementation(plant, design, PERIOD, delay_samples=DELAY, precision="float", order=8)
     )
     for name, margins in zip(("pump 1", "pump 2"), board.answer.margins, strict=True):
         print(f"{name}: gain {margins.gain[1]:.1f}, phase {margins.phase:.0f} degrees")

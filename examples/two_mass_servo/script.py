@@ -14,6 +14,6 @@ parts = [(cover, "u", "y"), (W_e, "e", "z_e"), (W_u, "u", "z_u")]
 loop = {"exogenous": "r", "control": "u", "measurement": "e", "performance": ["z_e", "z_u"]}
 plant = generalised_plant(parts, {"e": "r - y"}, **loop)
 design = wb.solve(MuSynthesis(plant, order=4, stable=True, integral=True), method="fixed")
-board = wb.solve(Implementation(design, cover, dt=5e-4, delay_samples=1.0, precision="float"))
+board = wb.solve(Implementation(cover, design, dt=5e-4, delay_samples=1.0, precision="float"))
 print(design, board, sep="\n")
 board.answer.export("controller.h")

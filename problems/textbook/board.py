@@ -32,8 +32,8 @@ def board(
     scale = (10.0, 10.0) if precision == "fixed" else None
     plant = unstable_first_order()
     return Implementation(
-        design,
         plant,
+        design,
         period,
         delay_samples=delay,
         precision=precision,

@@ -73,13 +73,13 @@ class ReductionCurve(Study):
     @part
     def plain(self) -> Any:
         """Every order by balanced reduction alone."""
-        return reduce_order(self.full.answer.K, self.plant, target=self.target)
+        return reduce_order(self.plant, self.full.answer.K, target=self.target)
 
     @part
     def best(self, context: Context) -> Any:
         """Every order, refined where the reduced controller exceeds the target."""
         K = self.full.answer.K
-        return reduce_order(K, self.plant, target=self.target, refine=True, context=context)
+        return reduce_order(self.plant, K, target=self.target, refine=True, context=context)
 
     refined, bound = dim("reduced", "refined"), dim("lower", "upper")
     order = dim(

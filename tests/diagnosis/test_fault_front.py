@@ -80,7 +80,7 @@ def test_a_filter_of_the_basis_has_the_response_of_its_coefficients(loop):
     front, basis = FaultFront(loop, GRID), LaguerreBasis(loop, CORNER)
     F = basis.filter(x)
     assert (F.poles().real < 0).all()
-    expected = basis.response(5, front.omega) @ x
+    expected = basis.response(front.omega, 5) @ x
     np.testing.assert_allclose(front.estimate(F), expected, atol=1e-9)
 
 
@@ -99,7 +99,7 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
     for nominal in (True, False):
         front = FaultFront(loop, GRID, nominal=nominal)
         for error in (0.3, 0.5):
-            point = front.least(basis.response(8, front.omega), error)
+            point = front.least(basis.response(front.omega, 8), error)
             assert point.error <= error
             again = front.judged(front.estimate(basis.filter(point.coefficients)))
             assert again == pytest.approx((point.error, point.leakage, point.noise), rel=1e-6)
@@ -137,7 +137,7 @@ def test_the_plant_of_a_removal_has_the_loop_of_what_is_left(loop):
 def test_a_bounded_sensitivity_holds_on_members_and_costs_leakage(loop):
     """On members of the set by formula, and against the least filter without the bound."""
     front, basis = FaultFront(loop, GRID), LaguerreBasis(loop, CORNER)
-    functions = basis.response(8, front.omega)
+    functions = basis.response(front.omega, 8)
     free = front.least(functions, 0.5)
     peak = 0.99 * front.removed_peak(functions @ free.coefficients)
     bounded = front.least(functions, 0.5, peak=peak)
@@ -184,8 +184,8 @@ def test_grids_are_finer_about_lightly_damped_poles(loop):
 def test_wrong_input_is_named(loop):
     front = FaultFront(loop, GRID)
     with pytest.raises(SolverError, match="no filter of this basis has a relative error of 0"):
-        front.least(LaguerreBasis(loop, CORNER).response(3, front.omega), 0.01)
-    functions = LaguerreBasis(loop, CORNER).response(8, front.omega)
+        front.least(LaguerreBasis(loop, CORNER).response(front.omega, 3), 0.01)
+    functions = LaguerreBasis(loop, CORNER).response(front.omega, 8)
     with pytest.raises(InputError, match="peak"):
         front.least(functions, 0.5, peak=-1.0)
     with pytest.raises(SolverError, match="no filter of this basis"):
@@ -197,7 +197,7 @@ def test_wrong_input_is_named(loop):
     with pytest.raises(InputError, match="corner"):
         LaguerreBasis(loop, 0.0)
     with pytest.raises(InputError, match="noise_band"):
-        EstimationDemands(1.0, 0.1, 2.0, control.ss(-1.0, 1.0, 1.0, 0.0), 0.1, 0.0)
+        EstimationDemands(error_above_hz=1.0, leakage_below_hz=0.1, gain=2.0, disturbance=control.ss(-1.0, 1.0, 1.0, 0.0), noise=0.1, noise_band_hz=0.0)
 
 
 def test_a_measurement_filter_that_is_not_stable_is_refused():

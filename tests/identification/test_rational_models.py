@@ -245,7 +245,7 @@ def test_one_call_warns_of_a_model_that_is_rejected():
     assert set(found.candidates) == {2, 4, 6} and "order 4" in repr(found)
     assert found.lti.nstates == 4 and found.plot() is not None
     assert (found.magnitude_band(omega) <= found.radius(omega)).all()
-    drawn = found.uncertainty.drawn(rng, 2000, omega[:5])
+    drawn = found.uncertainty.drawn(rng, omega[:5], 2000)
     spread = np.mean(np.abs(drawn - found.response(omega[:5])) ** 2, axis=0)
     trace = np.trace(found.uncertainty.response_covariance(omega[:5]), axis1=-2, axis2=-1)
     np.testing.assert_allclose(spread, trace, rtol=0.1)

@@ -29,7 +29,7 @@ def record(size, seed=0, sizes=None):
 
 def measured(u, y, **changed):
     given = {"starts": STARTS, "length": LENGTH, "frequency": FREQUENCY} | changed
-    return step_response(u, y, 1 / RATE, **given)
+    return step_response(u, y, dt=1 / RATE, **given)
 
 
 def test_without_noise_the_response_is_exact():

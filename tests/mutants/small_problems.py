@@ -43,7 +43,7 @@ def given_angle() -> Program:
 def implementation() -> Program:
     """A gain and a slow pole around a first-order plant."""
     s = control.tf("s")
-    return Implementation((s + 1) / (s + 0.1), 1 / (s + 1), dt=0.05, delay_samples=0.5)
+    return Implementation(1 / (s + 1), (s + 1) / (s + 0.1), dt=0.05, delay_samples=0.5)
 
 
 def rational_model() -> Program:

@@ -75,7 +75,7 @@ ENTRIES = {
     "reduced": lambda one: approximated(one, 1, method="balanced"),
     "reduced hankel": lambda one: approximated(one, 1, method="hankel"),
     "reduced weighted": lambda one: approximated(one, 1, plant=UNCERTAIN),
-    "reduce": lambda one: reduce_order(one, UNCERTAIN),
+    "reduce": lambda one: reduce_order(UNCERTAIN, one),
     "discretised": lambda one: discretised(one, 0.01),
     "sections": second_order_sections,
     "K of sampled conditions": lambda one: sampled_conditions(G, one, 0.1),
@@ -447,11 +447,11 @@ def test_orders_that_are_none(order):
         (lambda: approximated(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
         (lambda: approximated(control.append(K, K), 1, plant=UNCERTAIN), "K has 2 inputs"),
         (lambda: approximated(KD, 1, plant=UNCERTAIN), "K is sampled"),
-        (lambda: reduce_order(K, None), "must be a GeneralisedPlant"),
-        (lambda: reduce_order(K, UNCERTAIN, target="a"), "target is 'a'"),
-        (lambda: reduce_order(K, UNCERTAIN, target=np.nan), "target is nan"),
-        (lambda: reduce_order(K, UNCERTAIN, order="a"), "order is 'a'"),
-        (lambda: reduce_order(control.ss([], [], [], [[0.0]]), UNCERTAIN), "unstable.*stabilises"),
+        (lambda: reduce_order(None, K), "must be a GeneralisedPlant"),
+        (lambda: reduce_order(UNCERTAIN, K, target="a"), "target is 'a'"),
+        (lambda: reduce_order(UNCERTAIN, K, target=np.nan), "target is nan"),
+        (lambda: reduce_order(UNCERTAIN, K, order="a"), "order is 'a'"),
+        (lambda: reduce_order(UNCERTAIN, control.ss([], [], [], [[0.0]])), "unstable.*stabilises"),
         (lambda: discretised(K, "a"), r"sample_time is 'a'"),
         (lambda: discretised(K, None), r"sample_time is None"),
         (lambda: discretised(K, 0.0), r"sample_time is 0.0"),
@@ -493,7 +493,7 @@ def test_a_gain_without_a_sampling_time_has_any():
 
 
 def test_a_target_that_no_order_reaches():
-    assert reduce_order(K, UNCERTAIN, target=1e-3).smallest is None
+    assert reduce_order(UNCERTAIN, K, target=1e-3).smallest is None
 
 
 @pytest.mark.parametrize(

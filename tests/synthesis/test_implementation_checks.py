@@ -38,7 +38,7 @@ def boards():
 def board(boards, case):
     if case not in boards:
         K, G, options = CASES[case]
-        program = Implementation(K, G, dt=0.02, **options)
+        program = Implementation(G, K, dt=0.02, **options)
         solution = wb.solve(program, method="tustin")
         assert solution.holds, solution.certificate or solution.message
         boards[case] = program, solution.answer
@@ -120,7 +120,7 @@ def test_each_claim_is_refused_by_the_check_of_its_name(board, case, found_once)
 
 def test_every_coefficient_is_a_number_of_the_format(found_once):
     K, G, options = CASES["float with limits"]
-    program = Implementation(K, G, dt=0.02, **options)
+    program = Implementation(G, K, dt=0.02, **options)
     answer = program.implemented("tustin")
     assert all(check.holds for check in program.checks(answer, 1e-6))
     for name in "ABCD":
@@ -133,7 +133,7 @@ def test_every_coefficient_is_a_number_of_the_format(found_once):
 
 def test_a_bound_of_mu_that_is_claimed_too_small(found_once):
     model = UncertaintyModel(LAG, control.tf([0.1], [1.0]), control.tf([0.2, 0.2], [0.1, 1.0]))
-    program = Implementation(LEAD, model, dt=0.02)
+    program = Implementation(model, LEAD, dt=0.02)
     answer = program.implemented("tustin")
     checks = {check.name: check for check in program.checks(answer, 1e-6)}
     assert all(check.holds for check in checks.values())

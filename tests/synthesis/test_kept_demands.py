@@ -49,7 +49,7 @@ def board():
     K = control.tf([2.0, 2.0], [1.0, 0.0])
     point = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
     given = {"limits": (0.0, 100.0), "working_point": point}
-    return wb.solve(Implementation(K, MODEL, dt=0.05, **given))
+    return wb.solve(Implementation(MODEL, K, dt=0.05, **given))
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ def board(leak=0.0, **more):
     cover = wb.solve(CircleCover(PLANTS, order=1))
     K = control.tf([2.0, 1.0], [1.0, leak])
     given = {"limits": (0.0, 100.0), "working_point": POINT} | more
-    return wb.solve(Implementation(K, cover, dt=0.1, **given))
+    return wb.solve(Implementation(cover, K, dt=0.1, **given))
 
 
 @pytest.mark.cases(0)

@@ -33,7 +33,7 @@ def heaters(count=3):
 @cache
 def board(precision="float", K=PI, **more):
     given = {"limits": LIMITS, "working_point": POINT} | dict(MADE[precision]) | more
-    done = solve(Implementation(K, MODEL, PERIOD, delay_samples=0.0, precision=precision, **given))
+    done = solve(Implementation(MODEL, K, PERIOD, delay_samples=0.0, precision=precision, **given))
     assert done.certificate.holds, done.certificate
     return done
 
@@ -128,7 +128,7 @@ def test_absolute_signals_of_the_code_are_read_back():
         assert not absolute_signals_agree(code.replace(old, new), wanted, np.float32).holds
     assert not absolute_signals_agree(code, wanted | {"change": None}, np.float32).holds
     turned = Implementation(
-        -PI, MODEL, PERIOD, delay_samples=0.0, precision="float", sign=1, working_point=POINT
+        MODEL, -PI, PERIOD, delay_samples=0.0, precision="float", sign=1, working_point=POINT
     )
     assert solve(turned).certificate.holds  # whose first factor is negative
 

@@ -90,7 +90,7 @@ def test_a_controller_is_taken_as_solution_answer_and_system(plant, design):
     expected = conditions(plant, design.answer.K).robust_performance.upper
     for K in (design, design.answer):
         assert conditions(plant, K).robust_performance.upper == expected
-    tried = reduce_order(design, plant, target=2 * expected)
+    tried = reduce_order(plant, design, target=2 * expected)
     assert conditions(plant, tried).robust_performance.upper <= 2 * expected
     sections = second_order_sections(discretised(design, PERIOD))
     assert sampled_conditions(plant, sections, PERIOD).stable

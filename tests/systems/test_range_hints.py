@@ -185,4 +185,4 @@ def test_what_takes_a_sampling_time_and_a_plant_tells():
     with pytest.warns(RangeWarning, match=LONG):
         assert not sampled_conditions(LAG, K, 10.0).stable
     with pytest.warns(RangeWarning, match=LONG):
-        wb.solve(Implementation(K, LAG, dt=10.0))
+        wb.solve(Implementation(LAG, K, dt=10.0))

@@ -22,7 +22,7 @@ PERIODS = ("dt", "Ts", "ts")
 
 
 def read_plant(
-    file: str | PathLike[str], measurements: int | None = None, controls: int | None = None
+    file: str | PathLike[str], *, measurements: int | None = None, controls: int | None = None
 ) -> GeneralisedPlant:
     """Read a generalised plant without uncertainty from a MATLAB file.
 

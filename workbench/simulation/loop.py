@@ -74,7 +74,7 @@ class Trajectory(NamedTuple):
     >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
     >>> none = np.zeros(0)
-    >>> loop = SampledLoop(G, 1, sense, none, 1, 1e4, read, none, 1, wide, wide, dt=0.01)
+    >>> loop = SampledLoop(G, sense, none, read, none, wide, wide, 1, 1, 1, 1e4, 0.01)
     >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
     >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
     >>> found.command.shape, found.saturated_outputs.tolist()
@@ -128,7 +128,7 @@ class SampledLoop:
     >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
     >>> none = np.zeros(0)
-    >>> loop = SampledLoop(G, 1, sense, none, 1, 1e4, read, none, 1, wide, wide, dt=0.01)
+    >>> loop = SampledLoop(G, sense, none, read, none, wide, wide, 1, 1, 1, 1e4, 0.01)
     >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
     >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
     >>> round(float(found.position[-1, 0]), 4)  # 9 / (1 + 9)
@@ -136,16 +136,16 @@ class SampledLoop:
     """
 
     plant: StateSpace
-    positions: int
     sense: Any
     sense_parameters: RealArray
-    signals: int
-    corner: float
     read: Any
     read_parameters: RealArray
-    measurements: int
     channel_levels: RealArray
     output_levels: RealArray
+    positions: int
+    signals: int
+    measurements: int
+    corner: float
     dt: float
     _: KW_ONLY
     delay_samples: float = 0.0

@@ -39,14 +39,14 @@ class EstimationDemands:
 
     Parameters
     ----------
+    disturbance
+        Stable weight whose magnitude is the disturbance's largest amplitude [unit of the fault].
     error_above_hz
         Frequency [Hz] from which on the relative error of the estimate is limited.
     leakage_below_hz
         Frequency [Hz] up to which the leakage of the disturbance is limited.
     gain
         Largest gain from disturbance or fault to the estimate, at any frequency and plant.
-    disturbance
-        Stable weight whose magnitude is the disturbance's largest amplitude [unit of the fault].
     noise
         Rms of the measurement's noise, in the unit of the fault, white up to `noise_band_hz`.
     noise_band_hz
@@ -65,16 +65,16 @@ class EstimationDemands:
     >>> from workbench.diagnosis import EstimationDemands
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> demands.disturbance_size([0.0]).tolist()
     [0.003]
     """
 
+    disturbance: StateSpace
     error_above_hz: float
     leakage_below_hz: float
     gain: float
-    disturbance: StateSpace
     noise: float
     noise_band_hz: float
     _: KW_ONLY
@@ -124,7 +124,7 @@ class FaultLoop:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)

@@ -54,7 +54,7 @@ class FrontPoint:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -93,7 +93,7 @@ class FaultFront:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -160,6 +160,7 @@ class FaultFront:
         self,
         basis: ComplexArray,
         error: float,
+        *,
         leakage: float | None = None,
         peak: float | None = None,
     ) -> FrontPoint:
@@ -205,7 +206,7 @@ class FaultFront:
         return FrontPoint(found[0] / scale, *self.judged(T))
 
     def least_factor(
-        self, basis: ComplexArray, error: float, leakage: float, peak: float | None = None
+        self, basis: ComplexArray, error: float, leakage: float, *, peak: float | None = None
     ) -> float:
         """The least common factor of the limits at which there is a filter, over T = basis @ x.
 
@@ -224,7 +225,7 @@ class FaultFront:
         >>> from workbench.uncertainty import UncertaintyModel
         >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
         >>> demands = EstimationDemands(
-        ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+        ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
         ... )
         >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
         >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)

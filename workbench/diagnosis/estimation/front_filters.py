@@ -49,7 +49,7 @@ class FrontFilter:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -88,6 +88,7 @@ def full_order(
     count: int,
     error: float,
     leakage: float,
+    *,
     peak: float | None = None,
 ) -> FrontFilter:
     """The filter of least leakage and noise within limits over a Laguerre basis, certified.
@@ -105,7 +106,7 @@ def full_order(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -116,7 +117,8 @@ def full_order(
     (True, True)
     """
     front = FaultFront(loop, frequency_hz)
-    point = front.least(basis.response(count, front.omega), error, leakage, peak)
+    functions = basis.response(front.omega, count)
+    point = front.least(functions, error, leakage=leakage, peak=peak)
     return certified_filter(loop, basis.filter(point.coefficients), point, error, leakage, peak)
 
 
@@ -127,6 +129,7 @@ def few_states(
     order: int,
     error: float,
     leakage: float,
+    *,
     peak: float | None = None,
 ) -> FrontFilter:
     """The best filter with the poles of a reduction of F to at most an order; of F = 0 itself.
@@ -150,7 +153,7 @@ def few_states(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -165,7 +168,7 @@ def few_states(
         import control
 
         one = np.ones((len(frequency_hz), 1), complex)
-        nothing = FaultFront(loop, frequency_hz).least(one, error, leakage, peak)
+        nothing = FaultFront(loop, frequency_hz).least(one, error, leakage=leakage, peak=peak)
         return certified_filter(loop, control.ss([], [], [], 0.0), nothing, error, leakage, peak)
     program = estimation(loop, error, leakage)
 
@@ -178,9 +181,9 @@ def few_states(
             return None
         best = None
         for factor in TIGHTER:
-            limits = (factor * error, factor * leakage, peak and factor * peak)
+            limits = {"leakage": factor * leakage, "peak": peak and factor * peak}
             try:
-                point = front.least(functions, *limits)
+                point = front.least(functions, factor * error, **limits)
             except (InputError, SolverError):
                 break
             x = point.coefficients

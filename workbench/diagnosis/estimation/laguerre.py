@@ -29,7 +29,7 @@ class LaguerreBasis:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -46,7 +46,7 @@ class LaguerreBasis:
     def __post_init__(self) -> None:
         need_positive(self.corner, "corner")
 
-    def response(self, count: int, omega: RealArray) -> ComplexArray:
+    def response(self, omega: RealArray, count: int) -> ComplexArray:
         """The first functions at omega [rad/s]: (F, count)."""
         s = 1j * omega[:, None]
         zero = (s + self.loop.slowest_pole) / (s + self.corner)

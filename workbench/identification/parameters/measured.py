@@ -116,11 +116,17 @@ class MeasuredResponse:
         name: str = "response",
     ) -> MeasuredResponse:
         """Measured response from an estimate with its variance, with a model."""
-        arrays = estimate.response, estimate.variance
-        if estimate.response.shape[1:] == (1, 1):
-            arrays = estimate.response[:, 0, 0], estimate.variance[:, 0, 0]
+        values, variance = estimate.response, estimate.variance
+        if values.shape[1:] == (1, 1):
+            values, variance = values[:, 0, 0], variance[:, 0, 0]
         return cls(
-            model, estimate.frequency_hz, *arrays, estimate.degrees, name, report=estimate.report
+            model,
+            estimate.frequency_hz,
+            values,
+            variance=variance,
+            degrees=estimate.degrees,
+            name=name,
+            report=estimate.report,
         )
 
     @property

@@ -157,7 +157,7 @@ class ModelUncertainty:
             return 0.0
         return float(np.linalg.norm(self.root[-1]))
 
-    def drawn(self, rng: np.random.Generator, count: int, omega: ArrayLike) -> ComplexArray:
+    def drawn(self, rng: np.random.Generator, omega: ArrayLike, count: int) -> ComplexArray:
         """Responses (count, F, p, m) of models drawn from the distribution, to first order."""
         omega = np.atleast_1d(np.asarray(omega, float))
         slopes = self._slopes(omega) @ self.root

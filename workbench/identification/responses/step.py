@@ -34,10 +34,10 @@ SETTLED = 1e-6
 def step_response(
     u: ArrayLike,
     y: ArrayLike,
-    dt: float,
     starts: ArrayLike,
-    length: int,
     frequency_hz: ArrayLike,
+    dt: float,
+    length: int,
 ) -> PeriodicResponse:
     """Response from repeated steps of the input, with its variance from their scatter.
 
@@ -76,7 +76,7 @@ def step_response(
     >>> from workbench.identification import step_response
     >>> u = np.tile(np.r_[np.zeros(200), np.ones(200)], 3)
     >>> y = control.forced_response(control.tf([0.1], [1, -0.9], 0.01), inputs=u).outputs
-    >>> found = step_response(u, y, 1 / 100.0, [200, 400, 600], 200, [1.0])
+    >>> found = step_response(u, y, [200, 400, 600], [1.0], 0.01, 200)
     >>> exact = control.tf([0.1], [1, -0.9], 0.01)(np.exp(2j * np.pi * 0.01))
     >>> bool(abs(found.response[0, 0, 0] / exact - 1) < 1e-3)
     True

@@ -146,7 +146,7 @@ def guaranteed_probability(
     again = partial(
         guaranteed_probability,
         found,
-        gain,
+        gain=gain,
         distributions=laws,
         tolerance=tolerance,
         parts=parts,

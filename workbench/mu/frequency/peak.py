@@ -99,8 +99,9 @@ def peak(
     ends = float(original.angular(low)), float(original.angular(high))
     band = ends if original.period else band
     omega, period = float(original.angular(omega)), original.period
-    parts = lower, cover.proven, omega, Delta, intervals, message, complex_part, band, period
-    return Peak(*parts).checked_by(PeakChecker(system, structure, band=asked))
+    parts = lower, cover.proven, omega, Delta, intervals, message
+    found = Peak(*parts, complex_part=complex_part, band=band, dt=period)
+    return found.checked_by(PeakChecker(system, structure, band=asked))
 
 
 def covered(

@@ -137,7 +137,7 @@ def robust_stability(
     if all(isinstance(block, Real) for block in given.structure):
         again = partial(_proven_again, tuple(asked), found)
     else:
-        again = partial(robust_stability, given, tolerance, decay=decay, damping=damping)
+        again = partial(robust_stability, given, tolerance=tolerance, decay=decay, damping=damping)
     return found.checked_by(StabilityChecker(tuple(asked), again))
 
 

@@ -44,7 +44,7 @@ class UpperBound(Answer):
     D_left: ComplexArray
     D_right: ComplexArray
     G: ComplexArray
-    Delta: ComplexArray | None = None
+    Delta: ComplexArray | None = field(default=None, kw_only=True)
 
     def reshaped(self, batch: tuple[int, ...]) -> UpperBound:
         """The bounds of one axis over a batch of this shape."""

@@ -83,7 +83,7 @@ def gap_metric(first: Any, second: Any, *, tolerance: float = 1e-3) -> PlantGap:
     need_agreement(
         (1 - FACTORS_ROUNDING) * below.lower, upper, "the gap", BELOW_IT, "a stable Q reaches it"
     )
-    again = partial(gap_metric, first, second, tolerance)
+    again = partial(gap_metric, first, second, tolerance=tolerance)
     found = PlantGap(below.lower, max(min(upper, 1.0), below.lower))
     return found.checked_by(GapChecker(again, OVER, (systems[0], systems[1]), below))
 

@@ -170,7 +170,8 @@ def sampled_robustness(
     k = int(np.argmin(upper))
     least = float(lower.min()) * (1 - ROUNDING)
     over = f"at {angles.size} frequencies, for every linear time-invariant perturbation"
-    again = partial(sampled_robustness, plant, controller, dt, delay_samples, sign=sign)
+    late = {"delay_samples": delay_samples, "sign": sign}
+    again = partial(sampled_robustness, plant, controller, dt, **late)
     return SampledRobustness(
         least if least < LARGEST / 2 else math.inf,
         float(upper[k]) if upper[k] < LARGEST / 2 else math.inf,

@@ -54,7 +54,7 @@ class ImplementedController(DrawnController):
     >>> import workbench as wb
     >>> from workbench.synthesis import Implementation
     >>> K, G = control.tf([10.0], [1.0], 0.1), control.tf([1.0], [1.0, 1.0])
-    >>> answer = wb.solve(Implementation(K, G, dt=0.1)).answer
+    >>> answer = wb.solve(Implementation(G, K, dt=0.1)).answer
     >>> answer.precision, "controller_step" in answer.code()
     ('double', True)
     """

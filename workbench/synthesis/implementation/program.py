@@ -123,13 +123,13 @@ class Implementation(Program):
     >>> import workbench as wb
     >>> from workbench.synthesis import Implementation
     >>> K, G = control.tf([10.0], [1.0], 0.1), control.tf([1.0], [1.0, 1.0])
-    >>> solution = wb.solve(Implementation(K, G, dt=0.1, precision="float"))
+    >>> solution = wb.solve(Implementation(G, K, dt=0.1, precision="float"))
     >>> solution.certificate.holds, solution.answer.K.dt
     (True, 0.1)
     """
 
-    controller: Any  # a StateSpace after construction
     plant: Any
+    controller: Any  # a StateSpace after construction
     dt: float
     _: KW_ONLY
     delay_samples: float = 0.0

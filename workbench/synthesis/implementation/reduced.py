@@ -50,7 +50,7 @@ class ReducedController(Answer):
     ...     measurement="e",
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> found = reduce_order(K, plant, order=0).tried[0]
+    >>> found = reduce_order(plant, K, order=0).tried[0]
     >>> found.order, found.stable, bool(found.lower <= found.upper)
     (0, True, True)
     """
@@ -107,7 +107,7 @@ class ReducedControllers(Answer):
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
     >>> K2 = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
-    >>> [controller.order for controller in reduce_order(K2, plant).tried]
+    >>> [controller.order for controller in reduce_order(plant, K2).tried]
     [0, 1, 2]
     """
 

@@ -31,8 +31,8 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 
 def reduce_order(
-    controller: Any,
     plant: GeneralisedPlant,
+    controller: Any,
     *,
     target: float = 1.0,
     order: int | None = None,
@@ -90,7 +90,7 @@ def reduce_order(
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
     >>> K2 = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
-    >>> reduced = reduce_order(K2, plant, target=1.0)
+    >>> reduced = reduce_order(plant, K2, target=1.0)
     >>> reduced.smallest.order
     1
     """

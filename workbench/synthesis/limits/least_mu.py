@@ -141,7 +141,7 @@ def least_mu(weights: LoopWeights, *, tolerance: float = 1e-3) -> LeastMu:
         lambda index: f"at frequency {index[0] + 1}",
     )
     found = LeastMu(np.minimum(lower, upper), upper, T)
-    again = partial(least_mu, weights, tolerance)
+    again = partial(least_mu, weights, tolerance=tolerance)
     over = f"at these {len(upper)} frequencies, for all complex K"
     return found.checked_by(LeastMuChecker(again, over, weights))
 

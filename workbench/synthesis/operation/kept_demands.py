@@ -64,7 +64,7 @@ class KeptDemands(WorkingLoop):
     >>> cover = wb.solve(CircleCover(plants, order=1))
     >>> given = {"limits": (0.0, 100.0), "working_point": WorkingPoint(50.0, 20.0)}
     >>> K = control.tf([2.0, 1.0], [1.0, 0.0])
-    >>> board = wb.solve(Implementation(K, cover, dt=0.05, **given))
+    >>> board = wb.solve(Implementation(cover, K, dt=0.05, **given))
     >>> demands = Demands(overshoot=0.05, settling_time=2.0)
     >>> loop = wb.solve(KeptDemands(plants, board, demands))
     >>> loop.metrics["missed_overshoot"], loop.metrics["missed_settling_time"]

@@ -84,7 +84,7 @@ class WorkingLoop(Study):
     >>> point = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
     >>> given = {"limits": (0.0, 100.0), "working_point": point}
     >>> K = control.tf([2.0, 1.0], [1.0, 0.0])
-    >>> board = wb.solve(Implementation(K, cover, dt=0.05, **given))
+    >>> board = wb.solve(Implementation(cover, K, dt=0.05, **given))
     >>> loop = wb.solve(WorkingLoop(plants, board, step=2.0))
     >>> loop.certificate.holds, loop.metrics["static_error"] < 1e-4
     (True, True)

@@ -385,7 +385,8 @@ def uncertain(given: Any, name: str = "the system") -> UncertainSystem:
     if isinstance(part, UncertainSystem):
         return part
     if isinstance(part, UncertainPart):
-        return UncertainSystem(*pulled_out(part))
+        *parts, dt = pulled_out(part)
+        return UncertainSystem(*parts, dt=dt)
     system = part
     if isinstance(part, control.TransferFunction):
         system = as_states(part, name)

@@ -109,7 +109,7 @@ class CoverOfEstimateChecker(Checker):
 
         rng = np.random.default_rng(SEED)
         count = tries(DRAWN)
-        drawn = self.uncertainty.drawn(rng, count, self._fine)[:, :, *self.entry]
+        drawn = self.uncertainty.drawn(rng, self._fine, count)[:, :, *self.entry]
         away = np.abs(drawn - answer.nominal.response(self._fine))
         outside = int((away > self._sizes(answer)).any(axis=1).sum())
         most = float(binom.isf(DOUBT, count, 1.0 - self.confidence))

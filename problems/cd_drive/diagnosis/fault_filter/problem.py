@@ -185,7 +185,7 @@ class FaultFilterStudy(Study):
         found = []
         for loop, count in zip(self.within(reached.share).values(), COUNTS, strict=True):
             front = FaultFront(loop, grid(loop))
-            basis = LaguerreBasis(loop, LAGUERRE_POLE).response(count, front.omega)
+            basis = LaguerreBasis(loop, LAGUERRE_POLE).response(front.omega, count)
             found.append(front.least_factor(basis, *self.limits(reached)))
         return max(found)
 
@@ -240,7 +240,7 @@ class FaultFilterStudy(Study):
         for j, error in context.track(list(enumerate(ERRORS)), "front"):
             for i, each in enumerate(fronts):
                 try:
-                    point = each.least(basis.response(CONTINUOUS, each.omega), error)
+                    point = each.least(basis.response(each.omega, CONTINUOUS), error)
                 except SolverError:  # no filter of the basis: the front ends there
                     continue
                 front[i, j] = point.error, point.leakage, point.noise

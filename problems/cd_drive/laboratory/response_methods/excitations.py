@@ -116,7 +116,7 @@ class Excited:
             length = round(SETTLING * RATE)
             starts = rest + length * np.arange((len(u) - rest) // length)
             return {
-                "step": self._alone(step_response(u, v, 1 / RATE, starts, length, self.frequency))
+                "step": self._alone(step_response(u, v, starts, self.frequency, 1 / RATE, length))
             }
         if excitation == "sines":
             return {"sines": self._alone(self._by_sines(u[rest:], v[rest:]))}
