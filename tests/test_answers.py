@@ -141,7 +141,7 @@ ANSWERS = {
     "upper_bound": lambda: mu.upper_bound(M, MIXED),
     "upper_bound of a batch": lambda: mu.upper_bound(np.stack([M, 2 * M]), MIXED),
     "lower_bound": lambda: mu.lower_bound(M, MIXED),
-    "branch_and_bound": lambda: mu.branch_and_bound(M, MIXED, gap=0.01),
+    "branch_and_bound": lambda: mu.branch_and_bound(M, MIXED, tolerance=0.01),
     "skew_bounds": lambda: mu.skew_bounds(M, MIXED, fixed=[0]),
     "conditions": lambda: mu.conditions(plant(), GAIN),
     "conditions, unstable": lambda: mu.conditions(plant(), -GAIN),

@@ -100,7 +100,7 @@ class RealMuJump(Study):
         if share > 0.0:
             M = np.outer([1.0, 1.0, share, share], [*M[0], *M[0]])
             structure = Structure([*structure, Complex(1), Complex(1)])
-        one = branch_and_bound(M, structure, gap=self.apart)
+        one = branch_and_bound(M, structure, tolerance=self.apart)
         return one.lower, one.upper
 
     bounds = array(dims=(complex_part, p, bound), unit="1", meaning="certified bounds of mu")(

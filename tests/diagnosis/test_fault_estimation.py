@@ -137,7 +137,10 @@ def test_a_claim_too_good_is_found_out():
 def test_a_filter_of_no_use_is_said_to_be_one():
     blind = FaultEstimation(
         plant(), "f",
-        requirements=[Requirement("n", ["n", "d"], weight=100.0), Requirement("f", "f", weight=control.tf([1.0], [1.0, 1.0]))],
+        requirements=[
+            Requirement("n", ["n", "d"], weight=100.0),
+            Requirement("f", "f", weight=control.tf([1.0], [1.0, 1.0])),
+        ],
     )  # fmt: skip
     assert "cannot be told from disturbances" in wb.solve(blind, method="riccati").message
 

@@ -197,7 +197,14 @@ def test_wrong_input_is_named(loop):
     with pytest.raises(InputError, match="corner"):
         LaguerreBasis(loop, 0.0)
     with pytest.raises(InputError, match="noise_band"):
-        EstimationDemands(error_above_hz=1.0, leakage_below_hz=0.1, gain=2.0, disturbance=control.ss(-1.0, 1.0, 1.0, 0.0), noise=0.1, noise_band_hz=0.0)
+        EstimationDemands(
+            error_above_hz=1.0,
+            leakage_below_hz=0.1,
+            gain=2.0,
+            disturbance=control.ss(-1.0, 1.0, 1.0, 0.0),
+            noise=0.1,
+            noise_band_hz=0.0,
+        )
 
 
 def test_a_measurement_filter_that_is_not_stable_is_refused():

@@ -196,7 +196,12 @@ def test_what_is_never_met_is_named():
 
 def test_wrong_input_is_named():
     front, basis = front_of(heater())
-    for *wrong, peak in ((0.0, 1e-3, None), (0.5, -1.0, None), (0.5, 1e-3, 0.0), (np.nan, 1e-3, None)):
+    for *wrong, peak in (
+        (0.0, 1e-3, None),
+        (0.5, -1.0, None),
+        (0.5, 1e-3, 0.0),
+        (np.nan, 1e-3, None),
+    ):
         with pytest.raises(InputError, match="must be a number, positive and finite"):
             front.least_factor(basis, *wrong, peak=peak)
     with pytest.raises(InputError, match="share"):

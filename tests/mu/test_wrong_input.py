@@ -92,7 +92,7 @@ def test_complex_parts_that_are_none(part):
         peak(LIGHT, Structure([Real(1)]), complex_part=part)
 
 
-@pytest.mark.parametrize("asked", [{"gap": "5 %"}, {"gap": math.nan}, {"nodes": None}])
+@pytest.mark.parametrize("asked", [{"tolerance": "5 %"}, {"tolerance": math.nan}, {"nodes": None}])
 def test_gaps_and_nodes_that_are_none(asked):
     with pytest.raises(InputError, match=f"{next(iter(asked))} is"):
         branch_and_bound(M, MIXED, **asked)

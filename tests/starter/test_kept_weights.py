@@ -52,14 +52,14 @@ def settled(tmp_path, monkeypatch):
 def test_a_bandwidth_that_is_kept_stays(settled):
     found, tried = settled(lambda bandwidth: 0.9)
     assert (found.bandwidth, found.peak, tried) == (8.0, 0.9, [8.0])
-    assert found.reasons["bandwidth"] == "first"
+    assert found.reasons["bandwidth_hz"] == "first"
 
 
 def test_it_is_lowered_until_the_weights_are_kept(settled):
     found, tried = settled(lambda bandwidth: bandwidth / 4)
     assert tried == [8.0, 5.0, 3.125]
     assert found.peak == pytest.approx(0.78125)
-    assert "at 8 Hz it is 2" in found.reasons["bandwidth"]
+    assert "at 8 Hz it is 2" in found.reasons["bandwidth_hz"]
 
 
 def test_where_none_is_kept_the_least_peak_is_told(settled):

@@ -40,8 +40,8 @@ MINIMAL_TOLERANCE = 1e-9
 MINIMAL = {"workbench.realisations.minimal"}
 NORMS = {"workbench.mu.h_infinity_norm", "workbench.mu.linf_norm"}
 DATA_BY_PLACE = {"y", "controller", "structure", "W_r"}
-"""Data that a question may do without: a record holds its output, a loop its controller, a system its
-structure, and a set may be complex only. They stand behind the data before them."""
+"""Data that a question may do without: a record holds its output, a loop its controller, a system
+its structure, and a set may be complex only. They stand behind the data before them."""
 DECORATORS = {
     "workbench.study.metric": "template",
     "workbench.study.system": "over",

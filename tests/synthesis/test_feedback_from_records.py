@@ -28,8 +28,8 @@ def records(draw=0, radius=0.2, samples=20):
 
 
 def question(criterion, given=None):
-    performance = () if criterion == "decay" else (C, D)
-    return FeedbackFromRecords(given or records(), criterion=criterion, *performance)
+    performance = {} if criterion == "decay" else {"C": C, "D": D}
+    return FeedbackFromRecords(given or records(), criterion=criterion, **performance)
 
 
 def members(given, count, seed):
@@ -151,9 +151,9 @@ def test_units_make_no_difference(criterion, method):
         given.states * x[:, None], given.inputs * u[:, None], given.following * x[:, None], noise
     )
     plain = wb.solve(question(criterion, given), method=method).answer
-    performance = () if criterion == "decay" else (C / x, D / u, np.diag(x))
+    performance = {} if criterion == "decay" else {"C": C / x, "D": D / u, "F": np.diag(x)}
     solution = wb.solve(
-        FeedbackFromRecords(graded, criterion=criterion, *performance), method=method
+        FeedbackFromRecords(graded, criterion=criterion, **performance), method=method
     )
     assert solution.certificate.valid, solution
     assert solution.answer.level == pytest.approx(plain.level, rel=1e-3)

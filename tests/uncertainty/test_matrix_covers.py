@@ -322,7 +322,7 @@ LAG = control.ss(control.tf([1], [1, 1]))
         (lambda: MatrixCover(RESPONSES, LAG), "1 outputs and 1 inputs"),
         (lambda: MatrixCover(RESPONSES, bilinear_sampled(plant(), 0.01)), "dt = 0.01"),
         (lambda: MatrixCover(RESPONSES, "G"), "nominal"),
-        (lambda: MatrixCover(RESPONSES, plant(), form="multiplicative"), "form is 'multiplicative'"),
+        (lambda: MatrixCover(RESPONSES, plant(), form="multiplicative"), "form is 'multiplicati"),
         (lambda: MatrixCover(RESPONSES, plant(), left="round"), "left is 'round'"),
         (lambda: MatrixCover(RESPONSES, plant(), left_order=-1), "left_order"),
         (lambda: MatrixCover(RESPONSES, plant(), right_order=30), "19 at most"),

@@ -30,7 +30,14 @@ def share(text: str | None, option: str) -> float | None:
 @click.option("--input", metavar="NAME", help="Column of the input [by its name].")
 @click.option("--output", metavar="NAME", help="Column of the output [by its name].")
 @click.option("--time", metavar="NAME", help="Column of the instants [s] [the equidistant one].")
-@click.option("--sample-rate", type=float, metavar="HZ", help="In place of a column of time.")
+@click.option(
+    "--sample-rate",
+    "record_dt",
+    type=float,
+    callback=lambda _, __, rate: None if rate is None else 1 / rate if rate else rate,
+    metavar="HZ",
+    help="In place of a column of time.",
+)
 @click.option(
     "--excitation",
     metavar="NAME",
@@ -40,9 +47,16 @@ def share(text: str | None, option: str) -> float | None:
 @click.option(
     "--assume", metavar="NAME", multiple=True, help="Vouch for an assumption: 'open loop'."
 )
-@click.option("--period", type=float, metavar="S", help="Of the controller [that of the records].")
 @click.option(
-    "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
+    "--period", "dt", type=float, metavar="S", help="Of the controller [that of the records]."
+)
+@click.option(
+    "--delay",
+    "delay_samples",
+    type=float,
+    default=1.0,
+    show_default=True,
+    help="Of its computer [samples].",
 )
 @click.option(
     "--spread",
@@ -101,11 +115,11 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     folder = folders[0]
     chosen = write_study(folder, [data, *files] if files else data, **given)
     click.echo(f"read: {chosen.columns}")
-    width = max(map(len, chosen.reasons))
+    width = max(len(name.removesuffix("_hz")) for name in chosen.reasons)
     for name, reason in chosen.reasons.items():
-        value = getattr(chosen, name)
-        told = " to ".join(f"{one:.4g}" for one in (value if name == "band" else [value]))
-        click.echo(f"{name:<{width}}  {told:<12}  {reason}")
+        value, label = getattr(chosen, name), name.removesuffix("_hz")
+        told = " to ".join(f"{one:.4g}" for one in (value if name == "band_hz" else [value]))
+        click.echo(f"{label:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
     # What was tested and is usual stands in the README; a loop that may be closed is the worst.

@@ -56,14 +56,16 @@ class Repetitive:
     def __post_init__(self) -> None:
         if not 0.0 < self.rotation_hz < math.inf:
             raise InputError(
-                f"rotation frequency is {self.rotation_hz} Hz; repetitive control needs a positive, "
+                f"rotation frequency is {self.rotation_hz} Hz; repetitive control needs a "
+                "positive, "
                 "finite one"
             )
         if not (0.0 < self.dt < math.inf and 0.0 < self.gain <= 1.0):
             raise InputError(f"{self}: need period > 0 and gain above 0 to 1")
         if not self.rotation_hz < self.corner_hz < 0.5 / self.dt:
             raise InputError(
-                f"corner_hz is {self.corner_hz} Hz; it must lie between the rotation's {self.rotation_hz} "
+                f"corner_hz is {self.corner_hz} Hz; it must lie between the rotation's "
+                f"{self.rotation_hz} "
                 f"Hz and half the sampling frequency, {0.5 / self.dt} Hz"
             )
 

@@ -66,12 +66,12 @@ EFFORT = 0.05
 class FirstChoices:
     """Numbers of a first design, each with its reason.
 
-    ``band_hz`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
-    nominal. ``bandwidth_hz`` [Hz]: where the error weight is about 1. ``effort``: the control weight
-    at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
-    records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what tests
-    of it gave. ``peak``: certified peak of mu of a first controller, below 1 where it keeps the
-    weights; NaN before one was tried. ``states``: the fewest of a controller that keeps them; 0
+    ``band_hz`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of
+    the nominal. ``bandwidth_hz`` [Hz]: where the error weight is about 1. ``effort``: the control
+    weight at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from
+    the records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what
+    tests of it gave. ``peak``: certified peak of mu of a first controller, below 1 where it keeps
+    the weights; NaN before one was tried. ``states``: the fewest of a controller that keeps them; 0
     before one was tried.
 
     Examples
@@ -136,10 +136,10 @@ def first_choices(
     """
     need_positive(dt, "dt")
     reasons = {}
-    used, reasons["band"] = _seen(responses)
+    used, reasons["band_hz"] = _seen(responses)
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
-    bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, dt, delay_samples, at_most_hz)
+    bandwidth, reasons["bandwidth_hz"] = _bandwidth(used, nominal, dt, delay_samples, at_most_hz)
     below = np.geomspace(used.frequency_hz[0], max(bandwidth, 1.01 * used.frequency_hz[0]), 50)
     least = float(np.abs(nominal.response(2 * np.pi * below)).min())
     effort = float(f"{EFFORT * least:.3g}")
@@ -270,7 +270,8 @@ def _bandwidth(
     if most < responses.omega[0]:
         raise InputError(
             f"{why}: a bandwidth of at most {most / (2 * np.pi):.3g} Hz, below the first frequency "
-            f"that was measured, {responses.frequency_hz[0]:.3g} Hz; measure lower, or mend that limit"
+            f"that was measured, {responses.frequency_hz[0]:.3g} Hz; measure lower, or mend that "
+            "limit"
         )
     return float(f"{most / (2 * np.pi):.2g}"), why
 

@@ -81,8 +81,9 @@ def kept_weights(
             break
     best, found, plant = min(tried, key=lambda one: one[0].peak)
     if best.peak < 1 and len(tried) > 1:
-        best.reasons["bandwidth"] = (
-            f"the first of {', '.join(f'{one.bandwidth_hz:g}' for one, _, _ in tried)} Hz at which a "
+        best.reasons["bandwidth_hz"] = (
+            f"the first of {', '.join(f'{one.bandwidth_hz:g}' for one, _, _ in tried)} Hz at "
+            "which a "
             f"certified peak of mu is below 1, {told_apart(best.peak, 1.0, digits=3)[0]}; at "
             f"{asked:g} Hz it is {told_apart(tried[0][0].peak, 1.0, digits=3)[0]}"
         )

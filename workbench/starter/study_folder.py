@@ -44,10 +44,10 @@ def write_study(
     input: str | None = None,
     output: str | None = None,
     time: str | None = None,
-    sample_rate: float | None = None,
+    record_dt: float | None = None,
     excitation: str | int | None = None,
     assume: str | Sequence[str] = (),
-    period: float | None = None,
+    dt: float | None = None,
     delay_samples: float = 1.0,
     spread: float | None = None,
     resonance_shift: float | None = None,
@@ -74,14 +74,14 @@ def write_study(
         A pattern of files, one record of each plant, such as ``"drive*.csv"``; or a list of them.
     input, output, time
         Names of columns; None: found by their names and values.
-    sample_rate
-        Sampling frequency [Hz] of records without a column of time.
+    record_dt
+        Sampling time [s] of records without a column of time.
     excitation
         Name of the column of what was added to closed loops from outside, such as the set-point;
         or, if it was not recorded but repeats itself, the samples of its period.
     assume
         Assumptions on the records that you vouch for against their reports, such as "open loop".
-    period
+    dt
         Sampling time [s] of the controller's computer; None: that of the records.
     delay_samples
         Delay [samples] of the controller's computer.
@@ -142,8 +142,8 @@ def write_study(
         "control_rms": control_rms,
     }
     Demands(**asked, noise=1.0)  # raises for numbers that are none
-    need_positive(period, "period", or_none=True)
-    need_positive(sample_rate, "sample_rate", or_none=True)
+    need_positive(dt, "dt", or_none=True)
+    need_positive(record_dt, "record_dt", or_none=True)
     if not (is_real(delay_samples) and 0.0 <= delay_samples < math.inf):
         raise InputError(
             f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
@@ -157,9 +157,9 @@ def write_study(
     if target.exists():
         raise InputError(f"{target} exists already; name a new folder, or move it away")
     paths = found_files(data)
-    u, y, t = record_columns(paths[0], input, output, time, sample_rate)
-    look = first_look(paths, u, y, t, sample_rate)
-    every = look.period if period is None else period
+    u, y, t = record_columns(paths[0], input, output, time, record_dt)
+    look = first_look(paths, u, y, t, record_dt)
+    every = look.period if dt is None else dt
     stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
     held = look.limits if limits is None else limits
     responses = Responses.from_files(
@@ -167,7 +167,7 @@ def write_study(
         input=u,
         output=y,
         time=t,
-        dt=sample_rate and 1 / sample_rate,
+        dt=record_dt,
         excitation=excitation,
         assume=assume,
         hold=True,
@@ -193,13 +193,13 @@ def write_study(
     chosen = replace(chosen, columns=look.columns, notes=notes, tested=responses.tested)
     if bandwidth_hz is not None:
         chosen = replace(chosen, bandwidth_hz=bandwidth_hz)
-        chosen.reasons["bandwidth"] = "as given"
+        chosen.reasons["bandwidth_hz"] = "as given"
     if control_rms is not None and not look.noise:
         raise InputError("control_rms is demanded, but the records show no noise: leave it out")
     if effort is not None:
         chosen = replace(chosen, effort=effort)
         chosen.reasons["effort"] = "as given"
-    chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
+    chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
     named: dict[str, Any] = {"excitation": excitation} if excitation is not None else {}
     if assume:
         named["assume"] = as_names(assume)
@@ -211,7 +211,7 @@ def write_study(
         "input": u,
         "output": y,
         "time": t,
-        "sample_rate": sample_rate,
+        "record_dt": record_dt,
         "named": named,
         "stated": {name: share for name, share in stated.items() if share is not None},
         "period": every,

@@ -98,7 +98,10 @@ def check(
     ...
     ...     number = dim(1, 2, 3)
     ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
-    ...     small = check(title="small", statement="the largest square", value=lambda square: square, at_most=8.0)
+    ...     small = check(
+    ...         title="small", statement="the largest square", value=lambda square: square,
+    ...         at_most=8.0
+    ...     )
     ...
     >>> certificate = solve(Squares()).certificate
     >>> certificate.holds, certificate.checks[0].value, certificate.checks[0].where

@@ -74,7 +74,10 @@ def part(function: Function) -> Any:
     ...     def table(self):
     ...         return {1: 1, 2: 4, 3: 9}
     ...
-    ...     square = array(dims=number, unit="1", meaning="square", value=lambda table: [table[k] for k in (1, 2, 3)])
+    ...     square = array(
+    ...         dims=number, unit="1", meaning="square", value=lambda table: [table[k] for k in (1,
+    ...         2, 3)]
+    ...     )
     ...
     >>> sorted(solve(Squares()).answer.data_vars)
     ['square']
@@ -121,7 +124,9 @@ def dim(*labels: Any, unit: str = "", meaning: str = "") -> Any:
     ...     def frequency(self):
     ...         return [100.0 * (k + 1) for k in range(self.count)]
     ...
-    ...     twice = array(dims=frequency, unit="Hz", meaning="twice", value=lambda frequency: 2 * frequency)
+    ...     twice = array(
+    ...         dims=frequency, unit="Hz", meaning="twice", value=lambda frequency: 2 * frequency
+    ...     )
     ...
     >>> solve(Lines()).answer["twice"].values.tolist()
     [200.0, 400.0, 600.0]

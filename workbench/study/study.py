@@ -52,7 +52,10 @@ class Study(Task):
     ...
     ...     number = dim(1, 2, 3)
     ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
-    ...     small = check(title="small", statement="the largest square", value=lambda square: square, at_most=10.0)
+    ...     small = check(
+    ...         title="small", statement="the largest square", value=lambda square: square,
+    ...         at_most=10.0
+    ...     )
     ...     most = metric(lambda square: square.max())
     ...
     >>> solution = solve(Squares())

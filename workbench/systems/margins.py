@@ -95,7 +95,8 @@ def search_grid(loop: StateSpace) -> RealArray:
 
 
 def crossings(curve: Curve, frequency_hz: RealArray) -> RealArray:
-    """Frequencies [Hz] at which a curve changes sign, one between neighbours of `frequency_hz` [Hz].
+    """Frequencies [Hz] at which a curve changes sign, one between neighbours of `frequency_hz`
+    [Hz].
 
     Examples
     --------

@@ -54,9 +54,9 @@ def split_delay(delay: float) -> tuple[int, float]:
 def sampled(system: Any, dt: float, *, delay_samples: float = 0.0) -> StateSpace:
     """Exact discrete-time model of a system whose held inputs arrive late.
 
-    ``dt`` [s]: the sampling time; ``delay_samples`` [samples]: how late they arrive. Within [k, k + 1) samples the input changes once, at k plus
-    the fraction of the delay, so the plant is discretised over two pieces. The delayed inputs
-    become states, placed after those of the plant.
+    ``dt`` [s]: the sampling time; ``delay_samples`` [samples]: how late they arrive. Within [k, k +
+    1) samples the input changes once, at k plus the fraction of the delay, so the plant is
+    discretised over two pieces. The delayed inputs become states, placed after those of the plant.
 
     Raises
     ------

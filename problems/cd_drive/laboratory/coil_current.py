@@ -195,7 +195,10 @@ class CoilExperiment:
         def filtered(p: Any, s: Any) -> Any:
             return model(p, s) * corner_ratio(p["corner"], s)
 
-        response = MeasuredResponse(filtered, self.frequency, *measured, "v_r/u")
+        values, variance, degrees = measured
+        response = MeasuredResponse(
+            filtered, self.frequency, values, variance=variance, degrees=degrees, name="v_r/u"
+        )
         known = independent({"corner": (1.0, RATIO_DEVIATION)}, "corners")
         return ParameterFit(
             [response, known], start | {"corner": FittedParameter(1.0, lower=0.2, upper=5.0)}

@@ -165,7 +165,8 @@ class Identified(Study):
     )
     coverage = check(
         title="coverage of {lumped}",
-        statement="1 - p of so few drives whose 99 % interval, of the current alone, holds the truth",
+        statement="1 - p of so few drives whose 99 % interval, of the current alone, holds the "
+        "truth",
         value=lambda answer: 1.0 - coverage_p(_held(answer).rename(drive="draw"), CONFIDENCE),
         each="lumped",
         at_most=1.0 - LEAST_COVERAGE_P,

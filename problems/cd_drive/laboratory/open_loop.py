@@ -228,7 +228,8 @@ class OpenLoop(Study):
 
     check_errors = check(
         title="error of {parameter}",
-        statement="share of draws with a relative error, the mass as told, above the thesis' accuracy",
+        statement="share of draws with a relative error, the mass as told, above the thesis' "
+        "accuracy",
         value=lambda self, answer: share_of_draws(
             self.at_told_mass(answer)
             > answer["truth"].copy(data=[ERROR_TOLERANCE[name] for name in PARAMETERS]),

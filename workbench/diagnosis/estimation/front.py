@@ -54,7 +54,8 @@ class FrontPoint:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -93,7 +94,8 @@ class FaultFront:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -113,7 +115,8 @@ class FaultFront:
         if not f[0] <= loop.demands.leakage_below_hz or not f[-1] >= loop.demands.error_above_hz:
             raise InputError(
                 f"the grid from {f[0]:g} to {f[-1]:g} Hz must have frequencies up to "
-                f"{loop.demands.leakage_below_hz:g} Hz and from {loop.demands.error_above_hz:g} Hz on"
+                f"{loop.demands.leakage_below_hz:g} Hz and from {loop.demands.error_above_hz:g} "
+                "Hz on"
             )
         self.omega = loop.warped(self.frequency_hz)
         L = loop.open_loop(self.omega)
@@ -225,7 +228,8 @@ class FaultFront:
         >>> from workbench.uncertainty import UncertaintyModel
         >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
         >>> demands = EstimationDemands(
-        ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+        ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+        ...     noise_band_hz=1.0
         ... )
         >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
         >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)

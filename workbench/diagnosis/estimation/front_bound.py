@@ -80,7 +80,8 @@ def least_total(
     >>> from workbench.diagnosis import EstimationDemands, least_total
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> bound = least_total(demands, error=0.5, corner=1.0, coefficients=16)
     >>> bool(0 < bound < 3e-3)

@@ -49,7 +49,8 @@ class FrontFilter:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -93,9 +94,9 @@ def full_order(
 ) -> FrontFilter:
     """The filter of least leakage and noise within limits over a Laguerre basis, certified.
 
-    frequency_hz: grid [Hz] (F,) of the convex problem. count: functions of the basis. leakage: limit
-    in the unit of the fault. peak: of the sensitivity while the estimate is removed from the error,
-    None where it never is. Raises SolverError where the set of plants allows no such filter.
+    frequency_hz: grid [Hz] (F,) of the convex problem. count: functions of the basis. leakage:
+    limit in the unit of the fault. peak: of the sensitivity while the estimate is removed from the
+    error, None where it never is. Raises SolverError where the set of plants allows no such filter.
 
     Examples
     --------
@@ -106,7 +107,8 @@ def full_order(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -134,8 +136,8 @@ def few_states(
 ) -> FrontFilter:
     """The best filter with the poles of a reduction of F to at most an order; of F = 0 itself.
 
-    Filters that are certified to meet all requirements come first. ``frequency_hz`` (F,) [Hz]: grid,
-    to which frequencies about the reduced poles are added. peak: as of `full_order`. Raises
+    Filters that are certified to meet all requirements come first. ``frequency_hz`` (F,) [Hz]:
+    grid, to which frequencies about the reduced poles are added. peak: as of `full_order`. Raises
     SolverError where no reduction has poles that meet the relative error, the leakage and the peak.
 
     Examples
@@ -153,7 +155,8 @@ def few_states(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band_hz=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)

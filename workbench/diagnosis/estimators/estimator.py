@@ -41,8 +41,8 @@ quality of y."""
 class Estimate(NamedTuple):
     """Estimates over a record of N samples; each uses the record up to its own sample only.
 
-    outputs (N, z) in the order of `DisturbedPlant.Z`; disturbance (N,); ``frequency_hz`` (N,) [Hz] of the
-    rotation.
+    outputs (N, z) in the order of `DisturbedPlant.Z`; disturbance (N,); ``frequency_hz`` (N,) [Hz]
+    of the rotation.
 
     Examples
     --------

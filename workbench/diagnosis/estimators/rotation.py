@@ -103,7 +103,8 @@ class Rotation:
         highest = max(self.harmonics) * self.limits_hz[1]
         if not highest < 0.5 / dt:
             raise InputError(
-                f"harmonic {max(self.harmonics)} of up to {self.limits_hz[1]} Hz is {highest} Hz; it "
+                f"harmonic {max(self.harmonics)} of up to {self.limits_hz[1]} Hz is {highest} "
+                "Hz; it "
                 f"must stay below half the sampling frequency, {0.5 / dt} Hz"
             )
         angles = [2 * np.pi * h * self.frequency_hz * dt for h in self.harmonics]

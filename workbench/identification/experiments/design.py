@@ -248,8 +248,8 @@ class ExperimentDesign(Program):
         statement = "worst cost by least squares over the claimed one, less 1"
         spent = float((self.uses @ np.abs(answer.power)).max()) - 1.0
         return [
-            Check("least squares", statement, excess(value, answer.worst), COST_ROUNDING, where=where),
-            Check("sizes", "share of a limit that sizes of powers use, less 1", spent,
+            Check("least squares", statement, excess(value, answer.worst), COST_ROUNDING,
+            where=where), Check("sizes", "share of a limit that sizes of powers use, less 1", spent,
                   LIMIT_ROUNDING),
         ]  # fmt: skip
 

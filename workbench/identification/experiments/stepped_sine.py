@@ -123,7 +123,8 @@ def sine_fit(
     if samples < unknowns:
         raise InputError(
             f"{samples:.3g} samples a period cannot tell {unknowns} unknowns (an offset and "
-            f"{harmonics} harmonics) at {frequency_hz:g} Hz: sample faster or ask for fewer harmonics"
+            f"{harmonics} harmonics) at {frequency_hz:g} Hz: sample faster or ask for fewer "
+            "harmonics"
         )
     periods = int(values.shape[-1] / samples + COUNT_ROUNDING)
     if periods < 1:

@@ -91,8 +91,8 @@ def impulse_response_deviations(
     """Standard deviations (F, ny, nu) of |G - truth| for the model of `impulse_response`.
 
     They are those of the posterior density: of responses that decay as the kernel says, after what
-    the record tells of them, with white noise at the outputs. ``cycles_per_sample`` (F,) [cycles/sample]. ``delay_samples``
-    [samples]: how much later each input acts.
+    the record tells of them, with white noise at the outputs. ``cycles_per_sample`` (F,)
+    [cycles/sample]. ``delay_samples`` [samples]: how much later each input acts.
     Raises `InputError` where the record is too short for a model.
 
     Examples

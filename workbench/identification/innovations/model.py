@@ -26,8 +26,8 @@ STATE_SAMPLES = 300
 class InnovationsModel:
     """Innovations model: A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny).
 
-    The offsets (nu,) and (ny,) are subtracted from u and y. ``delay_samples`` [samples] (nu,) is how much
-    later an input acts; empty where none does. ``dt`` [s] and the names and units of the
+    The offsets (nu,) and (ny,) are subtracted from u and y. ``delay_samples`` [samples] (nu,) is
+    how much later an input acts; empty where none does. ``dt`` [s] and the names and units of the
     channels are those of the record. ``members`` are the models whose mean this one is, if it is
     one: its runs are then the means of theirs, each from an initial state of its own. The last
     ``resting`` states start every run at zero: a few samples do not tell them from the others.

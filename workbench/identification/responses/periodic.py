@@ -51,7 +51,9 @@ class ResponseEstimate:
     >>> measured = ResponseEstimate(
     ...     np.array([1.0]), np.full((1, 1, 1), 2.0 + 0j), np.full((1, 1, 1), 1e-4), 14.0
     ... )
-    >>> measured.omega.round(4).tolist(), bool(0.01 < measured.radius(confidence=0.95)[0, 0, 0] < 0.03)
+    >>> measured.omega.round(
+    ...     4).tolist(), bool(0.01 < measured.radius(confidence=0.95)[0, 0, 0] < 0.03
+    ... )
     ([6.2832], True)
     """
 

@@ -323,7 +323,7 @@ def periodic_local_rational(
     >>> y = control.forced_response(mode, inputs=u).outputs
     >>> exact = mode(np.exp(2j * np.pi * lines / samples))
     >>> ways = (periodic_local_polynomial, periodic_local_rational)
-    >>> found = [way(u[:, None], y[:, None], samples, lines=lines).response[:, 0, 0] for way in ways]
+    >>> found = [way(u[:, None], y[:, None], samples, lines=lines).response for way in ways]
     >>> [bool(abs(one / exact - 1).max() < 1e-3) for one in found]
     [False, True]
     """

@@ -78,8 +78,9 @@ def projection_fits(program: StateSpaceFit, weights: ProjectionWeights) -> Fitte
                 wholes[id(record)] = bridged(record.delayed(program.delays_samples), program.direct)
             return best_projection(
                 record, order, weights,
-                direct=program.direct, delay=program.delays_samples, largest_radius=program.largest_radius,
-                known=program.known, whole=wholes[id(record)],
+                direct=program.direct, delay=program.delays_samples,
+                largest_radius=program.largest_radius, known=program.known,
+                whole=wholes[id(record)],
             )  # fmt: skip
 
         return fit

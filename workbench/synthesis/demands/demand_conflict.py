@@ -160,8 +160,8 @@ class DemandConflict(Study):
         return found
 
     @check(
-        title="conflict", statement="upper bound of the integral of the proof, over that of |h|", at_most=0.0,
-        over="for every frequency and every controller",
+        title="conflict", statement="upper bound of the integral of the proof, over that of |h|",
+        at_most=0.0, over="for every frequency and every controller",
     )  # fmt: skip
     def proven(self, proof: DataArray, level: DataArray, member: DataArray) -> float | None:
         found = self._certificate(proof, level, member)

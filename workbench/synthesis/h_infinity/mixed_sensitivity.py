@@ -58,7 +58,9 @@ class MixedSensitivity(HinfSynthesis):
     >>> solution.certificate.holds, bool(solution.answer.norm < 1)
     (True, True)
     >>> from workbench.synthesis import PI
-    >>> program = MixedSensitivity(G, W_S=control.tf([0.5, 1.0], [1.0, 0.01]), W_KS=0.1, family=PI())
+    >>> program = MixedSensitivity(
+    ...     G, W_S=control.tf([0.5, 1.0], [1.0, 0.01]), W_KS=0.1, family=PI()
+    ... )
     >>> bool(wb.solve(program).answer.K.poles()[0] == 0)  # an integrator
     True
     """

@@ -48,12 +48,12 @@ class SampledMargins:
     """Stability margins of the loop of one control signal while the other loops stay closed.
 
     gain          factors below and above 1 between which the loop stays stable;
-    phase_deg         margin [deg] in both directions, at `phase_at` [rad/s]; infinite where the gain
-                  never passes 1;
-    delay_samples         time [samples], also fractions, that may be added before the signal acts; the held
-                  plant is discretised again for each delay. Infinite where the gain never passes 1.
-                  NaN means not known but above `LONGEST_SCANNED`: the gain passes 1 for some
-                  fractions of a sample only, and none of these was found critical.
+    phase_deg         margin [deg] in both directions, at `phase_at` [rad/s]; infinite where the
+                  gain never passes 1;
+    delay_samples         time [samples], also fractions, that may be added before the signal acts;
+                  the held plant is discretised again for each delay. Infinite where the gain never
+                  passes 1. NaN means not known but above `LONGEST_SCANNED`: the gain passes 1 for
+                  some fractions of a sample only, and none of these was found critical.
 
     Examples
     --------

@@ -87,7 +87,9 @@ class ControlCover:
     >>> from workbench.synthesis import ControlCover
     >>> from workbench.uncertainty import Responses
     >>> omega = np.geomspace(0.01, 100, 60)
-    >>> plants = Responses(omega=omega, values=np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T)
+    >>> plants = Responses(
+    ...     omega=omega, values=np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ... )
     >>> cover = ControlCover(
     ...     plants,
     ...     1,

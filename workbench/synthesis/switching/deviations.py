@@ -184,7 +184,8 @@ class Deviations:
         """Bounds of the error (N, distances), for defects up to n samples, that far apart or more.
 
         P (2, n, n): functions of the clean and the defect mode, as `SwitchedStability` gives
-        them; ``distances_samples`` [samples]. Infinite where these functions do not bound the error.
+        them; ``distances_samples`` [samples]. Infinite where these functions do not bound the
+        error.
         """
         root_c, root_o = (np.linalg.cholesky(each) for each in P)
         A_c, A_o = self.loop.clean[0], self.loop.defect[0]

@@ -71,7 +71,8 @@ class Mode:
             need_numbers(rate=self.rate)
         if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest_samples is None):
             raise InputError(
-                f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest_samples}; a rate must "
+                f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest_samples}; a "
+                "rate must "
                 "be above 0, below 1, and of a mode without a longest stay"
             )
 

@@ -54,7 +54,9 @@ class Dwell(ProgramAnswer):
     >>> import workbench as wb
     >>> from workbench.synthesis import Mode, SwitchedStability
     >>> clean, defect = np.array([[0.5, 1.0], [0.0, 0.5]]), np.array([[0.5, 0.0], [1.0, 0.5]])
-    >>> program = SwitchedStability((Mode("clean", clean, shortest_samples=None), Mode("defect", defect)))
+    >>> program = SwitchedStability(
+    ...     (Mode("clean", clean, shortest_samples=None), Mode("defect", defect))
+    ... )
     >>> dwell = wb.solve(program, method="clarabel").answer
     >>> dwell.P.shape
     (2, 2, 2)
@@ -90,7 +92,9 @@ class SwitchedStability(Program):
     >>> import workbench as wb
     >>> from workbench.synthesis import Mode, SwitchedStability
     >>> clean, defect = np.array([[0.5, 1.0], [0.0, 0.5]]), np.array([[0.5, 0.0], [1.0, 0.5]])
-    >>> program = SwitchedStability((Mode("clean", clean, shortest_samples=None), Mode("defect", defect)))
+    >>> program = SwitchedStability(
+    ...     (Mode("clean", clean, shortest_samples=None), Mode("defect", defect))
+    ... )
     >>> solution = wb.solve(program, method="clarabel")
     >>> solution.certificate.valid, solution.answer.samples >= 1
     (True, True)

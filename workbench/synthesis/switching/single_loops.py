@@ -124,8 +124,8 @@ class SingleLoops:
         """Certified mu of robust stability (controllers, 2, 2): without and with delay; its bounds.
 
         uncertain: continuous generalised plant that every controller is closed with. The delay is
-        that of hold and computer, half a period and `delay_samples`, as a rational approximation. Infinite
-        where the nominal loop is unstable.
+        that of hold and computer, half a period and `delay_samples`, as a rational approximation.
+        Infinite where the nominal loop is unstable.
         """
         import control
 

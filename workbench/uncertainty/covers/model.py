@@ -195,7 +195,9 @@ class Containment(Answer):
     >>> from workbench.uncertainty import Responses, UncertaintyModel, contains
     >>> omega = np.geomspace(1, 100, 30)
     >>> plants = Responses(
-    ...     omega=omega, values=np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
     >>> found = contains(model, plants)
@@ -270,7 +272,9 @@ def contains(model: UncertaintyModel, responses: Responses, *, leave_out: int = 
     >>> from workbench.uncertainty import Responses, UncertaintyModel, contains
     >>> omega = np.geomspace(1, 100, 30)
     >>> plants = Responses(
-    ...     omega=omega, values=np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
     >>> narrow = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.09], [1.0]))

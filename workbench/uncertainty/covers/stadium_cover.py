@@ -44,7 +44,9 @@ class StadiumCover(UncertaintyCover):
     >>> from workbench.uncertainty import Responses, StadiumCover
     >>> omega = np.geomspace(1, 100, 20)
     >>> plants = Responses(
-    ...     omega=omega, values=np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> solution = wb.solve(StadiumCover(plants, order=1, complex_order=1, real_order=1))
     >>> solution.certificate.valid

@@ -133,7 +133,8 @@ class MatrixSets(Program):
     >>> plants = 1 + 0.1 * rng.standard_normal((6, 5, 2, 2)) + np.eye(2)
     >>> responses = MatrixResponses(omega, plants + 0j)
     >>> sets = MatrixSets(
-    ...     responses.values - responses.values.mean(axis=1, keepdims=True), left="diagonal", right="diagonal"
+    ...     responses.values - responses.values.mean(axis=1, keepdims=True), left="diagonal",
+    ...     right="diagonal"
     ... )
     >>> wb.solve(sets).certificate.holds
     True

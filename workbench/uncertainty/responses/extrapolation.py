@@ -48,7 +48,9 @@ def widened(responses: Responses, content: float) -> Responses:
     >>> from workbench.uncertainty import Responses, UncertaintyModel, widened
     >>> omega = np.geomspace(1, 100, 30)
     >>> plants = Responses(
-    ...     omega=omega, values=np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
     >>> rng = np.random.default_rng(0)

@@ -262,9 +262,9 @@ class Responses:
         Of a record, name the ``input``, the ``output`` and the ``time`` (or give the sampling
         frequency); the response and its variance are then estimated, from whole periods where the
         input has many, else by local models (`local_response`). Of a frequency response, name
-        the ``frequency_hz`` and the ``response`` (or its two parts, or magnitude and phase). What was
-        found out stands in ``read``; files in other units than the first are converted to its own.
-        The response of a record leads from samples to samples: it contains the delay of the
+        the ``frequency_hz`` and the ``response`` (or its two parts, or magnitude and phase). What
+        was found out stands in ``read``; files in other units than the first are converted to its
+        own. The response of a record leads from samples to samples: it contains the delay of the
         converters and, unless ``hold`` says that it is to be taken out, the hold.
 
         Each record is tested (`record_report`; the ``reports``), and one of a closed loop is
@@ -384,7 +384,8 @@ class Responses:
         chosen = np.flatnonzero((self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz))
         if chosen.size < 2:
             raise InputError(
-                f"{chosen.size} frequencies lie from {low_hz:g} to {high_hz:g} Hz; two are needed of "
+                f"{chosen.size} frequencies lie from {low_hz:g} to {high_hz:g} Hz; two are "
+                "needed of "
                 f"those from {self.frequency_hz[0]:.6g} to {self.frequency_hz[-1]:.6g} Hz"
             )
         return self.at(chosen)
@@ -420,7 +421,9 @@ class Responses:
         --------
         >>> import numpy as np
         >>> from workbench.uncertainty import Responses
-        >>> known = Responses(omega=np.array([1.0, 2.0]), values=np.full((2, 2), 3.0 + 0j), variance=0.0016)
+        >>> known = Responses(
+        ...     omega=np.array([1.0, 2.0]), values=np.full((2, 2), 3.0 + 0j), variance=0.0016
+        ... )
         >>> np.sqrt(known.linear_within(0.01).variance[0]).round(4).tolist()
         [0.05, 0.05]
         """

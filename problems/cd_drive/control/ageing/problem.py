@@ -205,7 +205,8 @@ class Ageing(Study):
     )
     best = check(
         title="chosen for it",
-        statement="peak of the controller chosen for a set over the least of the others on it, less 1",
+        statement="peak of the controller chosen for a set over the least of the others on it, "
+        "less 1",
         value=lambda peak: _beaten(peak),
         at_most=PEAK_TOLERANCE,
     )

@@ -182,7 +182,8 @@ class GainControl(Study):
     )
     removed = check(
         title="differences are removed",
-        statement="share of draws whose spread over the drives is above a third of that before, ordinary",
+        statement="share of draws whose spread over the drives is above a third of that before, "
+        "ordinary",
         value=lambda before, after: (
             1.0 - (_spread(after.sel(arm=CLAIMED)) <= REMOVED * _spread(before)).mean("draw")
         ),

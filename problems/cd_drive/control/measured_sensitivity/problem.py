@@ -272,13 +272,15 @@ class MeasuredSensitivity(Study):
     )
     converter = check(
         title="saturation",
-        statement="share of the samples of u at the converter's limit on an ordinary disc, any draw",
+        statement="share of the samples of u at the converter's limit on an ordinary disc, any "
+        "draw",
         value=lambda saturated: saturated.sel(disc="ordinary"),
         at_most=0.0,
     )
     alike = check(
         title="similar, {scale} gain",
-        statement="share of records on an ordinary disc whose |S| is not similar to the model's, as told",
+        statement="share of records on an ordinary disc whose |S| is not similar to the model's, "
+        "as told",
         value=lambda answer: (1.0 - share_of_draws(_similar(answer), "scale", "disc", "model")).sel(
             disc="ordinary", model="told"
         ),

@@ -51,7 +51,13 @@ def fault_loop(
 
     filter_ = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0)
     demands = EstimationDemands(
-        error_above_hz=FAST, leakage_below_hz=SLOW, gain=GAIN, disturbance=disc_weight(axis), noise=NOISE[axis], noise_band_hz=NOISE_BAND, unit=LENGTH_UNIT
+        error_above_hz=FAST,
+        leakage_below_hz=SLOW,
+        gain=GAIN,
+        disturbance=disc_weight(axis),
+        noise=NOISE[axis],
+        noise_band_hz=NOISE_BAND,
+        unit=LENGTH_UNIT,
     )
     if delay is None:
         return FaultLoop(model, K, filter_, demands)

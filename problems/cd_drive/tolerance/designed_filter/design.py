@@ -72,9 +72,7 @@ class MarginsDesign:
             functions = basis.response(front.omega, SAMPLED)
             point = front.least(functions, error, leakage=leakage, peak=peak)
             full, points = basis.filter(point.coefficients), fine_grid(front.loop)
-            few = few_states(
-                front.loop, points, full, self.order, error, leakage, peak=peak
-            )
+            few = few_states(front.loop, points, full, self.order, error, leakage, peak=peak)
         except SolverError:  # its least leakage is larger
             return None
         return few if few.meets else None

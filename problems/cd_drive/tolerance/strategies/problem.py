@@ -315,7 +315,8 @@ class StrategiesStudy(Study):
     )
     suppressed = check(
         title="periodic {strategy}",
-        statement=f"draws with a periodic error above {PERIODIC_SHARE:g} of the reference strategy's",
+        statement=f"draws with a periodic error above {PERIODIC_SHARE:g} of the reference "
+        "strategy's",
         value=lambda periodic: share_of_draws(
             over_reference(periodic).sel(strategy=["A", "B"]) > PERIODIC_SHARE, "strategy"
         ),
@@ -324,7 +325,8 @@ class StrategiesStudy(Study):
     )
     equal = check(
         title="periodic C",
-        statement=f"draws with a periodic error off the reference strategy's by {PERIODIC_DIFFERENCE:.0%}",
+        statement="draws with a periodic error off the reference strategy's by "
+        f"{PERIODIC_DIFFERENCE:.0%}",
         value=lambda periodic: share_of_draws(
             abs(over_reference(periodic).sel(strategy="C") - 1.0) > PERIODIC_DIFFERENCE
         ),
@@ -332,7 +334,8 @@ class StrategiesStudy(Study):
     )
     kept = check(
         title="kept",
-        statement="times that focus or track was lost or regained once a strategy had settled, all draws",
+        statement="times that focus or track was lost or regained once a strategy had settled, "
+        "all draws",
         value=lambda events: events.sel(strategy=["reference", *CLAIMED]).sum(),
         at_most=0.0,
     )
@@ -352,7 +355,8 @@ class StrategiesStudy(Study):
     )
     replayed = check(
         title="half the step",
-        statement="largest relative change of an excursion when the optics are followed twice as finely",
+        statement="largest relative change of an excursion when the optics are followed twice as "
+        "finely",
         value=lambda excursion_half_step, excursion_shown: abs(
             excursion_half_step / excursion_shown - 1.0
         ),
