@@ -142,7 +142,9 @@ class FiveX(Study):
     @part
     def plants(self) -> dict[str, GeneralisedPlant]:
         whole = generalised(self.axis, self.loop.model, SPEED)
-        return {name: whole.channel(*signals) for name, signals in CHANNELS.items()}
+        return {
+            name: whole.channel(performance=z, exogenous=w) for name, (z, w) in CHANNELS.items()
+        }
 
     @array(dims=(), unit="1", meaning="gain of equal channels")
     def adjusted_gain(self, plants: Plants) -> float:
