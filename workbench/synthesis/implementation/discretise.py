@@ -65,10 +65,11 @@ def discretised(
         same gain at zero frequency; its A is a chain of blocks.
     prewarp
         Frequency [rad/s] at which the bilinear transform keeps the response of K.
-    plant, sign, delay_samples
-        The loop in which K is used, as in `sampled_conditions`, and how late its control acts
-        [samples]. If a plant is given, the sampled
+    plant, sign
+        The loop in which K is used, as in `sampled_conditions`. If a plant is given, the sampled
         loop is tested, and K is returned only if the loop is stable.
+    delay_samples
+        How late the control acts in that loop [samples].
 
     Raises
     ------
