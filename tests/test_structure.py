@@ -61,7 +61,7 @@ def test_what_is_no_member(place, value):
     assert structure.contains(delta)
     delta[place] += value
     assert not structure.contains(delta)
-    assert structure.contains(delta, tolerance=0.2)
+    assert structure.contains(delta, rounding=0.2)
 
 
 def test_complexified_and_performance():

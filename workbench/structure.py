@@ -261,10 +261,10 @@ class Structure:
             delta[row, column] = array
         return delta
 
-    def contains(self, delta: ArrayLike, *, tolerance: float = 1e-12) -> bool:
+    def contains(self, delta: ArrayLike, *, rounding: float = 1e-12) -> bool:
         """Whether `delta` (rows, columns) has this structure.
 
-        No entry may be off by more than `tolerance` times the largest one. Says nothing of the
+        No entry may be off by more than `rounding` times the largest one. Says nothing of the
         size of delta. Raises InputError where its shape does not fit.
         """
         array = np.asarray(delta)
@@ -275,7 +275,7 @@ class Structure:
             )
         places = zip(self.blocks, self.row_slices, self.column_slices, strict=True)
         nearest = self.diagonal(b.nearest(array[row, column]) for b, row, column in places)
-        return bool((abs(array - nearest) <= tolerance * abs(array).max()).all())
+        return bool((abs(array - nearest) <= rounding * abs(array).max()).all())
 
     def random(self, rng: np.random.Generator) -> Array:
         """A random Delta (rows, columns), its largest singular value 1."""

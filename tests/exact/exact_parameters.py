@@ -252,9 +252,7 @@ def probability_case(rng):
         name += ", sampled"  # the pole 1/2 - p lies above -1 where p < 3 / 2
 
     def ask():
-        found = guaranteed_probability(
-            system, gain=gain, distributions=laws, tolerance=0.02, parts=60
-        )
+        found = guaranteed_probability(system, gain=gain, distributions=laws, width=0.02, parts=60)
         return found, [Claim("probability", found.lower, found.upper, truth)]
 
     return Case(name, "guaranteed_probability", ask)
@@ -270,7 +268,7 @@ def curved_case(rng):
     system = tf([1], [1, x, y, z])
 
     def ask():
-        found = guaranteed_probability(system, tolerance=0.1, parts=40)
+        found = guaranteed_probability(system, width=0.1, parts=40)
         return found, [Claim("probability", found.lower, found.upper, truth)]
 
     return Case("curved", "guaranteed_probability", ask)

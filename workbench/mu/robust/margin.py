@@ -58,7 +58,7 @@ MOST_GROWTH = 1e6
 def robust_stability(
     system: Any,
     *,
-    tolerance: float = 1e-4,
+    tolerance: float = 1e-3,
     decay: float = 0.0,
     damping: float = 0.0,
     parts: int = PARTS,
@@ -115,7 +115,7 @@ def robust_stability(
         unlimited = StabilityMargin(
             math.inf, math.inf, math.nan, None, None, parts=0, dt=whole.dt or 0.0, idle=idle
         )
-        again = partial(robust_stability, whole)
+        again = partial(robust_stability, whole, tolerance=1e-4)
         return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", whole))
     if not (idle or all(isinstance(block, Real) for block in given.structure)):
         given = whole
