@@ -45,7 +45,7 @@ def loop(noise, seed=0, periods=PERIODS):
 def fit(noise, seed=0, **changed):
     r, u, y = loop(noise, seed)
     common = {"direct": False, "orders": (2,), "excitation": r, "controller": CONTROLLER}
-    return ClosedLoopFit(u, y, **(common | {"period": PERIOD} | changed))
+    return ClosedLoopFit(u, y, **(common | {"period_samples": PERIOD} | changed))
 
 
 def error(model):
@@ -100,11 +100,11 @@ def test_a_steady_response_is_that_of_lines():
 
 def test_a_wrong_period_is_refused():
     with pytest.raises(InputError, match="differ by"):
-        fit(0.0, period=PERIOD - 1)
+        fit(0.0, period_samples=PERIOD - 1)
     with pytest.raises(InputError, match="must hold it twice"):
-        fit(0.0, period=PERIODS * PERIOD)
+        fit(0.0, period_samples=PERIODS * PERIOD)
     with pytest.raises(InputError, match="integer of at least 1"):
-        fit(0.0, period=0.5)
+        fit(0.0, period_samples=0.5)
     with pytest.raises(InputError, match="holds no period"):
         program = fit(0.0)
         program.explained(program.record.part(0, PERIOD - 1))

@@ -134,7 +134,7 @@ def closed_loop_covariance(
     """
     if method not in INPUTS:
         raise InputError(f"method is {method!r}; it must be one of {', '.join(INPUTS)}")
-    record, period, clean_input = program.used, program.dt, INPUTS[method]
+    record, period, clean_input = program.used, program.period_samples, INPUTS[method]
     if period is not None and len(record) < FEWEST * period:
         period = None
     parts = _parts(len(record), period)
@@ -161,7 +161,7 @@ def _of_instruments(
 ) -> ComplexArray:
     """Responses (parts, F, ny, nu) where the equations of one part are left out."""
     clean = _explained(program, record)
-    filtered = filtered_by_poles(model, program.dt, record, clean)
+    filtered = filtered_by_poles(model, program.period_samples, record, clean)
     order = model.order // record.y.shape[1]
     found = [
         instrumental_arx(*filtered, order, program.direct, parts != number).response(frequency)

@@ -154,7 +154,7 @@ def rebuilt_input(program: ClosedLoopFit, record: Experiments, clean: Experiment
 
 def _fed_back(program: ClosedLoopFit, y: RealArray) -> RealArray:
     """Outputs (N, nu) of the controller for y (N, ny); from rest where y does not repeat itself."""
-    controller, period = program.controller, program.dt
+    controller, period = program.controller, program.period_samples
     if controller is None:
         raise InputError("the controller is missing; give it, or take method two-stage")
     if period is None:
@@ -179,7 +179,7 @@ def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrde
             clean = replace(clean, u=clean_input(program, record, clean))
             # Of a periodic excitation the noise between the lines tells nothing, but would move the
             # modes that no line excites.
-            y = record.y if program.dt is None else clean.y
+            y = record.y if program.period_samples is None else clean.y
             model = _simulator(program, clean, order, replace(record, u=clean.u, y=y, starts=(0,)))
             return model and _with_gain(program, model, record)
 
@@ -221,7 +221,7 @@ def _allowed_instruments(
     program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
 ) -> list[InnovationsModel | None]:
     """Models by refined instruments with poles within the largest radius."""
-    models = refined_arx(record, clean, order, program.direct, program.dt)
+    models = refined_arx(record, clean, order, program.direct, program.period_samples)
     return [allowed(model, clean, program.direct, largest) for model in models]
 
 

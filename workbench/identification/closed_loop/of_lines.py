@@ -40,7 +40,7 @@ def moves_of_lines(
 
     They are of first order. There are about so many ``groups``, of whole periods.
     """
-    direct, period = program.direct, int(program.dt or 0)
+    direct, period = program.direct, int(program.period_samples or 0)
     lines = np.arange(1, (period + 1) // 2)
     response = model.response(lines / period)
     mean = mean_period(record, period)

@@ -44,7 +44,7 @@ class ClosedLoopFit(StateSpaceFit):
         an array with as many samples as u and y. It must not depend on the noise.
     controller
         The controller C from y to -u, sampled as the record; method "indirect" needs it.
-    dt
+    period_samples
         Samples of a period of the excitation, where it repeats itself throughout the record. What
         it explains is then found without a model, line by line. Without a period it is found by
         impulse responses of at most 70 samples: sample no faster than they can follow the loop.
@@ -77,13 +77,13 @@ class ClosedLoopFit(StateSpaceFit):
 
     excitation: Any = field(default=None, kw_only=True)
     controller: StateSpace | None = field(default=None, kw_only=True)
-    dt: int | None = field(default=None, kw_only=True)
+    period_samples: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.dt is not None:
-            need_count("dt", self.dt)
-            refuse_other_period(np.asarray(self.record.excitation), self.dt)
+        if self.period_samples is not None:
+            need_count("period_samples", self.period_samples)
+            refuse_other_period(np.asarray(self.record.excitation), self.period_samples)
         if self.controller is None:
             return
         controller = self._in_states(self.controller)
@@ -142,7 +142,7 @@ class ClosedLoopFit(StateSpaceFit):
     def explained(self, record: Experiments) -> Experiments | None:
         """A part of the record as its excitation explains it; None where the part is too short."""
         if id(record) not in self._explained:  # the part is kept, so that its id stays its own
-            self._explained[id(record)] = record, explained_part(record, self.dt)
+            self._explained[id(record)] = record, explained_part(record, self.period_samples)
         return self._explained[id(record)][1]
 
     def _fits_of(
@@ -157,9 +157,9 @@ class ClosedLoopFit(StateSpaceFit):
 
     def _run_fit(self, model: InnovationsModel, clean: Experiments) -> RealArray:
         """Fits (ny,) [%] of a free run to what an excitation explains of u and y."""
-        if self.dt is None:
+        if self.period_samples is None:
             return scored_fit(model.free_run, clean, self.washed)
-        return steady_fit(model, clean, self.dt)
+        return steady_fit(model, clean, self.period_samples)
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
         where = "standard deviations depend on the method: closed_loop_deviations tells them"

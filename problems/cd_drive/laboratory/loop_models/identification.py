@@ -71,7 +71,7 @@ def loop_model(
             signals.y,
             excitation=signals.r,
             controller=controller,
-            dt=signals.period,
+            period_samples=signals.period,
             # The direct method may pass unstable models on its way from a poor start.
             poles="any" if method == "direct" else "marginal",
             **common,
