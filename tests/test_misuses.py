@@ -140,7 +140,7 @@ JOINTS = {
             "input": ("torqe", None, 3),
             "output": ("sped", None),
             "time": ("clock",),
-            "sample_rate": (-1.0, 0.0, math.nan, "fast"),
+            "dt": (-1.0, 0.0, math.nan, "fast"),
             "most": (0, 1, "all"),
             "frequency": ("f",),
         },
@@ -342,11 +342,11 @@ JOINTS = {
     ),
     "sampled_conditions": (
         sampled_conditions,
-        {"plant": MODEL, "K": SAMPLED, "sample_time": 0.1},
+        {"plant": MODEL, "controller": SAMPLED, "dt": 0.1},
         {
             "plant": (*NOT_AN_OBJECT, SAMPLED),
             "K": (None, *NOT_A_SYSTEM, SAMPLED.sample),
-            "sample_time": NOT_POSITIVE,
+            "dt": NOT_POSITIVE,
             "delay": (*NOT_A_NUMBER, -1.0),
             "sign": (0, "negative"),
         },

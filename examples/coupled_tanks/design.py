@@ -40,7 +40,7 @@ def main() -> wb.Solution:
         Implementation(plant, design, PERIOD, delay_samples=DELAY, precision="float", order=8)
     )
     for name, margins in zip(("pump 1", "pump 2"), board.answer.margins, strict=True):
-        print(f"{name}: gain {margins.gain[1]:.1f}, phase {margins.phase:.0f} degrees")
+        print(f"{name}: gain {margins.gain[1]:.1f}, phase {margins.phase_deg:.0f} degrees")
     board.answer.export("controller.h")
     return board
 

@@ -112,7 +112,7 @@ class CoverSpeed(Study):
             return alone.submit(_large, family, context.options).result()
 
     task = dim(TASKS)
-    frequency = dim(lambda cover: cover.responses.frequency, unit="Hz")
+    frequency = dim(lambda cover: cover.responses.frequency_hz, unit="Hz")
     seconds = array(
         dims=task,
         unit="s",

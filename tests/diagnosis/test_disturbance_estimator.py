@@ -194,15 +194,15 @@ def test_estimators_that_are_none():
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"frequency": 0.0}, "rotation frequency is 0"),
-        ({"frequency": np.nan}, "rotation frequency is nan"),
-        ({"frequency": 5.0, "harmonics": ()}, "harmonics"),
-        ({"frequency": 5.0, "harmonics": (1, 1)}, "harmonics"),
-        ({"frequency": 5.0, "harmonics": (1.5,)}, "harmonics"),
-        ({"frequency": 5.0, "harmonics": (2, 1), "adaptation": 1.0}, "put 1 in front"),
-        ({"frequency": 5.0, "adaptation": -1.0}, "adaptation is -1"),
-        ({"frequency": 5.0, "adaptation": 1.0, "range": (6.0, 8.0)}, "range of the rotation"),
-        ({"frequency": 5.0, "floor": np.inf}, "floor inf"),
+        ({"frequency_hz": 0.0}, "rotation frequency_hz is 0"),
+        ({"frequency_hz": np.nan}, "rotation frequency_hz is nan"),
+        ({"frequency_hz": 5.0, "harmonics": ()}, "harmonics"),
+        ({"frequency_hz": 5.0, "harmonics": (1, 1)}, "harmonics"),
+        ({"frequency_hz": 5.0, "harmonics": (1.5,)}, "harmonics"),
+        ({"frequency_hz": 5.0, "harmonics": (2, 1), "adaptation": 1.0}, "put 1 in front"),
+        ({"frequency_hz": 5.0, "adaptation": -1.0}, "adaptation is -1"),
+        ({"frequency_hz": 5.0, "adaptation": 1.0, "range_hz": (6.0, 8.0)}, "range of the rotation"),
+        ({"frequency_hz": 5.0, "floor": np.inf}, "floor inf"),
     ],
 )
 def test_rotations_that_are_none(options, message):

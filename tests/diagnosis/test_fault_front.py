@@ -105,7 +105,7 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
             assert again == pytest.approx((point.error, point.leakage, point.noise), rel=1e-6)
             totals[nominal, error] = point.total
     assert totals[True, 0.5] < totals[True, 0.3] < totals[False, 0.3]
-    if loop.period is None:
+    if loop.dt is None:
         bounds = [least_total(DEMANDS, 0.3, HZ * 0.15, coefficients=n) for n in (8, 24)]
         assert 0.0 < bounds[0] <= bounds[1] * (1 + 1e-3)
         assert 0.2 * totals[True, 0.3] < bounds[1] < totals[True, 0.3]

@@ -133,7 +133,7 @@ def test_delays(size):
     y = dlsim((A, np.eye(2), C, np.zeros((1, 2)), 1.0), late)[1][20:]
     u = u[20:]
     program, solution = modelled(u, y + noise(y, size), delay="estimate")
-    assert program.delays == (8, 4)  # one sample of which is that of the plant, without D
+    assert program.delays_samples == (8, 4)  # one sample of which is that of the plant, without D
     system = solution.answer.simulator.system()
     assert system.nstates == solution.answer.simulator.order + 12
     f = np.array([0.03, 0.2])

@@ -94,7 +94,7 @@ def rational(orders=(1, 2), response=None, **options):
 
 def scaled(model, factor):
     (entry,) = model.entries[0]
-    return CommonPoleModel([[entry.scaled(factor)]], model.delay, dt=model.sample_time)
+    return CommonPoleModel([[entry.scaled(factor)]], model.delay, dt=model.dt)
 
 
 def test_the_optimum_does_not_move_and_others_do():

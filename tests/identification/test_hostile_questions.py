@@ -39,7 +39,7 @@ def test_a_controller_may_be_a_transfer_function():
     ("changes", "words"),
     [
         ({"controller": 1.0}, "controller is a float"),
-        ({"controller": control.ss([], [], [], [[1.0]], 0.5), "sample_time": 0.1}, "every 0.5 s"),
+        ({"controller": control.ss([], [], [], [[1.0]], 0.5), "dt": 0.1}, "every 0.5 s"),
         ({"excitation": np.ones(400)}, "channel 0 never changes"),
     ],
 )

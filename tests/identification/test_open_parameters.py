@@ -59,13 +59,13 @@ MODEL = arx(ONE, order=1)
         ({"model": None}, "model must be a InnovationsModel, not NoneType"),
         ({"model": control.ss(-1, 1, 1, 0)}, "not StateSpace"),
         ({"record": None}, "record must be a Experiments"),
-        ({"frequency": None}, "frequency is None"),
-        ({"frequency": [np.nan]}, "finite numbers"),
+        ({"cycles_per_sample": None}, "cycles_per_sample is None"),
+        ({"cycles_per_sample": [np.nan]}, "finite numbers"),
         ({"record": as_experiments(np.arange(50.0) % 5, np.arange(50.0) % 7)}, "1 outputs and 2"),
     ],
 )
 def test_what_has_no_deviations_is_refused(wrong, message):
-    given = {"model": MODEL, "record": ONE, "frequency": FREQUENCY} | wrong
+    given = {"model": MODEL, "record": ONE, "cycles_per_sample": FREQUENCY} | wrong
     with pytest.raises(InputError, match=message):
         response_deviations(given["model"], given["record"], given["frequency"])
 

@@ -304,14 +304,14 @@ def test_bad_parameters_and_data():
     [
         ({"response": [1.0, np.nan]}, "not finite at 2 Hz"),
         ({"response": [1.0]}, "needs shape"),
-        ({"frequency": [1.0, np.inf]}, "NaN or infinite"),
+        ({"frequency_hz": [1.0, np.inf]}, "NaN or infinite"),
         ({"variance": [1.0, 0.0]}, "positive"),
         ({"variance": [1.0]}, "needs shape"),
         ({"degrees": 4}, "four periods"),
     ],
 )
 def test_bad_responses(changes, message):
-    good = {"frequency": [1.0, 2.0], "response": [1.0, 1.0], "variance": 1.0}
+    good = {"frequency_hz": [1.0, 2.0], "response": [1.0, 1.0], "variance": 1.0}
     with pytest.raises(InputError, match=message):
         MeasuredResponse(oscillator, **(good | changes))
 

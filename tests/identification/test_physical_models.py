@@ -86,11 +86,11 @@ def test_of_short_noisy_records_physics_simulates_best():
     errors = []
     for seed in range(4):
         u, y = record(count=150, noise=0.5, seed=seed)
-        asked = {"sample_time": PERIOD, "orders": [1, 2, 3], "direct": False}
+        asked = {"dt": PERIOD, "orders": [1, 2, 3], "direct": False}
         solution = wb.solve(StateSpaceFit(u, y, **asked, physical={"spring": known}), method="best")
         assert solution.certificate.valid, solution.certificate
         assert any(label == "spring (physics) 2" for label in solution.answer.candidates.labels)
-        assert solution.answer.simulator.sample_time == PERIOD
+        assert solution.answer.simulator.dt == PERIOD
         plain = wb.solve(StateSpaceFit(u, y, **asked), method="best")
         errors.append([error_of(one.answer.simulator) for one in (solution, plain)])
     with_physics, without = np.median(errors, axis=0)

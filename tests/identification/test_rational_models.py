@@ -302,8 +302,8 @@ GIVEN = {"omega": OMEGA, "response": np.ones((120, 1, 1)), "covariance": np.ones
         ({"orders": (120,)}, "coefficients"),
         ({"orders": (1,), "excess": 2}, "below the excess"),
         ({"excess": 0.5}, "excess"),
-        ({"sample_time": -1.0}, "sample_time"),
-        ({"sample_time": 1.0}, "half the sampling"),
+        ({"dt": -1.0}, "dt"),
+        ({"dt": 1.0}, "half the sampling"),
         ({"delay": -1.0}, "delay"),
         ({"delay_bounds": (1.0, 0.5)}, "delay_bounds"),
         ({"degrees": 4.0}, "degrees"),
@@ -326,5 +326,5 @@ def test_models_are_checked():
         CommonPoleModel([[one, other]], 0.0)
     with pytest.raises(InputError, match="rows of one length"):
         CommonPoleModel([[one], [one, one]], 0.0)
-    with pytest.raises(InputError, match="sample_time"):
+    with pytest.raises(InputError, match="dt"):
         CommonPoleModel([[one]], 0.0, dt=-1.0)

@@ -184,7 +184,7 @@ def test_a_report_is_short_and_says_what_forbids(record, closed):
     ("given", "words"),
     [
         ({"direct": 1}, "direct"),
-        ({"dt": -1.0}, "sample_time"),
+        ({"dt": -1.0}, "dt"),
         ({"r": np.ones(600)}, "never changes"),
         ({"r": np.ones(10)}, "excitation"),
         ({"r": "set-point"}, "excitation"),

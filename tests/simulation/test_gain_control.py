@@ -102,8 +102,8 @@ def test_a_dead_error_does_no_harm():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"frequency": 500.0},
-        {"frequency": 0.0},
+        {"frequency_hz": 500.0},
+        {"frequency_hz": 0.0},
         {"amplitude": 0.0},
         {"most": 1.0},
         {"interval": (2.0, 1.0)},
@@ -114,6 +114,6 @@ def test_a_dead_error_does_no_harm():
     ],
 )
 def test_wrong_settings_are_named(wrong):
-    first = {"frequency": FREQUENCY, "amplitude": 0.1, "period": PERIOD}
+    first = {"frequency_hz": FREQUENCY, "amplitude": 0.1, "dt": PERIOD}
     with pytest.raises(InputError, match=r"need"):
         wobbled_gain(**(first | SETTINGS | wrong))

@@ -55,7 +55,7 @@ def loop(**options):
         "measurements": 2,
         "channel_levels": np.repeat(WIDE, 2, axis=0),
         "output_levels": WIDE,
-        "period": PERIOD,
+        "dt": PERIOD,
     }
     return SampledLoop(**values | options)
 

@@ -17,7 +17,7 @@ def weighted(model, bandwidth, effort): return bandwidth
 
 
 def choices(bandwidth=8.0, **given):
-    return FirstChoices((0.1, 100.0), 2, 0, bandwidth, 0.05, {"bandwidth": "first"}, **given)
+    return FirstChoices((0.1, 100.0), 2, 0, bandwidth, 0.05, {"bandwidth_hz": "first"}, **given)
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def settled(tmp_path, monkeypatch):
 
 def test_a_bandwidth_that_is_kept_stays(settled):
     found, tried = settled(lambda bandwidth: 0.9)
-    assert (found.bandwidth, found.peak, tried) == (8.0, 0.9, [8.0])
+    assert (found.bandwidth_hz, found.peak, tried) == (8.0, 0.9, [8.0])
     assert found.reasons["bandwidth_hz"] == "first"
 
 
@@ -65,7 +65,7 @@ def test_it_is_lowered_until_the_weights_are_kept(settled):
 def test_where_none_is_kept_the_least_peak_is_told(settled):
     found, tried = settled(lambda bandwidth: 1.2 + abs(bandwidth - 5.0), least=3.0)
     assert tried == [8.0, 5.0, 3.125]
-    assert (found.bandwidth, found.peak) == (5.0, 1.2)
+    assert (found.bandwidth_hz, found.peak) == (5.0, 1.2)
 
 
 def test_init_says_in_red_that_no_weights_are_kept(tmp_path, monkeypatch):

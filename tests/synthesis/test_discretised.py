@@ -339,7 +339,7 @@ def test_the_absolute_sum_of_a_double_pole_is_bounded():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda G, K: discretised(K, 0.0), "sample_time is 0"),
+        (lambda G, K: discretised(K, 0.0), "dt is 0"),
         (lambda G, K: discretised(K, -T), "positive"),
         (lambda G, K: discretised(discretised(K, T), T), "sampled already"),
         (lambda G, K: discretised(K, T, method="euler"), "'euler'"),

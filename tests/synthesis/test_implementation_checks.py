@@ -49,9 +49,9 @@ def changed(answer):
     """The answer with one thing told wrong, by name."""
     first = answer.margins[0]
     told = {
-        "phase": {"phase": first.phase + 20.0},
+        "phase": {"phase_deg": first.phase_deg + 20.0},
         "gain": {"gain": (first.gain[0], first.gain[1] * 1.5 if first.gain[1] < 1e9 else 2.0)},
-        "delay": {"delay": first.delay * 0.8},
+        "delay": {"delay_samples": first.delay_samples * 0.8},
     }
     for name, fields in told.items():
         yield name, replace(answer, margins=(replace(first, **fields), *answer.margins[1:]))
@@ -102,7 +102,9 @@ def test_each_claim_is_refused_by_the_check_of_its_name(board, case, found_once)
     first, share = answer.margins[0], answer.rounding.share
     wrong = {
         "sensitivity": {"sensitivity": 0.99 * answer.sensitivity},
-        "margins": {"margins": (replace(first, phase=0.99 * first.phase), *answer.margins[1:])},
+        "margins": {
+            "margins": (replace(first, phase_deg=0.99 * first.phase_deg), *answer.margins[1:])
+        },
         "rounding": {"rounding": replace(answer.rounding, share=0.99 * share)},
         "controller": {"found": "by a friend"},
     }

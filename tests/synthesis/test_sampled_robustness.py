@@ -106,7 +106,7 @@ def test_models_of_circles_are_plants_too_and_tiny_uncertainty_is_borne_without_
         (PLANT, {"K": control.tf([9.0], [1], T)}, "nominal loop is unstable"),
         (PLANT, {"K": control.ss([], [], [], np.eye(2), T)}, "2 outputs"),
         (PLANT, {"sign": 2}, "sign is 2"),
-        (PLANT, {"sample_time": 0.0}, "sample_time"),
+        (PLANT, {"dt": 0.0}, "dt"),
         (PLANT, {"delay": -1}, "delay is -1"),
         (tf([0.1], [1e-9, 1]) * (1 + 0.5 * dynamics("d", 1, 1)), {}, "sample faster"),
         (feedback(control.tf([0.1], [1, -0.5], T), dynamics("d", 1, 1)), {}, "continuous time"),
@@ -114,7 +114,7 @@ def test_models_of_circles_are_plants_too_and_tiny_uncertainty_is_borne_without_
 )
 @pytest.mark.filterwarnings("ignore:the sampling time:workbench.errors.RangeWarning")
 def test_bad_input_is_named(plant, changes, words):
-    given = {"K": K, "sample_time": T} | changes
+    given = {"controller": K, "dt": T} | changes
     with pytest.raises(InputError, match=words):
         sampled_robustness(plant, **given)
 

@@ -76,8 +76,8 @@ def test_files_give_responses_with_names_units_and_what_was_found_out(folder):
     assert found.unit == "(rad/s)/Nm"
     for words in ("commas", "units below", "6 periods of 500 samples", "60 excited lines"):
         assert words in found.read
-    np.testing.assert_allclose(found.frequency, LINES * RATE / SAMPLES)
-    error = np.abs(found.values - truth(found.frequency))
+    np.testing.assert_allclose(found.frequency_hz, LINES * RATE / SAMPLES)
+    error = np.abs(found.values - truth(found.frequency_hz))
     assert (error < 5 * np.sqrt(found.variance)).all()
 
 
@@ -85,7 +85,7 @@ def test_without_the_hold_the_response_is_the_plants(folder):
     """Six plants behind a hold: their own responses, to what images add below 0.1 of the rate."""
     found = read(folder, hold=True).within(0.0, 0.1 * RATE)
     assert found.read.endswith("the hold of the input is taken out")
-    s = 2j * np.pi * found.frequency[:, None]
+    s = 2j * np.pi * found.frequency_hz[:, None]
     k = np.arange(PLANTS)
     gain, rate = 1 + 0.05 * k, 2 * np.pi * (20 + 0.4 * k)
     own = gain * rate**2 / (s**2 + 0.6 * rate * s + rate**2)
@@ -93,7 +93,7 @@ def test_without_the_hold_the_response_is_the_plants(folder):
     assert (apart < 5 * np.sqrt(found.variance) + 0.02 * np.abs(own)).all()
     held = read(folder).within(0.0, 0.1 * RATE)
     assert np.abs(held.values[-1] / own[-1] - 1).min() > 0.2
-    turn = held.frequency[:, None] / RATE
+    turn = held.frequency_hz[:, None] / RATE
     size = np.sqrt(held.variance / found.variance)
     np.testing.assert_allclose(size, np.broadcast_to(np.sinc(turn), size.shape))
 
@@ -290,7 +290,7 @@ def test_channels_of_several_are_chosen_by_name_or_number():
         (lambda d: read(d, output="sped"), "drive1.csv.*sped.*speed"),
         (lambda d: read(d, output=None), "of a record name input="),
         (lambda d: read(d, frequency="t", response="speed"), "of a record name input="),
-        (lambda d: read(d, sample_rate=1000.0), "either the sample rate or the name of the time"),
+        (lambda d: read(d, dt=1e-3), "either dt or the name of the time"),
         (lambda d: read(d, output="day"), "'2026-01-01' is not a number"),
         (lambda d: read(d, time="torque"), "'torque' is in 'Nm': 'Nm' cannot be converted to 's'"),
         (lambda d: Responses.from_files(d / "*", frequency="t", response="speed", hold=True),

@@ -184,7 +184,7 @@ class WorkingLoop(Study):
 
     plant = dim(lambda self: list(self.responses.plants), meaning="measured plant")
     time = dim(
-        lambda self, samples: np.arange(2 * samples) * self.task.period,
+        lambda self, samples: np.arange(2 * samples) * self.task.dt,
         unit="s",
         meaning="time from rest",
     )

@@ -147,7 +147,7 @@ class EstimatorTrials(Study):
                 "prompt_error": prompt.errors(
                     estimated(prompt, laws["thesis", "known"]).outputs[:, 1]
                 ),
-                "followed_last": [runs[n, "adapted"].frequency[-1] for n in RIVALS],
+                "followed_last": [runs[n, "adapted"].frequency_hz[-1] for n in RIVALS],
                 "nominal_events": len(trial.record.events),
                 "clean": int(clean.sum()),
                 "false_alarms": int((clean & (trial.quality < 1)).sum()),
@@ -252,7 +252,9 @@ class EstimatorTrials(Study):
     )
 
     adapted = part(
-        lambda trial, laws: [estimated(trial, laws[name, "adapted"]).frequency for name in RIVALS]
+        lambda trial, laws: [
+            estimated(trial, laws[name, "adapted"]).frequency_hz for name in RIVALS
+        ]
     )
     followed = array(
         dims=(rival, time),

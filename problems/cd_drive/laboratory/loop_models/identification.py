@@ -61,7 +61,7 @@ def loop_model(
     controller: from y to -u, sampled as the signals are; method indirect needs it.
     """
     orders = (ORDERS.get(method, ORDERS["two-stage"]),)
-    common: dict[str, Any] = {"orders": orders, "direct": False, "sample_time": signals.step}
+    common: dict[str, Any] = {"orders": orders, "direct": False, "dt": signals.step}
     if method == "open-loop":
         program: StateSpaceFit = StateSpaceFit(signals.u, signals.y, assume="open loop", **common)
         solution = solve(program, method="output-error", options=options)

@@ -24,7 +24,7 @@ def family(axis):
 def nominal(axis):
     from workbench.plants.cd_drive.drive.plants import nominal_response
 
-    return nominal_response(axis, family(axis).frequency, antialiasing=False)
+    return nominal_response(axis, family(axis).frequency_hz, antialiasing=False)
 
 
 def away(axis):
