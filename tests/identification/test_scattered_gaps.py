@@ -54,9 +54,8 @@ def test_a_delay_is_estimated_across_gaps():
     late = np.r_[np.zeros(9), y[:-9]]
     late[rng.random(len(y)) < 0.2] = np.nan
     solution = wb.solve(StateSpaceFit(u, late, orders=[3, 4], delay_samples="estimate"))
-    assert solution.answer.simulator.delay_samples == (
-        10,
-    )  # one sample more than was put before the plant
+    # one sample more than was put before the plant
+    assert solution.answer.simulator.delay_samples == (10,)
     assert error_of(solution, 9) < 0.03
 
 

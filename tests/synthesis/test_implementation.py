@@ -250,8 +250,8 @@ def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
     ("change", "words"),
     [
         ({"controller": "K"}, "controller must be a StateSpace.*not str"),
-        ({"controller": control.append(PI, PI)}, "controller has 2 inputs and 2 outputs; the plant has 1"),
-        ({"controller": discretised(PI, 2e-3)}, "controller has dt = 0.002; give a continuous controller"),
+        ({"controller": control.append(PI, PI)}, "has 2 inputs and 2 outputs; the plant has 1"),
+        ({"controller": discretised(PI, 2e-3)}, "has dt = 0.002; give a continuous controller"),
         ({"plant": None}, "plant must be a StateSpace.*NoneType"),
         ({"plant": discretised(PI, 2e-3)}, "the plant is sampled"),
         ({"dt": 0.0}, "dt is 0.0; it must be a number, positive"),
