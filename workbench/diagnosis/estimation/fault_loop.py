@@ -82,7 +82,8 @@ class EstimationDemands:
     unit: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("error_above", "leakage_below", "gain", "noise", "noise_band", "unit"):
+        names = ("error_above_hz", "leakage_below_hz", "gain", "noise", "noise_band_hz", "unit")
+        for name in names:
             need_positive(getattr(self, name), name)
 
     def disturbance_size(self, omega: RealArray) -> RealArray:

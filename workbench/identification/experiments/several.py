@@ -74,7 +74,7 @@ class Experiments:
     @property
     def labels(self) -> dict[str, Any]:
         """Sampling time, names and units, as they belong to a model of the record too."""
-        names = ("sample_time", "inputs", "outputs", "input_units", "output_units")
+        names = ("dt", "inputs", "outputs", "input_units", "output_units")
         return {name: getattr(self, name) for name in names}
 
     @property

@@ -57,7 +57,7 @@ class SteppedSine:
         if not np.issubdtype(periods.dtype, np.integer) or periods.min() < 1:
             raise InputError(f"at least one period is needed, in whole numbers, not {self.periods}")
         amplitude = np.broadcast_to(as_record(np.atleast_1d(self.amplitude)), frequencies.shape)
-        object.__setattr__(self, "frequencies", frequencies)
+        object.__setattr__(self, "frequencies_hz", frequencies)
         object.__setattr__(self, "periods", periods)
         object.__setattr__(self, "amplitude", amplitude)
 

@@ -184,7 +184,7 @@ class Implementation(Program):
                 "a working point needs a plant from u to y, or a model of it: what a generalised "
                 "plant measures may be anything"
             )
-        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "controller", K)
         _ = self.actuator  # raises for wrong limits
         _ = self.loop.loop_of(realisation((K.A, K.B, K.C, K.D), self.dt))  # raises for what misfits
 
