@@ -9,7 +9,7 @@ import xarray as xr
 
 import workbench as wb
 from workbench import program as programs
-from workbench.arrays import content_hash
+from workbench._core.arrays import content_hash
 from workbench.errors import InputError
 from workbench.geometry import SmallestCircle
 from workbench.uncertainty import Responses

@@ -251,7 +251,7 @@ def sweep(
     UnknownNameError, InputError
         No such problem or parameter; a value that does not fit, or is there twice.
     """
-    from workbench.sweeps import grid_of, run_sweep
+    from workbench.bench.sweeps import grid_of, run_sweep
 
     options = Options(tolerance=tolerance, time_limit=time_limit, seed=seed)
     grid = grid_of(name, over, method, options, parameters, fresh=fresh)

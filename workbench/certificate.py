@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.on_demand import no_more_names
 from workbench.errors import InputError, WorkbenchError, words_of
 from workbench.executor.effort import deeper
-from workbench.heavy_types import Dataset, Figure
-from workbench.on_demand import no_more_names
 from workbench.solvers import Outcome
 
 if not TYPE_CHECKING:

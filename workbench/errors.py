@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from workbench.on_demand import no_more_names
+from workbench._core.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)

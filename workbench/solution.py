@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
+from workbench._core.arrays import content_hash
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.arrays import content_hash
 from workbench.certificate import Certificate
 from workbench.errors import InputError, TimeLimitError, UnknownNameError, words_of
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
 from workbench.executor.live import shown_live
-from workbench.heavy_types import Figure
 from workbench.program import Task
 from workbench.solvers import Options, Outcome
 

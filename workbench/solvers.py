@@ -16,8 +16,8 @@ from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
+from workbench._core.on_demand import no_more_names
 from workbench.errors import InputError, SolverError
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.on_demand import no_more_names
 from workbench.errors import InputError
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)

@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels

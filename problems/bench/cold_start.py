@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .bars import ratio_bars

@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, problem, solve
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray
 from workbench.collections import read_plant
 from workbench.errors import InputError, WorkbenchError
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray
 from workbench.study import Study, array, check, dim, metric, part, table
 from workbench.synthesis import HinfSynthesis
 

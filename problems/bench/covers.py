@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Options, problem, solve
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context, Workers
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.uncertainty import CircleCover, CoverSteps, Responses, StadiumCover, limited
 from workbench.uncertainty.covers.sets import stadiums_about_nominal

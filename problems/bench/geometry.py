@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, problem, solve
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
 from workbench.geometry import (
     NarrowestStadium,
@@ -19,7 +20,6 @@ from workbench.geometry import (
     narrowest_stadium,
     smallest_circle,
 )
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part
 
 from .bars import ratio_bars

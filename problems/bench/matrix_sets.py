@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.uncertainty import MatrixSets
 

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, figures, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.mu import peak, upper_bound
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table

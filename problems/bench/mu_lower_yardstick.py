@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.mu import lower_bound
 from workbench.mu.lower.methods import proposals
 from workbench.structure import Block, Complex, Full, Real, Structure

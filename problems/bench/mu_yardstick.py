@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context, InProcess
-from workbench.heavy_types import DataArray, Figure
 from workbench.mu import upper_bound
 from workbench.mu.upper.below import bounds_below
 from workbench.structure import Block, Complex, Full, Real, Structure

@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem, solve
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.mu import peak
 from workbench.structure import Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table

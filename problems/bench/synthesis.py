@@ -13,16 +13,16 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Study, problem, solve
-from workbench.arrays import BoolArray
+from workbench._core.arrays import BoolArray
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import Dataset, Figure
 from workbench.mu import upper_bound
 from workbench.synthesis import MuController, MuSynthesis, hinf
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored, stored
-from workbench.tables import markdown
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.drive.shared_parameters import TABLES

@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import Array, ComplexArray
+from workbench._core.arrays import Array, ComplexArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import (
     Conditions,
     PeakChecker,

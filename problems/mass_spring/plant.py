@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from workbench.heavy_types import StateSpace, TransferFunction
+from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.structure import Complex
 from workbench.uncertainty import GeneralisedPlant, Parameter, generalised_plant, parametric
 

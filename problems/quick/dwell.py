@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis import Mode, SwitchedStability
 
 SAMPLE = 0.1

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.mu import performance_peak
 from workbench.study import Study, array, check, dim, figure, metric, part, system, table

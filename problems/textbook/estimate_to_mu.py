@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.fitting.rational import Rational
 from workbench.identification import ModelUncertainty, RationalModelFit
 from workbench.synthesis import MuSynthesis

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref, solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.identification import CrestFactor, ModelUncertainty, RationalModelFit
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.mu import performance_peak

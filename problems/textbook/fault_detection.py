@@ -10,7 +10,8 @@ from pydantic import Field
 from scipy.linalg import expm
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM
 from workbench.diagnosis import (
     FaultModel,
@@ -23,7 +24,6 @@ from workbench.diagnosis import (
     null_space_generator,
     transfer,
 )
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.systems.realisation import Matrices, realisation
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import FaultModel
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 
 YUAN_ROWS = {"weak": 18, "strong": 12}

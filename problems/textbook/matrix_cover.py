@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.uncertainty import MatrixCover, MatrixResponses
 from workbench.uncertainty.matrix_covers.forms import MatrixForm
 from workbench.uncertainty.matrix_sets.shapes import Shape

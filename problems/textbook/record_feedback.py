@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
 from workbench.synthesis.records.inequalities import Criterion
 

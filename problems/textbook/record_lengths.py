@@ -14,9 +14,9 @@ from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
 from workbench import figures, problem, solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.solvers import Outcome
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords

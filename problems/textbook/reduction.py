@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.synthesis import MuSynthesis, reduce_order
 from workbench.uncertainty import GeneralisedPlant

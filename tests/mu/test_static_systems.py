@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
 from workbench.certify.norms import certified_norm
 from workbench.mu import robust_stability, upper_bound, worst_case_gain
 from workbench.structure import Real, Structure

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation import Controller, SampledLoop, idle, linear, respond, sampled
 

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.simulation import Cascade, Controller, Part, SampledLoop, linear, total
 
 PERIOD, SAMPLES = 1e-3, 60

@@ -20,6 +20,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.comparison import Comparison
 from workbench.bench.declare import Fed
 from workbench.bench.files import Picture, picture
@@ -34,7 +35,6 @@ from workbench.certificate import Certificate, told_apart
 from workbench.errors import ResultError
 from workbench.figures.printed import PrintedFigure
 from workbench.figures.styles import drawn_in, printing_style, settle
-from workbench.heavy_types import Dataset, Figure
 from workbench.program import Task
 from workbench.solution import certified_answer, proof_task
 from workbench.solvers import Outcome

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import workbench
+from workbench._core.heavy_types import Dataset
 from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.code import code_hash
@@ -33,7 +34,6 @@ from workbench.bench.trust.information import FORMAT
 from workbench.certificate import Certificate, Check
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Row, Watch, silent, unwatched
-from workbench.heavy_types import Dataset
 from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, solve
 from workbench.solvers import Options, Outcome, versions

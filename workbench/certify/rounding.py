@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
 
 UPWARD = 1.0 + 2.0**-20
 """Factor of each computed radius. A sum of up to 2^30 terms, none negative, errs by less."""

@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 
 import workbench
-from workbench.batch import workers
 from workbench.bench.project import results_root
+from workbench.cli.batch import workers
 from workbench.cli.group import AS_JSON, main
 from workbench.cli.terminal import print_json
 

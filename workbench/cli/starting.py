@@ -185,7 +185,7 @@ def examples(folder: Path) -> None:
 @click.option("--no-test", is_flag=True, help="Leave out the self-test of some seconds.")
 def doctor(no_test: bool) -> None:
     """Versions, solvers, threads, cache, and a self-test whose answers are certified."""
-    from workbench.guidance.doctor import examination
+    from workbench.cli.guidance.doctor import examination
 
     well = True
     for one in examination(test=not no_test):

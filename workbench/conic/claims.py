@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from flint import fmpq
 
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import Certificate, Check
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import Rational, outside
@@ -17,7 +18,6 @@ from workbench.certify.cones.rays import conic_slack, dot, excluded_radius
 from workbench.conic.ray_search import dual_ray, falling_ray, feasible_point, settled_ray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset
 from workbench.program import Claim, Program, ProofTask, Task
 from workbench.second_opinion import conic_proofs
 from workbench.solvers import Outcome

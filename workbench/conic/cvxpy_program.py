@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import Check, worst
 from workbench.certify.cones.form import ConeKind, ConicForm
 from workbench.certify.cones.rays import dual_bound, excluded_radius
@@ -29,7 +30,6 @@ from workbench.conic.expressions import (
 from workbench.conic.ray_search import dual_point, dual_ray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset
 from workbench.program import Claim, conic_method
 from workbench.second_opinion import conic_proofs, lagrangians
 from workbench.solution import Solution, solve

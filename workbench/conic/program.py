@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import Check, worst
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.certify.cones.rays import dual_bound
@@ -17,7 +18,6 @@ from workbench.conic.claims import ConicallyStated, parsed_rational
 from workbench.conic.ray_search import dual_point
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset
 from workbench.input_checks import need_kind, need_numbers
 from workbench.program import Claim, conic_method
 from workbench.second_opinion import conic_proofs

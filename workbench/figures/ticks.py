@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.heavy_types import Axes
+from workbench._core.heavy_types import Axes
 
 NARROW_AXIS = 1.7
 """Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""

@@ -13,13 +13,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import Check, these, worst
 from workbench.errors import InputError
 from workbench.geometry.figures import shape_figures
 from workbench.geometry.points import as_points
 from workbench.geometry.shapes import Shape
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.support import reach_beyond
 

@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.arrays import EPS
+from workbench._core.heavy_types import Dataset
 from workbench.answer import ProgramAnswer
-from workbench.arrays import EPS
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.geometry.cover import Cover, relative
 from workbench.geometry.points import canonical_angle
-from workbench.heavy_types import Dataset
 
 CENTRE_TOLERANCE = 4 * EPS
 """Largest distance of the answer's centre from a given one, relative to |centre|: rounding only."""

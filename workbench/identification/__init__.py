@@ -8,7 +8,7 @@ Rests on: least squares, prediction errors and subspaces, with the asymptotic la
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.identification.closed_loop.deviations import (

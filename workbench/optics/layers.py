@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.optics.spots import Pupil
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray
+from workbench._core.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
 from workbench.executor.effort import tries
 from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 SQUARINGS = 60
 """Squarings of the transition matrix: its power is then 2^60, the age of a loop in samples."""

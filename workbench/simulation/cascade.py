@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import IntegerArray, RealArray
+from workbench._core.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
 from workbench.simulation.steps import address_of

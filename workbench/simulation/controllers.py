@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace, TransferFunction
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled, kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled, kernel
 from workbench.errors import InputError
 
 

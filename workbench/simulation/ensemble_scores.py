@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 
 BOOTSTRAP_SAMPLES, CONFIDENCE = 1000, 0.95

@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
 

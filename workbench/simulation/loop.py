@@ -27,9 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import IntegerArray, RealArray
+from workbench._core.arrays import IntegerArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.simulation.cascade import Cascade, Turn, alone, carried, turn_table, turns
 from workbench.simulation.controllers import Controller
 from workbench.simulation.machine import machine
@@ -61,7 +61,7 @@ class Trajectory(NamedTuple):
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.compiled import compiled
+    >>> from workbench._core.compiled import compiled
     >>> from workbench.simulation import SampledLoop, linear
     >>> @compiled
     ... def sense(position, exogenous, parameters, signals):
@@ -115,7 +115,7 @@ class SampledLoop:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.compiled import compiled
+    >>> from workbench._core.compiled import compiled
     >>> from workbench.simulation import SampledLoop, linear
     >>> @compiled
     ... def sense(position, exogenous, parameters, signals):

@@ -22,10 +22,10 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.simulation.controllers import Controller, in_discrete_time
 
 

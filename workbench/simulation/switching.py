@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace, TransferFunction
 from workbench.simulation.controllers import Controller, in_discrete_time
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.records import uneven
 from workbench.identification.files.columns import Columns

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational

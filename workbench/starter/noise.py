@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 SEGMENTS = 8
 """Segments of a record, without overlap, of which spectra are averaged."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.synthesis import WorkingPoint
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.regions import region_radius

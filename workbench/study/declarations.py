@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.systems.storage import restored, stored
 
 Function = Callable[..., Any]

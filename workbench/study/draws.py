@@ -12,8 +12,8 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.heavy_types import DataArray
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray
 
 DRAW = "draw"
 """The dimension of repeated experiments."""

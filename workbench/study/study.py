@@ -8,11 +8,11 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.accuracy import ANY_ACCURACY_ALIKE, AccuracyRange
 from workbench.certificate import Check, Checker
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Claim, Task
 from workbench.solvers import Outcome
 from workbench.study.answers import AnswersDeclaration, Restored, checks_of

@@ -7,9 +7,9 @@ from itertools import product
 from typing import Any
 
 from workbench import figures
-from workbench.heavy_types import Figure
+from workbench._core.heavy_types import Figure
+from workbench._core.tables import markdown
 from workbench.study.declarations import Declaration, Function, identifier
-from workbench.tables import markdown
 
 Get = Callable[[str], Any]
 

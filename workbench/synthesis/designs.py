@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.program import Program
 from workbench.solution import solve
 from workbench.structure import Structure

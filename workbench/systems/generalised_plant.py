@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import (

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.conversion import as_states
 from workbench.systems.joints import system_of

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench import solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.folds import VALIDATION_SHARE, scored_fit

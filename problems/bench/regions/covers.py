@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from workbench import solve
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.identification import local_polynomial
 from workbench.identification.responses.of_records import record_responses
 from workbench.uncertainty import Responses, StadiumCover, contains

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification import IdentificationWarning, local_response
 from workbench.identification.responses.local_response import spaced_in_log

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .covers import BANDS, LENGTHS, heater_draw

@@ -7,7 +7,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.simulation import sampled
 
 from ..drive.plants import Gain, controller, nominal_parameters, plant, total_gain, total_gains

@@ -22,10 +22,10 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 from scipy.signal import butter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.synthesis import known_disturbance_bound
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.norms import norm

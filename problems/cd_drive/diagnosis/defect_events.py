@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis import events
 from workbench.diagnosis.evaluation.performance import Interval
 

@@ -18,10 +18,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.diagnosis import FaultModel, fault_detection
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, system, table
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation

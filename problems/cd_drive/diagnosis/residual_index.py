@@ -18,7 +18,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Checker
 from workbench.diagnosis import (
     FaultModel,
@@ -27,7 +28,6 @@ from workbench.diagnosis import (
     performance_index,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import (
     Study,
     answers,

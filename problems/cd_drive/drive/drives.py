@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .actuator import general_model, resonances, stack

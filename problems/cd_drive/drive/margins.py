@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.mu import loop_margins
 
 

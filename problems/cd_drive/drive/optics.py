@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.heavy_types import Axes, DataArray, Dataset, Figure
+from workbench._core.heavy_types import Axes, DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .tables import DiscFormat, disc_formats

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, table
 
 from .actuator import checked_frequency

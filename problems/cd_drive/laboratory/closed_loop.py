@@ -14,9 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.bench.declare import Ref
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import IdentificationWarning
 from workbench.simulation.machine import machine
 from workbench.study import (
@@ -34,7 +35,6 @@ from workbench.study import (
     table,
 )
 from workbench.study.draws import LEAST_COVERAGE_P, SURE
-from workbench.tables import markdown
 
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES

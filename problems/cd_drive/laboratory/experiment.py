@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import with_config
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
+from workbench._core.remembered import remembered
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
-from workbench.remembered import remembered
 from workbench.simulation import (
     Cascade,
     Controller,

@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import Cascade, Part, linear, ramped
 from workbench.simulation.machine import machine
 from workbench.study import (
@@ -32,7 +33,6 @@ from workbench.study import (
     table,
     with_interval,
 )
-from workbench.tables import markdown
 
 from ..drive.disc import Disc
 from ..drive.margins import NearestMargins, nearest_margins

@@ -14,9 +14,9 @@ import numpy as np
 from scipy import stats
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import MeasuredResponse, ParameterFit
 from workbench.study import (
     Study,

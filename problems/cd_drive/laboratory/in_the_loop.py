@@ -15,7 +15,7 @@ from scipy import stats
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import PeriodicResponse, SteppedSine, from_periods, sine_fit
 from workbench.simulation import linear, sampled
 

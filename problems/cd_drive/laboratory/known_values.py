@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.identification import FittedParameter
 
 from ..drive.actuator import SERIES_RESISTANCE

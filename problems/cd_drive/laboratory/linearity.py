@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import SteppedSine, sine_fit, total_harmonic_distortion
 from workbench.simulation import linear
 from workbench.simulation.machine import machine

@@ -14,9 +14,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import figures, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import PeriodicResponse, from_periods
 from workbench.study import (
     Study,

@@ -16,9 +16,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     bootstrap_weights,
     percentile_interval,
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.tables import markdown
 
 from ..diagnosis.defect_kinds import KINDS
 from ..drive.shared_parameters import TABLES

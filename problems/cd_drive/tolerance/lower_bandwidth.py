@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, THIS_SYSTEM
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_transition, discretised
 from workbench.systems import loop_response

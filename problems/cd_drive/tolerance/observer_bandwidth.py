@@ -14,10 +14,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.diagnosis import Estimator, Rotation
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import in_discrete_time, sampled
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.systems import bandwidths, loop_response

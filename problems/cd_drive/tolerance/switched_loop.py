@@ -23,9 +23,9 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 from workbench.synthesis import (
     ControllerMode,

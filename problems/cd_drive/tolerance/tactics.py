@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import Rotation
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
 from workbench.simulation import (
     Cascade,
     Controller,

@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import worst
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty.covers.sets import (
     circles_about_nominal,

@@ -11,9 +11,9 @@ import pytest
 from html_page import Make, Page, run_pages
 
 from workbench import figures
-from workbench.batch import workers
 from workbench.bench.report import failed_runs, kept, report
 from workbench.bench.store import Store, seal
+from workbench.cli.batch import workers
 from workbench.errors import ResultError
 from workbench.figures.formats import png
 

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import workbench
+from workbench._core.heavy_types import Figure
 from workbench.bench.project import add_problems, added_problems
 from workbench.bench.report.points import every_cell
 from workbench.bench.report.toggles import has_methods, telling
@@ -18,7 +19,6 @@ from workbench.bench.results import COMPARISON, Run
 from workbench.errors import WorkbenchError
 from workbench.executor import Progress, spread
 from workbench.figures.formats import png, svg
-from workbench.heavy_types import Figure
 
 LIBRARY = Path(workbench.__file__).parent
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimation.methods import nominal_filter
 from workbench.diagnosis.estimation.program import Channel, FaultEstimation
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, conic_solvers, solve_conic

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stable_system import stable_system
 from workbench.diagnosis.estimation.weighting import Requirement
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.connection import generalised_plant

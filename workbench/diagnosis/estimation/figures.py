@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Figure, StateSpace
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.mu import frequency_sweep
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import frequencies_of

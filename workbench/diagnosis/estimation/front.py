@@ -24,12 +24,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.diagnosis.estimation.front_program import FrontProgram
 from workbench.diagnosis.estimation.limits import Limits, exchanged
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import toeplitz
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis.estimation.fault_loop import EstimationDemands
 from workbench.diagnosis.estimation.front_program import solve_in_place
 from workbench.errors import SolverError

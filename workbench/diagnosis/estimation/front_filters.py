@@ -11,14 +11,14 @@ from itertools import chain
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.diagnosis.estimation.front import FaultFront, FrontPoint, near_poles
 from workbench.diagnosis.estimation.laguerre import LaguerreBasis
 from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu import Conditions, conditions
 from workbench.synthesis import approximations

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.fitting.rational import Rational, conjugate_pairs
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.realisation import realisation
 

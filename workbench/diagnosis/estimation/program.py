@@ -16,6 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check, excess
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.estimation.figures import RequirementLoop, channels, fault_filter
@@ -27,7 +28,6 @@ from workbench.diagnosis.estimation.weighting import (
 )
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.program import Program

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimators.observers import balanced_matrix, check_observable
 from workbench.diagnosis.estimators.rotation import Rotation
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimators.observers import observer_gain
 from workbench.diagnosis.estimators.streaming import (
@@ -29,7 +30,6 @@ from workbench.diagnosis.estimators.streaming import (
     tell,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, need_numbers
 from workbench.simulation import Controller, play
 

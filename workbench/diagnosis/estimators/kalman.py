@@ -22,8 +22,8 @@ from math import isfinite
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
-from workbench.compiled import inlined, kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import inlined, kernel
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimators.estimator import Estimator
 from workbench.diagnosis.estimators.observers import balanced_matrix

@@ -16,7 +16,7 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_numbers
 

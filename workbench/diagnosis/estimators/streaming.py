@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import inlined
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import inlined
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant
 
 HEADER = 10

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.input_checks import need_numbers, need_places, need_whole
 from workbench.simulation import Controller

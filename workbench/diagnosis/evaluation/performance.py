@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis.evaluation.residual_size import as_series
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_numbers, need_whole

@@ -14,8 +14,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
 from workbench.diagnosis.evaluation.changes import hysteresis
 from workbench.diagnosis.evaluation.thresholds import above_noise
 from workbench.errors import InputError

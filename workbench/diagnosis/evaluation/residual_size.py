@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_places, need_whole
 from workbench.simulation import Controller

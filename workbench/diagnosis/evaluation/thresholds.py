@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.diagnosis.evaluation.residual_size import as_series
 from workbench.errors import InputError
 from workbench.input_checks import need_numbers, need_places, need_whole

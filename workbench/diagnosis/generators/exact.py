@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.generators.generator import (
     Poles,
     ResidualGenerator,
@@ -33,7 +34,6 @@ from workbench.diagnosis.models.detectability import (
 )
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation

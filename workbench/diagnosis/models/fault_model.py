@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.models.rank_factors import rank_factors
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation

@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import answer_of
-from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check, quantified, worst
 from workbench.errors import InputError, SolverError
 from workbench.fitting.fitted_system import FittedSystem
@@ -20,7 +21,6 @@ from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.rational import Rational
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
 from workbench.fitting.storage import function
-from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.fits import covers, decays, inverse_decays, realisation_agrees
 from workbench.solvers import Options

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.errors import InputError, SolverError
 from workbench.fitting.fitted_system import FittedSystem
@@ -19,7 +20,6 @@ from workbench.fitting.response.data import Data
 from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
 from workbench.fitting.storage import function, roots
-from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.fits import (
     decays,

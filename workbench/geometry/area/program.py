@@ -13,8 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import ComplexArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import ComplexArray
 from workbench.executor import Context
 from workbench.geometry.area.bound import least_area
 from workbench.geometry.area.search import smallest_area

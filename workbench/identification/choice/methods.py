@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.choice.averages import averaged_predictor, averaged_simulator
 from workbench.identification.choice.levels import errors_beside_level, level_following

@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.closed_loop.instruments import filtered_by_poles, instrumental_arx
 from workbench.identification.closed_loop.methods import (

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.identification.closed_loop.explained import excitation_of, steady_response

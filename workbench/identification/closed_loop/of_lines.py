@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.identification.closed_loop.explained import excitation_of, mean_period
 from workbench.identification.closed_loop.methods import CleanInput
 from workbench.identification.closed_loop.program import ClosedLoopFit

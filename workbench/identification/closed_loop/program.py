@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.identification.closed_loop.explained import (
     explained_part,
     refuse_other_period,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.identification.experiments.records import read_record
 from workbench.identification.files.units import converted
 

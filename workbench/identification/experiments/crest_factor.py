@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.executor.effort import tries
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.figures import period_figure
 from workbench.identification.experiments.multisine import Multisine, as_lines
 from workbench.program import Program

@@ -23,11 +23,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
 from workbench.certificate import Check, excess, worst
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.design_bound import least_cost_bound
 from workbench.input_checks import as_array
 from workbench.program import Program

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.identification.files.columns import Columns
 from workbench.identification.files.names import split_name
 from workbench.identification.files.variables import File, read_table

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.signals import Signals, as_signals
 from workbench.identification.record_tests.record import RecordData

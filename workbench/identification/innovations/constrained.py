@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.input_regression import (

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.identification.innovations.recursions import observability, predictions
 
 STATE_SAMPLES = 300

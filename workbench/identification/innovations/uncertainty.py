@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion

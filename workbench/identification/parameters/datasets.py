@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.heavy_types import Dataset
+from workbench._core.heavy_types import Dataset
 from workbench.identification.parameters.least_squares import LeastSquares
 from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Figure
+from workbench._core.heavy_types import Figure
 from workbench.identification.parameters.measured import Measured, MeasuredRecord, MeasuredResponse
 
 

@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.answer import ProgramAnswer
 from workbench.certificate import Check, CheckedAs, quantified
 from workbench.errors import InputError, SolverError
 from workbench.executor.effort import tries
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.parameters.datasets import fit_dataset
 from workbench.identification.parameters.figures import fit_figures
@@ -28,7 +29,6 @@ from workbench.program import Program
 from workbench.second_opinion import SEED
 from workbench.solution import solve
 from workbench.solvers import Options
-from workbench.tables import markdown
 
 THESE_DATA = "for these data"
 """What checks of a fit quantify over."""

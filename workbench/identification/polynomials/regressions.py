@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.model import InnovationsModel

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import LEAST_NOISE, lagged_triangle

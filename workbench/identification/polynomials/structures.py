@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.innovations.model import InnovationsModel
 
 PolynomialKind = Literal["armax", "output-error", "box-jenkins"]

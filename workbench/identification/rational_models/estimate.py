@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import CheckedAs
 from workbench.errors import SolverError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.rational_models.figures import rational_model_figure
 from workbench.identification.rational_models.model import CommonPoleModel

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import ComplexArray
-from workbench.heavy_types import Figure
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Figure
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.identification.rational_models.weighted import WeightedResponse

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

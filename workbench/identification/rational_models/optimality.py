@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import null_space
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.identification.rational_models.model import CommonPoleModel

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import Rational
 from workbench.identification.rational_models.basis import DenominatorBasis
 from workbench.identification.rational_models.model import CommonPoleModel

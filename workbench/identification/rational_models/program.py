@@ -9,10 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.certificate import THIS_SYSTEM, Check, quantified
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.rational_models import figures as drawn
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.optimality import fall_nearby, movement
@@ -36,7 +37,6 @@ from workbench.input_checks import as_array, need_positive
 from workbench.program import Program
 from workbench.second_opinion import SEED
 from workbench.second_opinion.fits import decays, realisation_agrees
-from workbench.tables import markdown
 
 MOVEMENT_LIMIT = 1e-2
 """Largest movement of a valid answer to its optimum, in standard deviations of the estimates."""

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.optimality import DEPENDENT, model_directions

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.answer import ProgramAnswer
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification.rational_models.model import CommonPoleModel, variable
 from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.residual_tests import (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 
 LOOKED_AT = 100_000
 """Samples, evenly taken from the whole record, from which the spread of a channel is found."""

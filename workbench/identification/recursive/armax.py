@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.recursive.arx import as_sample, need_forgetting

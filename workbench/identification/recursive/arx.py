@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import least_squares

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, checked_record
 from workbench.identification.experiments.reports import report_of_arrays

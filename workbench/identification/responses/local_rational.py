@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.responses.local_polynomial import (

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.record_tests.report import RecordReport

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from workbench import figures
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.record_tests.report import RecordReport
 from workbench.identification.responses.assumptions import Assumptions, assess

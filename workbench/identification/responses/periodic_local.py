@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.distortion import LineDistortion, distortion_of_lines
 from workbench.identification.experiments.quality import as_record, require_alive

@@ -20,7 +20,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, as_record
 from workbench.identification.responses.periodic import PeriodicResponse, from_periods

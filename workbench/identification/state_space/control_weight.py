@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import bilinear, lfilter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import Dataset
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.candidates import Candidates
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.candidates import Candidates
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
 from workbench.identification.innovations.knowledge import Knowledge

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion

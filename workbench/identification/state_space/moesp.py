@@ -20,8 +20,8 @@ from typing import Literal
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import innovation_gain, with_inputs

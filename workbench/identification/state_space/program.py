@@ -15,10 +15,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space import datasets
@@ -38,7 +39,6 @@ from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.known_plants import has_known
 from workbench.second_opinion.records import convolved
-from workbench.tables import markdown
 
 AS_TOLD = "These fits are as the method told them: other orders are not stored, and not checked."
 """What stands below tables of fits that chose an order."""

@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import (

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import TransferFunction
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import TransferFunction
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.ndimage import uniform_filter1d
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
 from workbench.identification.transfer_functions.filters import DerivativeFilter

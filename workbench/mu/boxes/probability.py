@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.answer import Answer, RepeatedChecker
-from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import StableSystem

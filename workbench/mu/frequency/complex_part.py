@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_positive, need_structure

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.answer import Answer
-from workbench.arrays import Array
 from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess
 from workbench.certify.balls import in_plane
 from workbench.certify.cover import CertifiedInterval
@@ -23,7 +24,6 @@ from workbench.certify.stable_system import (
     bilinear_frequency,
     stable_system,
 )
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu.frequency.complex_part import separated, with_complex_part
 from workbench.mu.frequency.sweep import frequency_sweep, mu_figure
 from workbench.second_opinion import peaks

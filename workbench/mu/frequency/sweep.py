@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench import figures
+from workbench._core.arrays import Array, ComplexArray, RealArray
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.certificate import Check, Checker
 from workbench.certify.agreement import need_agreement
 from workbench.certify.cover import FrequencyBounds, refined_bounds
 from workbench.certify.mu_bound import structured
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
-from workbench.heavy_types import Figure
 from workbench.input_checks import need_structure
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound

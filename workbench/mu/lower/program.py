@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.answer import Answer
 from workbench.certificate import Check, these, worst
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import as_matrices
 from workbench.program import Program
 from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity

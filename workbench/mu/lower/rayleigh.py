@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import unchecked_kernel
+from workbench._core.compiled import unchecked_kernel
 
 # Of NumPy: for each integer of Python that a function is given, Numba compiles it once more.
 X, Y, Q = np.arange(3)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, Checker
-from workbench.heavy_types import StateSpace
 from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.crossings import ExactLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop

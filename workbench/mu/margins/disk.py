@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
 from workbench.certify.stable_system import StableSystem, angular_frequency
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_numbers
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
-from workbench.arrays import RealArray
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak

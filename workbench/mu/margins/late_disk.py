@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker
-from workbench.arrays import Array
 from workbench.certificate import Check
-from workbench.heavy_types import StateSpace
 from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.margins.classical_checks import tried_loop

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.margins.disk import DiskMargin, factor_of
 from workbench.mu.robust.late_margin import late_margin
 from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING

@@ -9,9 +9,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import as_list, need_count
 from workbench.mu.robust.margin import robust_stability
 from workbench.mu.robust.worst_case import worst_case_gain

@@ -16,10 +16,10 @@ import numpy as np
 from scipy import stats
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, WorkbenchError
 from workbench.executor import InProcess, spread
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import is_real, need_count, need_whole
 from workbench.mu.robust.worst_case import worst_case_gain
 from workbench.systems.realisation import worst_pole

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker
-from workbench.arrays import Array
 from workbench.certificate import Check
 from workbench.certify.agreement import SINGULAR_PROVEN, need_agreement
 from workbench.certify.stability import stability_of
-from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak import INTERVALS_COVER, peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.margin_bounds import reciprocal

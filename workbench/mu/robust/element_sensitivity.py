@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.answer import Answer, PartsChecker
-from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from numbers import Real as Number
 from typing import Any
 
+from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer, restored_numbers, stored_numbers
 from workbench.certificate import Check, Checker
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak_bounds import (
     Peak,

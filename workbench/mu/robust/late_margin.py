@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
-from workbench.arrays import Array, RealArray
 from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.boxes.partition import corner_signs
 from workbench.mu.frequency.channels import analysed, even_channels
 from workbench.mu.lower.bound import lower_bound

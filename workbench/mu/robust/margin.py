@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said

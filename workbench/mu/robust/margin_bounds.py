@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer, PartsChecker, RepeatedChecker, no_better
 from workbench.certificate import EVERY_FREQUENCY, Check
-from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_is_borne, delay_is_lost
 from workbench.second_opinion import peaks

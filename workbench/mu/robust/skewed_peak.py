@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from flint import ctx
 
-from workbench.arrays import Array, BoolArray, RealArray
+from workbench._core.arrays import Array, BoolArray, RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS

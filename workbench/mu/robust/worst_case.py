@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import in_plane
 from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_structure, need_tolerance
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.robust.skewed_bounds import (

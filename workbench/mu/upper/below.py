@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.mu.upper.fast import batch_bounds, pattern_of_structure

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.certificate import Check
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound

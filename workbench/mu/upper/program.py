@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import figures
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.answer import Answer
-from workbench.arrays import ComplexArray
 from workbench.certificate import Check, these, worst
 from workbench.certify.mu_bound import (
     SAID_ALLOWANCES,
@@ -21,7 +22,6 @@ from workbench.certify.mu_bound import (
     structured_bound,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import need_structure
 from workbench.mu.upper.opinion import opinion, witnesses
 from workbench.program import Program

@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Check
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.solution import solve
 from workbench.solvers import Options

@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import need_kind
 from workbench.study import Study, array, check, dim, figure, metric, part, system, table
 from workbench.synthesis.demands.conflict import Conflict, NominalDemands, find_conflict

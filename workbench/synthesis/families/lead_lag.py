@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
 from workbench.synthesis.families.family import (
     LARGEST_LOG,

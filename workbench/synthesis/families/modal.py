@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
 from workbench.synthesis.families.family import POLE_ROOM, Family, need_size
 from workbench.synthesis.families.least_squares import combined

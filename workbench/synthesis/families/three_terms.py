@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_kind, need_positive
 from workbench.synthesis.families.family import (
     LARGEST_LOG,

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, RepeatedChecker
 from workbench.certificate import Check, excess
 from workbench.certify.agreement import need_agreement
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu import NuGap, nu_gap
 from workbench.second_opinion import energies

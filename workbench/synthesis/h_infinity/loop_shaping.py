@@ -16,11 +16,11 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_continuous_lyapunov
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.program import Claim, method
 from workbench.solvers import Outcome

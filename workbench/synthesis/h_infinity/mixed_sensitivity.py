@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check, worst
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis

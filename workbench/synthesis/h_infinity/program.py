@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.second_opinion import loops
 from workbench.synthesis.families.family import asked_of

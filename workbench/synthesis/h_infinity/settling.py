@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim
 from workbench.solvers import Outcome
 from workbench.synthesis.h_infinity.levels import (

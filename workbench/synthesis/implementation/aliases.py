@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, RepeatedChecker
-from workbench.arrays import Array, RealArray
 from workbench.certificate import Check
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.second_opinion.implemented.held_plants import loops_held
 from workbench.structure import Real

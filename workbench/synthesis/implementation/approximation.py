@@ -8,9 +8,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions, conditions

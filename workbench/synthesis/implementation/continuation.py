@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import logm
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_choice
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.balancing import state_units

@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import expm, schur
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.solvers import slicot_routine
 from workbench.synthesis.implementation.continuation import matched

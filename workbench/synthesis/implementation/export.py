@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, ResultError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_choice
 from workbench.synthesis.implementation.c_code.export_c import Precision, header
 from workbench.synthesis.implementation.second_order import Sections

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
 from workbench.synthesis.implementation.impulse import absolute_sum, squared_sum
 from workbench.synthesis.implementation.sampled_loop import SampledConditions, sampled_conditions

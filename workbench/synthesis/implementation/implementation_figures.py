@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.certify.sampled_sets import Roots, mu_at
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.implementation.implemented import ImplementedController
 from workbench.synthesis.implementation.sampled_loop import SampledMargins
 from workbench.synthesis.implementation.second_order import Sections
 from workbench.systems.generalised_plant import response
-from workbench.tables import markdown
 
 MARGINS = ("gain_low", "gain_high", "phase", "phase_at", "delay")
 """Numbers of the margins of a control signal."""

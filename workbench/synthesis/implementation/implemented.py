@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.sampled_sets import SetPeak
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.figures import DrawnController
 from workbench.synthesis.implementation.c_code.c_fixed_point import fixed_header
 from workbench.synthesis.implementation.c_code.export_c import header

@@ -13,12 +13,12 @@ from typing import Any, ClassVar, get_args
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.sampled_sets import SetPeak
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_choice, need_positive, need_whole
 from workbench.program import Program
 from workbench.second_opinion import loops

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker
 from workbench.certificate import EVERY_PERTURBATION, Check
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions
 from workbench.systems.realisation import in_words

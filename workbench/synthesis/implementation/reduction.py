@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.solution import solve

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, root
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
 from workbench.second_opinion.loops import powers_fall
 from workbench.second_opinion.peaks import one_unstable

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response

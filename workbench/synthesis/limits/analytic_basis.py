@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.limits.intervals import ComplexInterval, Interval, up
 from workbench.synthesis.limits.rational_bounds import FrequencyCells, relative_factor, root_factor

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.limits.allowed_sets import largest_modulus, largest_projections
 from workbench.synthesis.limits.analytic_basis import AnalyticBasis

@@ -25,6 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.answer import (
     REPEATED_ROUNDING,
     Answer,
@@ -32,12 +34,10 @@ from workbench.answer import (
     restored_numbers,
     stored_numbers,
 )
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
 from workbench.executor.effort import tries
-from workbench.heavy_types import Dataset
 from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
 

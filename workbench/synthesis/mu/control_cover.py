@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational

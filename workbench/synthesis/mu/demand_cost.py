@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, Check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.effort import deeper
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_positive
 from workbench.second_opinion import loops
 from workbench.solution import solve

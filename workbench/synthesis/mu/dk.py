@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Figure, StateSpace
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.mu import frequency_sweep
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.figures import grid

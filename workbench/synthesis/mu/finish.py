@@ -6,11 +6,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import TimeLimitError
 from workbench.executor import Context
 from workbench.executor.clock import proving, tick
-from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.program import Claim
 from workbench.solvers import Outcome

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, field
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.mu import Peak
 from workbench.synthesis.h_infinity.figures import DrawnController
 from workbench.synthesis.mu.rounds import Iterate

@@ -7,13 +7,13 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu import Peak, peak, performance_peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak

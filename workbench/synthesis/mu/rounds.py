@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset, StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.systems.realisation import realisation
 

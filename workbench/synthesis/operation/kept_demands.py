@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Figure
 from workbench.input_checks import need_kind
 from workbench.study import array, dim, figure, metric, table
 from workbench.synthesis.demands.demands import KINDS, SETTLED, Demands

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit

@@ -26,8 +26,8 @@ import numpy as np
 from scipy.linalg import block_diag, solve_discrete_are
 from scipy.sparse import csr_array, vstack
 
+from workbench._core.arrays import RealArray
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.certify.rounding import nearest_power_of_two
 from workbench.synthesis.records.record import StateRecords

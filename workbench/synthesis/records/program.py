@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.certificate import Check, excess
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import fraction, outside
@@ -22,7 +23,6 @@ from workbench.conic.claims import NoSolutionOfComputed, parsed_rational
 from workbench.conic.ray_search import dual_point, dual_ray, settled_point, settled_ray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import as_array, need_choice
 from workbench.program import Task
 from workbench.solvers import Outcome

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigh
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.rounding import (
     Enclosure,
     exact,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.solution import solve
 from workbench.synthesis.switching.cells import CellProof, ParameterCell

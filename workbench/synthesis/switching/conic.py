@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import AccuracyRange
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, solve_conic

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.switching.loops import ControllerMode, Modes
 
 SLOW_POLE_TOLERANCE = 1e-6

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome

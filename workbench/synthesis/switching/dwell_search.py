@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 

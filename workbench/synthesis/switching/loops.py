@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.systems.sampling import sampled
 
 FilterResponse = Callable[[RealArray], ComplexArray]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.switching.modes import Mode
 
 GROWTH_MARGIN = 1e-9

@@ -27,12 +27,12 @@ from typing import ClassVar
 import numpy as np
 
 from workbench import figures
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.quadratic_forms import QuadraticForm, ball_product, ball_quotient, power
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import as_list
 from workbench.program import Program
 from workbench.second_opinion.exact_switchings import exact_products

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.mu import conditions, loop_margins
 from workbench.synthesis.switching.loops import closed_transition
 from workbench.systems.sampling import sampled

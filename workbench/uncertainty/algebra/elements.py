@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.structure import Block, Complex, Full, Real
 from workbench.systems.conversion import as_system

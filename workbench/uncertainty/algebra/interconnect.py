@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import as_list
 from workbench.systems.balancing import singular

@@ -15,9 +15,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_count, need_time_base
 from workbench.structure import Structure
 from workbench.systems.conversion import as_states

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.fitting.rational import Rational
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import plain_response
 from workbench.second_opinion.support import reach_beyond
 from workbench.uncertainty.covers.sets import Form

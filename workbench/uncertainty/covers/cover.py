@@ -15,8 +15,9 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import answer_of
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
@@ -25,7 +26,6 @@ from workbench.fitting.response.program import right_check
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import need_choice
 from workbench.program import Program
 from workbench.second_opinion.fits import decays, growing_modes, inverse_decays

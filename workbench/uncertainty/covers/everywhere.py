@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certificate import Check
 from workbench.certify.known_plants.containment import Excess, escapes, largest_excess
 from workbench.certify.stable_system import angular_frequency

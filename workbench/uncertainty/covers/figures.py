@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import Axes, Figure
 from workbench.geometry.figures import plane
-from workbench.heavy_types import Axes, Figure
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import unwrapped
 from workbench.uncertainty.responses.plants import Responses

@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.answer import Answer
-from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_choice, need_kind, need_whole
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar

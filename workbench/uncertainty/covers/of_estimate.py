@@ -14,15 +14,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, worst
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.effort import tries
 from workbench.fitting.samples import as_count, as_frequencies
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import Figure
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.input_checks import need_tolerance
 from workbench.second_opinion import SEED

@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.geometry.points import canonical_angle
 from workbench.uncertainty.covers.sets import stadiums_about_nominal

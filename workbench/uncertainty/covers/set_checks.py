@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import Check, worst
 from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.bounds import circle_radius_bound

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check, worst
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stability import balanced_states, stability_of
-from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses

@@ -9,14 +9,14 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.arrays import Array, RealArray
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst
 from workbench.certify.norms import certified_norm
 from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_choice
 from workbench.program import Program
 from workbench.second_opinion.fits import decays

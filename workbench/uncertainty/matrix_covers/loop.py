@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import Figure
 from workbench.errors import InputError
-from workbench.heavy_types import Figure
 from workbench.structure import Full
 from workbench.systems.realisation import worst_pole
 from workbench.uncertainty.algebra.system import UncertainSystem

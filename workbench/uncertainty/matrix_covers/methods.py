@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solution import solve
 from workbench.solvers import Outcome

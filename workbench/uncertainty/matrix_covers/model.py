@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_choice
 from workbench.structure import Full, Structure
 from workbench.systems.bilinear import bilinear_continuous

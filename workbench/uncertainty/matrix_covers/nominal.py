@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
 from workbench.fitting.response.matrix_fit import fit_matrix_response
-from workbench.heavy_types import StateSpace
 from workbench.solution import solve
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses

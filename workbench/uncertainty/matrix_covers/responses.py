@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_frequencies
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, as_list
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_response import frequency_response

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic

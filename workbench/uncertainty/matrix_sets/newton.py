@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.uncertainty.matrix_sets.finish import finished
 from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives, log_det_value
 from workbench.uncertainty.matrix_sets.loop import LoopBarrier, loop_level

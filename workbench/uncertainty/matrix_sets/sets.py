@@ -14,11 +14,11 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from workbench._core.arrays import EPS, Array, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.answer import ProgramAnswer
-from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.input_checks import as_array, need_choice, need_numbers
 from workbench.program import Program
 from workbench.uncertainty.matrix_sets.channels import equilibrated

@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.input_checks import need_choice, need_tolerance

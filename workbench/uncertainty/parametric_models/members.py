@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.uncertainty.parametric_models.model import ParametricModel
 from workbench.uncertainty.responses.plants import Responses

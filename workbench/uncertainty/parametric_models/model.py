@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
 from workbench.structure import Real, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.uncertainty.algebra.lft import (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_kind
 from workbench.uncertainty.responses.plants import Responses

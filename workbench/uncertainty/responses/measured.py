@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, FrequencyResponseData
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import Dataset, FrequencyResponseData
 from workbench.identification.experiments.alike import read_alike
 from workbench.identification.experiments.measured_responses import read_response
 from workbench.identification.experiments.quality import checked_record

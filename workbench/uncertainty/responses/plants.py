@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.identification.record_tests.report import RecordReport, together
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, is_real, need_numbers

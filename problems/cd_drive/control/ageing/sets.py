@@ -9,8 +9,8 @@ from functools import partial
 from typing import Literal
 
 from workbench import solve
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.mu import performance_peak
 from workbench.solvers import Options
 from workbench.synthesis import MuSynthesis

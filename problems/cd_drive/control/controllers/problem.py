@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Peak, PeakChecker, Sweep, performance_peak, performance_sweep
 from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
 from workbench.synthesis import (

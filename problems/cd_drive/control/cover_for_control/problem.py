@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
@@ -21,7 +22,6 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.storage import function, roots
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.solution import solve
 from workbench.study import Study, figure, metric, table

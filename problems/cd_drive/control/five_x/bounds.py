@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.synthesis import DualCertificate, highest_proven, regularised
 from workbench.synthesis.limits.loop_functions import LoopFunctions

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset, StateSpace, TransferFunction
 from workbench.certificate import EVERY_PERTURBATION, worst
-from workbench.heavy_types import Dataset, StateSpace, TransferFunction
 from workbench.mu import rank_one_mu
 from workbench.synthesis import (
     AnalyticBasis,

@@ -15,11 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, PeakChecker, performance_peak, performance_sweep
 from workbench.study import (
     Study,

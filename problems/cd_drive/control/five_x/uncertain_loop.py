@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.fitting.rational import Rational
 from workbench.synthesis import LoopFunctions, LoopWeights
 from workbench.uncertainty import UncertaintyModel

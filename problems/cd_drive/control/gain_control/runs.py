@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.simulation import Cascade, Part, linear, wobbled_gain
 
 from ...drive.disc import Defect, Disc

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, worst
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import ParametricModel, UncertaintyModel

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.synthesis import DesignTask
 from workbench.uncertainty import ParametricModel, UncertaintyModel
 

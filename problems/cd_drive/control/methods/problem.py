@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import Check, Run, problem
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import (
     Peak,
     PeakChecker,

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import Check, Run
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
 from workbench.geometry import smallest_area_stadium
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Peak, PeakChecker, condition_systems, conditions, performance_sweep
 from workbench.structure import Structure
 from workbench.study import Study, answers, array, check, dim, figure, metric, part, table

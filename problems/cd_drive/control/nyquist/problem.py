@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, problem, ref
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import worst
 from workbench.geometry import (
     NarrowestStadium,
@@ -23,7 +24,6 @@ from workbench.geometry import (
     signed_distance,
     signed_distance_bounds,
 )
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
 from workbench.uncertainty.covers.storage import rational, shape

@@ -17,9 +17,9 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from workbench import Check, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Peak, PeakChecker, peak
 from workbench.structure import Full, Structure
 from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table

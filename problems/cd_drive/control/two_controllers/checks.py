@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, quantified, worst
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty.parametric_models.parameters import vertices
 

@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, WorstCaseChecker, WorstCaseGain, conditions, worst_case_gain
 from workbench.structure import Structure
 from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table

@@ -15,9 +15,10 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, problem
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -32,7 +33,6 @@ from workbench.study import (
     table,
     with_interval,
 )
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis

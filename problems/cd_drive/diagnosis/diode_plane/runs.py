@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis import (
     UNKNOWN,
     Clusters,

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultLoop
 from workbench.diagnosis.estimation.front_filters import estimation
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 

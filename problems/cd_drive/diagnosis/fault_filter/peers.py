@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import FaultEstimation, FaultLoop, Requirement
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.solution import solve
 from workbench.uncertainty import GeneralisedPlant
 

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.diagnosis import (
     FaultFront,
     FaultLoop,
@@ -29,7 +30,6 @@ from workbench.diagnosis import (
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.storage import function
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.study import Study, array, dim, figure, part, system, table
 from workbench.study.declarations import identifier
 from workbench.systems.bilinear import bilinear_sampled

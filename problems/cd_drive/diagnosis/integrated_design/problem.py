@@ -13,12 +13,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.solution import solve
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
 from workbench.synthesis import HinfSynthesis

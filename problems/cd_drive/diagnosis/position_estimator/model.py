@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import (
     DisturbedPlant,
     Estimator,
@@ -24,7 +25,6 @@ from workbench.diagnosis import (
     placed,
     prototype_poles,
 )
-from workbench.heavy_types import StateSpace
 from workbench.simulation import hold, sampled
 
 from ...drive.actuator import specific_model

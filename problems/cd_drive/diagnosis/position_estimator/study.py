@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray
 from workbench.diagnosis import Estimator, KalmanEstimator, Rotation, estimate
 from workbench.executor import Context
-from workbench.heavy_types import DataArray
 from workbench.simulation.machine import machine
 from workbench.study import Study, array, arrays, dim, independent_seeds, part
 

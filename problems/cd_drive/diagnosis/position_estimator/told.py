@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check
-from workbench.heavy_types import DataArray, Dataset
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.study import check, figure, metric, over_draws, share_of_draws, table, with_interval
 from workbench.study.declarations import identifier
 from workbench.study.draws import SURE
-from workbench.tables import markdown
 
 from ...drive.disc import VELOCITY
 from ...drive.red_book import ACCEPTABLE_ERROR

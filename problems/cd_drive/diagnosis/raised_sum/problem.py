@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,

@@ -15,8 +15,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, problem
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -33,7 +34,6 @@ from workbench.study import (
     with_interval,
 )
 from workbench.study.draws import SUMMARY
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis

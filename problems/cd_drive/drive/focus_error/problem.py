@@ -15,8 +15,8 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from workbench import problem
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 
 from ..tables import disc_formats, drives

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.optics import Pupil, Reading, TrackLayer, quadrants, read_layer, round_pupil
 
 from ..disc import VELOCITY

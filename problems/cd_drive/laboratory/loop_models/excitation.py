@@ -15,9 +15,9 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from workbench import solve
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.identification import Multisine, RationalModelFit, schroeder_phases
 from workbench.simulation import linear
 

@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.tables import markdown
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification import (
     LineDistortion,
     Multisine,

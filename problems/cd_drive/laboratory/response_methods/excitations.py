@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import (
     ResponseEstimate,
     from_periods,

@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import ResponseEstimate
 from workbench.study import (
     Study,
@@ -34,7 +35,6 @@ from workbench.study import (
     with_interval,
 )
 from workbench.study.draws import LEAST_COVERAGE_P, SURE
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values

@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import IdentificationWarning
 from workbench.simulation.machine import machine
 from workbench.study import (

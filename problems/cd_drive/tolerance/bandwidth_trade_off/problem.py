@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -35,7 +36,6 @@ from workbench.study import (
 )
 from workbench.study.draws import SURE
 from workbench.synthesis import discretised
-from workbench.tables import markdown
 
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.shared_parameters import TABLES

@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.simulation import Cascade, Part, linear
 
 from ...laboratory.bench_setup import PERIOD

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     balloon_size,
@@ -25,7 +26,6 @@ from workbench.simulation.ensemble_scores import (
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.synthesis import discretised
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis

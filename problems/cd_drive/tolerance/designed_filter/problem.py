@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.diagnosis import FaultLoop, Reached
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,

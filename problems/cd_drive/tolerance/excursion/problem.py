@@ -13,8 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -32,7 +33,6 @@ from workbench.study import (
 )
 from workbench.study.draws import SURE
 from workbench.synthesis import discretised
-from workbench.tables import markdown
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE

@@ -12,10 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import Progress, Threads, spread
-from workbench.heavy_types import StateSpace
 from workbench.simulation import Cascade, in_discrete_time
 from workbench.simulation.ensemble_scores import error_scores
 from workbench.simulation.machine import machine

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     CONFIDENCE,

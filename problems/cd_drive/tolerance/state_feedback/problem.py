@@ -14,9 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import in_discrete_time
 from workbench.simulation.machine import machine
 from workbench.study import (
@@ -37,7 +38,6 @@ from workbench.study import (
 )
 from workbench.study.draws import SURE
 from workbench.systems import loop_response
-from workbench.tables import markdown
 
 from ...diagnosis.defect_runs import ROTATION
 from ...diagnosis.scratch_draws import ScratchDraw

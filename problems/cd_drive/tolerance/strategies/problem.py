@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
+from workbench._core.heavy_types import DataArray, StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, StateSpace
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.synthesis import ControllerMode, SampledPlant, SwitchedBox
 from workbench.synthesis.switching.loops import transition

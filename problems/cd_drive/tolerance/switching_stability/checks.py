@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from workbench import Check
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.synthesis import SwitchedLoop, closed_transition, discretised
 from workbench.synthesis.switching.boxes import LARGEST_RATIO
 

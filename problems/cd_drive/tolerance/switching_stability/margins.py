@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.synthesis import discretised
 from workbench.synthesis.switching.single_loops import SingleLoops
 from workbench.systems import loop_response

@@ -12,10 +12,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from workbench import Check, solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import Study, array, arrays, dim, part, system
 from workbench.synthesis import SwitchedStability, proven_share
 from workbench.synthesis.switching.single_loops import SAMPLINGS

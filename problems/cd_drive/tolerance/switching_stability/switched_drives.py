@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.synthesis import (
     Deviations,
     Mode,

@@ -12,9 +12,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import Cascade, Part, linear
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,

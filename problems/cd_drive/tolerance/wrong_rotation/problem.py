@@ -12,9 +12,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -32,7 +33,6 @@ from workbench.study import (
     table,
     with_interval,
 )
-from workbench.tables import markdown
 
 from ...diagnosis.defect_runs import ROTATION
 from ...diagnosis.scratch_draws import ScratchDraw

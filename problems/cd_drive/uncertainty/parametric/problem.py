@@ -15,9 +15,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, arrays, dim, figure, metric, part, table
 from workbench.uncertainty.parametric_models.factorial import factorial_response
 from workbench.uncertainty.parametric_models.model import ParametricModel

@@ -30,7 +30,7 @@ from workbench.plants.cd_drive.tolerance.tactics import (
 )
 
 from workbench import solve
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import Cascade, Controller, Part
 from workbench.solvers import Options

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.errors import InputError, TimeLimitError
 from workbench.executor import Context, InProcess, spread
 from workbench.executor.clock import time_is_up
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 from workbench.synthesis.families.modal import Modal

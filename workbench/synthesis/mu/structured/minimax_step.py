@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 SMALLEST_SLOPE = 1e-12
 """Slope over the peak that counts as none: it tells no unit."""

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.executor.clock import time_is_up
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.free import FreeMatrices
 from workbench.synthesis.families.modal import Modal

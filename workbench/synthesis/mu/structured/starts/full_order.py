@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular

@@ -70,7 +70,9 @@ def software() -> str:
 def references() -> dict[str, str]:
     """The entries of the bibliography by their keys."""
     text = (
-        resources.files("workbench.guidance").joinpath("references.bib").read_text(encoding="utf-8")
+        resources.files("workbench.cli.guidance")
+        .joinpath("references.bib")
+        .read_text(encoding="utf-8")
     )
     entries = re.findall(r"^@.*?(?=^@|\Z)", text, re.MULTILINE | re.DOTALL)
     return {one.partition("{")[2].partition(",")[0]: one.strip() for one in entries}

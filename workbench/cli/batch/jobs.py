@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import workbench
-from workbench.batch.plan import JobPlan
 from workbench.bench.project import add_problems, added_problems
+from workbench.cli.batch.plan import JobPlan
 from workbench.errors import ClusterError, WorkbenchError
 
 if TYPE_CHECKING:
