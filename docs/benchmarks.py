@@ -15,8 +15,8 @@ import psutil
 
 import workbench as wb
 from workbench import figures
-from workbench.heavy_types import Dataset, Figure
-from workbench.tables import markdown
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results" / "bench"

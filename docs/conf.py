@@ -69,7 +69,7 @@ default_role = "py:obj"
 suppress_warnings = ["ref.python"]  # a bare name of an attribute may be that of several classes
 python_use_unqualified_type_names = True
 
-bibtex_bibfiles = ["../workbench/guidance/references.bib"]
+bibtex_bibfiles = ["../workbench/cli/guidance/references.bib"]
 bibtex_reference_style = "author_year"
 bibtex_default_style = "plain"
 

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 import workbench as wb
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.bench.comparison.layout import METHOD, cell_labels, command, tried
 from workbench.bench.comparison.numbers import (
     badge,
@@ -17,8 +19,6 @@ from workbench.bench.comparison.numbers import (
 )
 from workbench.bench.comparison.profiles import performance_profile
 from workbench.bench.comparison.styles import method_looks
-from workbench.heavy_types import Dataset, Figure
-from workbench.tables import markdown
 
 ROOT = Path(__file__).parents[1]
 KINDS = {

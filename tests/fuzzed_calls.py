@@ -45,7 +45,7 @@ A = real("a", 1, percent=20)
 G = tf([1], [1, A])
 PAIR = control.append(LAG, LAG)
 FALLING = np.array([[0.5, 0.1], [0.0, 0.4]])
-MODES = (Mode("a", FALLING, shortest=None), Mode("b", FALLING.T))
+MODES = (Mode("a", FALLING, shortest_samples=None), Mode("b", FALLING.T))
 MODEL = UncertaintyModel(LAG, control.tf([0.3], [1]))
 POINTS = np.array([0, 1, 1j])
 MATRIX = np.array([[1.0, 0.5], [0.2, 1.0]])
@@ -79,7 +79,7 @@ MORE = {
             "steps": 20,
         },
     ),
-    "performance_peak": (performance_peak, {"plant": LOOP, "K": 0.1}),
+    "performance_peak": (performance_peak, {"plant": LOOP, "controller": 0.1}),
     "destabilising": (
         destabilising,
         {"peak": PEAK, "system": PAIR, "structure": STRUCTURE},
@@ -90,7 +90,7 @@ MORE = {
     ),
     "branch_and_bound": (
         branch_and_bound,
-        {"M": MATRIX, "structure": STRUCTURE, "gap": 0.1, "nodes": 10},
+        {"M": MATRIX, "structure": STRUCTURE, "tolerance": 0.1, "nodes": 10},
     ),
     "sensitivity": (sensitivity, {"M": MATRIX, "structure": STRUCTURE}),
     "disk_gain": (disk_gain, {"alpha": 0.5, "skew": 0.0}),
@@ -118,8 +118,11 @@ MORE = {
         MatrixResponses,
         {"omega": OMEGA, "values": VALUES[:, :, None, None]},
     ),
-    "Mode": (Mode, {"name": "a", "A": FALLING, "shortest": 1, "longest": 3, "rate": None}),
-    "SwitchedStability": (SwitchedStability, {"modes": MODES, "limit": 20}),
+    "Mode": (
+        Mode,
+        {"name": "a", "A": FALLING, "shortest_samples": 1, "longest_samples": 3, "rate": None},
+    ),
+    "SwitchedStability": (SwitchedStability, {"modes": MODES, "limit_samples": 20}),
     "ConicProgram": (
         ConicProgram,
         {"form": FORM, "constant": 0.0, "maximise": False},

@@ -53,18 +53,18 @@ def deaf(project):
 
 @pytest.mark.usefixtures("deaf")
 def test_a_level_that_makes_no_difference_finds_the_same_answer_and_says_so():
-    first = wb.run("toy/root", "rough")
+    first = wb.run("toy/root", method="rough")
     assert not first.reused and first.note == ""
     for level in ("low", "high", 1e-4):
-        found = wb.run("toy/root", "rough", tolerance=level)
+        found = wb.run("toy/root", method="rough", tolerance=level)
         assert found.reused and found.path == first.path
         assert "is not heeded: the same at every accuracy" in found.note
-    assert "not heeded" in wb.run("toy/root", "rough", tolerance="low", fresh=True).note
+    assert "not heeded" in wb.run("toy/root", method="rough", tolerance="low", fresh=True).note
 
 
 @pytest.mark.usefixtures("project")
 def test_a_level_that_makes_a_difference_asks_another_question_and_says_nothing():
-    runs = [wb.run("toy/root", "exact", tolerance=level) for level in ACCURACY]
+    runs = [wb.run("toy/root", method="exact", tolerance=level) for level in ACCURACY]
     assert len({one.path for one in runs}) == 3
     assert {one.note for one in runs} == {""}
 
@@ -94,12 +94,12 @@ def test_the_tolerance_of_a_method_never_reaches_it_out_of_range(toy):
         heard.append(context.options.accuracy)
         return toy.roots(program), wb.Outcome.SOLVED, ""
 
-    context = Context(Options("high"))
+    context = Context(options=Options(tolerance="high"))
     notes = [
-        wb.solve(Deaf((4.0,)), "deaf", Options(tolerance)).note
+        wb.solve(Deaf((4.0,)), method="deaf", options=Options(tolerance=tolerance)).note
         for tolerance in (1e-9, 1e-6, 1e-3, 0.1)
     ]
-    wb.solve(Deaf((4.0,)), "deaf", context=context)
+    wb.solve(Deaf((4.0,)), method="deaf", context=context)
     assert heard == [1e-6, 1e-6, 1e-3, 1e-2, 1e-6]
     assert context.options.accuracy == 1e-9
     assert [bool(note) for note in notes] == [True, False, False, True]
@@ -110,7 +110,9 @@ def test_the_tolerance_of_a_method_never_reaches_it_out_of_range(toy):
 @pytest.mark.usefixtures("deaf")
 def test_a_comparison_asks_once_for_what_is_the_same():
     told = []
-    run = wb.compare("toy/root", ["exact", "rough"], progress=lambda *what: told.append(what))
+    run = wb.compare(
+        "toy/root", methods=["exact", "rough"], progress=lambda *what: told.append(what)
+    )
     assert told[-1] == ("cells", 4, 4)  # three of exact, one of rough
     assert run.data["outcome"].values.tolist() == [[[["solved"]] * 3] * 2]
     assert run.data["served"].sel(by_method="rough").values.ravel().tolist() == [1e-6] * 3

@@ -96,7 +96,7 @@ def parameters():
     frequency = np.geomspace(0.1, 10, 20)
     exact = 3.0 / (2j * np.pi * frequency + 2.0)
     measured = identification.MeasuredResponse(
-        lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+        lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     )
     start = {name: identification.FittedParameter(1.0, lower=0.1) for name in "ka"}
     return identification.fit_parameters(measured, start)
@@ -106,25 +106,28 @@ GAIN = control.tf([2.0], [1.0])
 STATIC = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
 ANSWERS = {
     "robust_stability": lambda: mu.robust_stability(CLOSED),
-    "robust_stability of parameters": lambda: mu.robust_stability(OF_PARAMETERS, 1e-2),
-    "robust_stability with decay": lambda: mu.robust_stability(OF_PARAMETERS, 1e-2, decay=0.5),
+    "robust_stability of parameters": lambda: mu.robust_stability(OF_PARAMETERS, tolerance=1e-2),
+    "robust_stability with decay": lambda: mu.robust_stability(
+        OF_PARAMETERS, tolerance=1e-2, decay=0.5
+    ),
     "robust_stability, sampled": lambda: mu.robust_stability(
         feedback(tf([0.2], [1, real("p", -0.5, plus_minus=0.2)], 0.1) * dynamics("d", 1, 1), 1)
     ),
     "robust_stability with dead time": lambda: mu.robust_stability(
         feedback(tf([5], [1, 1]) * (1 + 0.2 * dynamics("d", 1, 1)) * delay("late", 0.3, 0.3), 1),
-        1e-2,
+        tolerance=1e-2,
     ),
     "robust_stability of a gain with dead time": lambda: mu.robust_stability(
-        feedback(real("k", 5, percent=20) * tf([1], [1, 1]) * delay("late", 0.3, 0.3), 1), 1e-2
+        feedback(real("k", 5, percent=20) * tf([1], [1, 1]) * delay("late", 0.3, 0.3), 1),
+        tolerance=1e-2,
     ),
     "robust_stability of a delay": lambda: mu.robust_stability(
-        feedback(tf([5], [1, 1]) * delay("tau", 0.0, 1.0), 1), 1e-2
+        feedback(tf([5], [1, 1]) * delay("tau", 0.0, 1.0), 1), tolerance=1e-2
     ),
     "robust_stability without an element that counts": lambda: mu.robust_stability(
         feedback(tf([1], [1, 1]) * (STIFFNESS - STIFFNESS), 1)
     ),
-    "robust_performance": lambda: mu.robust_performance(CLOSED, 3.0, 1e-2),
+    "robust_performance": lambda: mu.robust_performance(CLOSED, gain=3.0, tolerance=1e-2),
     "worst_case_gain": lambda: mu.worst_case_gain(CLOSED),
     "worst_case_gain of a matrix": lambda: mu.worst_case_gain(N, Structure([Complex(1)])),
     "peak": lambda: mu.peak(N, BLOCKS),
@@ -134,11 +137,11 @@ ANSWERS = {
     "peak in a band": lambda: mu.peak(N, BLOCKS, band=(0.1, 10.0)),
     "peak, sampled": lambda: mu.peak(OSCILLATOR.sample(0.1), Structure([Complex(1)])),
     "skewed_peak": lambda: mu.skewed_peak(N, BLOCKS, fixed=[0]),
-    "frequency_sweep": lambda: mu.frequency_sweep(N, BLOCKS, OMEGA),
+    "frequency_sweep": lambda: mu.frequency_sweep(N, BLOCKS, omega=OMEGA),
     "upper_bound": lambda: mu.upper_bound(M, MIXED),
     "upper_bound of a batch": lambda: mu.upper_bound(np.stack([M, 2 * M]), MIXED),
     "lower_bound": lambda: mu.lower_bound(M, MIXED),
-    "branch_and_bound": lambda: mu.branch_and_bound(M, MIXED, gap=0.01),
+    "branch_and_bound": lambda: mu.branch_and_bound(M, MIXED, tolerance=0.01),
     "skew_bounds": lambda: mu.skew_bounds(M, MIXED, fixed=[0]),
     "conditions": lambda: mu.conditions(plant(), GAIN),
     "conditions, unstable": lambda: mu.conditions(plant(), -GAIN),
@@ -184,15 +187,15 @@ ANSWERS = {
     "stable_part": lambda: realisations.stable_part(FAST * control.tf([1.0], [1.0, 3.0, 0.0])),
     "minimal": lambda: realisations.minimal(control.tf([1.0, 1.0, 0.0], [1.0, 4.0, 3.0, 0.0])),
     "minimal already": lambda: realisations.minimal(OSCILLATOR),
-    "approximated": lambda: synthesis.approximated(N, 1, "balanced", output_weight=LAG),
+    "approximated": lambda: synthesis.approximated(N, 1, method="balanced", output_weight=LAG),
     "gap_metric": lambda: synthesis.gap_metric(LAG, FAST),
     "hinf": lambda: synthesis.hinf(
         control.ss([[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]),
         measurements=1,
         controls=1,
     ),
-    "reduce_order": lambda: synthesis.reduce_order(STATIC, plant()),
-    "reduced controller": lambda: synthesis.reduce_order(STATIC, plant()).tried[0],
+    "reduce_order": lambda: synthesis.reduce_order(plant(), STATIC),
+    "reduced controller": lambda: synthesis.reduce_order(plant(), STATIC).tried[0],
     "least_mu": lambda: synthesis.least_mu(loop_weights()),
     "largest_least_mu": lambda: synthesis.largest_least_mu(
         lambda omega: synthesis.LoopWeights(
@@ -346,7 +349,7 @@ def test_a_changed_answer_has_no_certificate():
 
 
 def test_a_failing_certificate_is_printed():
-    margins = mu.loop_margins(control.tf([25], [1, 10, 10, 10])).classical["loop"]
+    margins = mu.loop_margins(control.tf([25], [1, 10, 10, 10]), tolerance=1e-4).classical["loop"]
     missed = dataclasses.replace(
         margins, phases_deg=margins.phases_deg[:0], delays=margins.delays[:0]
     )
@@ -355,13 +358,13 @@ def test_a_failing_certificate_is_printed():
 
 
 def test_figures_of_answers():
-    sweep = mu.frequency_sweep(N, BLOCKS, OMEGA)
+    sweep = mu.frequency_sweep(N, BLOCKS, omega=OMEGA)
     figure = sweep.plot()
     assert figure.axes[0].get_xlabel() == "frequency [Hz]"
     with pytest.raises(UnknownNameError, match="figure"):
         sweep.plot(name="nothing")
     with pytest.raises(InputError, match="no figure of a NuGap"):
-        mu.nu_gap(LAG, FAST).plot()
+        mu.nu_gap(LAG, FAST, tolerance=1e-4).plot()
 
 
 def test_bounds_of_several_matrices_are_drawn_and_those_of_one_are_not():
@@ -376,16 +379,18 @@ def test_bounds_of_several_matrices_are_drawn_and_those_of_one_are_not():
 
 
 def test_a_peak_and_a_margin_are_drawn_with_their_level():
-    for answer in (mu.peak(N, BLOCKS), mu.robust_stability(CLOSED)):
+    for answer in (mu.peak(N, BLOCKS), mu.robust_stability(CLOSED, tolerance=1e-4)):
         (panel,) = answer.plot().axes
         labels = panel.get_legend_handles_labels()[1]
         assert labels == ["upper bound", "lower bound", "at every frequency"]
     with pytest.raises(InputError, match="no figure of a StabilityMargin"):
-        mu.robust_stability(OF_PARAMETERS, 1e-2).plot()
+        mu.robust_stability(OF_PARAMETERS, tolerance=1e-2).plot()
 
 
 def test_what_is_contained_is_certified():
-    responses = Responses(OMEGA, np.array([g / (1j * OMEGA + 1) for g in (0.9, 1.0, 1.1)]).T)
+    responses = Responses(
+        omega=OMEGA, values=np.array([g / (1j * OMEGA + 1) for g in (0.9, 1.0, 1.1)]).T
+    )
     model = UncertaintyModel(control.tf([1.0], [1.0, 1.0]), control.tf([0.11], [1.0]))
     found = contains(model, responses)
     assert found.holds and found.certificate.holds and found.value == found.worst

@@ -309,7 +309,7 @@ def test_draw_without_paths_draws_all_results(cli):
 
 
 def test_verify_runs_again_on_request(project, cli):
-    path = str(workbench.run("toy/root", "rough").path)
+    path = str(workbench.run("toy/root", method="rough").path)
     assert "re-run within 1e-06" in cli("verify", path, "--rerun")[1]
     project.edit("OFFSET = 0.0", "OFFSET = 1.0")
     status, out, _ = cli("verify", path, "--rerun")

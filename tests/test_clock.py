@@ -10,7 +10,7 @@ from workbench.solvers import Options
 
 def past(limit=1000.0, spent=1000.0):
     """A context of a limit [s], after some time [s]."""
-    context = Context(Options(time_limit=limit))
+    context = Context(options=Options(time_limit=limit))
     context.started -= spent
     return context
 
@@ -31,7 +31,7 @@ def test_an_inner_loop_ends_where_the_time_limit_of_its_work_has_passed():
     tick("search")  # the work has ended
 
 
-@pytest.mark.parametrize("inner", [Context(), Context(Options(time_limit=1e6))])
+@pytest.mark.parametrize("inner", [Context(), Context(options=Options(time_limit=1e6))])
 def test_the_clock_of_the_work_around_counts_too(inner):
     with clocked_by(past()), clocked_by(inner):
         assert time_is_up("search")

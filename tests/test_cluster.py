@@ -103,7 +103,7 @@ def test_parts_of_a_run_give_the_same_bits_anywhere(cluster):
 
 
 def test_parts_of_a_run_end_at_the_time_limit(cluster):
-    context = Context(Options(time_limit=0.3), executor=cluster)
+    context = Context(options=Options(time_limit=0.3), executor=cluster)
     with pytest.raises(TimeLimitError, match=r"naps: time limit of 0\.3 s"):
         context.spread(time.sleep, [0.2] * 10, "naps")
 
@@ -115,7 +115,9 @@ def test_a_frequency_sweep_of_mu_gives_the_same_bits_anywhere(cluster):
     )
     structure = Structure([Real(2), Full(2, 2)])
     omega = np.geomspace(0.1, 100, 500)
-    here, there = (frequency_sweep(system, structure, omega, executor=e) for e in (None, cluster))
+    here, there = (
+        frequency_sweep(system, structure, omega=omega, executor=e) for e in (None, cluster)
+    )
     for name in ("upper", "lower", "D_left", "D_right", "G"):
         np.testing.assert_array_equal(getattr(here, name), getattr(there, name))
 
@@ -138,7 +140,7 @@ def test_runs_cells_and_sweeps_go_to_workers_in_another_folder(project, connecte
     here = wb.sweep("toy/root", grid, fresh=True).data
     for name in set(here.data_vars) - {"seconds"}:
         np.testing.assert_array_equal(here[name], there[name], err_msg=name)
-    cells = wb.compare("toy/root", ["exact"], accuracies=["low"], executor=connected)
+    cells = wb.compare("toy/root", methods=["exact"], accuracies=["low"], executor=connected)
     assert cells.metrics["certified_share"] == 1 and wb.verify(cells.path).holds
 
 
@@ -173,12 +175,14 @@ def test_a_lost_scheduler_is_an_error_and_what_has_ended_is_kept(project):
         assert done.result() == 8
         for ask in (
             lambda: executor.submit(pow, 2, 3).result(),
-            lambda: wb.compare("toy/root", ["exact"], accuracies=["low"], executor=executor),
+            lambda: wb.compare(
+                "toy/root", methods=["exact"], accuracies=["low"], executor=executor
+            ),
             lambda: wb.sweep("toy/root", {"scale": [1, 4, 9]}, executor=executor),
         ):
             with pytest.raises(ClusterError, match="is lost"):
                 ask()
-    assert len(wb.results("toy/root")) == 2
+    assert len(wb.results(pattern="toy/root")) == 2
 
 
 @pytest.mark.parametrize(

@@ -77,14 +77,14 @@ def leave_a_mark(folder, number):
 
 @pytest.fixture(scope="module")
 def processes():
-    with Workers(2) as executor:
+    with Workers(count=2) as executor:
         yield executor
 
 
 EXECUTORS = {
     "in process": InProcess,
-    "processes": lambda: Workers(1),
-    "threads": lambda: Threads(1),
+    "processes": lambda: Workers(count=1),
+    "threads": lambda: Threads(workers=1),
     "pool": lambda: ProcessPoolExecutor(1),
 }
 
@@ -128,7 +128,7 @@ def test_a_value_that_cannot_be_sent_is_an_error(processes):
 )
 def test_a_task_is_killed_at_its_limit_and_the_next_one_runs(task):
     start = time.perf_counter()
-    with Workers(1) as executor:
+    with Workers(count=1) as executor:
         stuck, other = executor.submit(within, 1.0, *task), executor.submit(add, 1)
         with pytest.raises(TimeLimitError, match="limit of 1 s"):
             stuck.result()
@@ -143,12 +143,12 @@ def killed_for(reason):
 
 def test_a_killed_task_says_why_it_was_killed():
     words = "killed at its time limit of 5 s and 10 s more, which a first call has for imports"
-    with Workers(1) as executor, pytest.raises(TimeLimitError, match=words):
+    with Workers(count=1) as executor, pytest.raises(TimeLimitError, match=words):
         executor.submit(killed_for, words).result()
 
 
 def test_a_killed_task_is_gone(tmp_path):
-    with Workers(1) as executor, pytest.raises(TimeLimitError):
+    with Workers(count=1) as executor, pytest.raises(TimeLimitError):
         executor.submit(within, 0.5, hang, tmp_path / "pid").result()
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
@@ -169,7 +169,7 @@ def fill(file, size):
 
 
 def test_a_task_that_takes_too_much_memory_is_killed_once(tmp_path):
-    with Workers(1, memory_limit=600 * 2**20) as executor:
+    with Workers(count=1, memory_limit=600 * 2**20) as executor:
         greedy = executor.submit(fill, tmp_path / "tries", 2**30)
         other = executor.submit(add, 1)
         with pytest.raises(MemoryLimitError, match="limit of 600 MiB"):
@@ -218,7 +218,7 @@ def threads():
 
 
 def test_the_threads_of_workers_are_limited():
-    with Workers(1, threads=1) as executor:
+    with Workers(count=1, threads=1) as executor:
         assert executor.submit(threads).result() == ("1", 1)
 
 
@@ -241,7 +241,7 @@ def test_outside_of_a_worker_there_is_no_alarm_and_nothing_printed(capfd):
 
 def test_an_error_in_the_caller_ends_the_workers_at_once(tmp_path):
     start = time.perf_counter()
-    with pytest.raises(ArithmeticError), Workers(2) as executor:
+    with pytest.raises(ArithmeticError), Workers(count=2) as executor:
         executor.submit(hang, tmp_path / "pid")
         while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
             time.sleep(0.02)
@@ -304,7 +304,7 @@ def test_no_more_calls_wait_than_the_window_holds():
             made.append(number)
             yield number, (add, number)
 
-    with Workers(1) as executor:
+    with Workers(count=1) as executor:
         ended = {}
         for label, future in as_they_end(executor, calls(), window=3):
             assert len(made) <= len(ended) + 4
@@ -328,7 +328,7 @@ def test_blas_leaves_the_cores_to_the_threads():
     with threadpool_limits(2, "blas"):
         before = blas_threads()
         assert 2 in before  # not each of the libraries takes more than it began with
-        with Threads(2) as executor:
+        with Threads(workers=2) as executor:
             assert set(executor.submit(blas_threads).result()) == {1}
         assert blas_threads() == before
 
@@ -356,7 +356,7 @@ def test_work_without_a_known_end_is_tracked_too():
 
 
 def test_work_stops_at_the_limit_and_says_how_far_it_came():
-    context = Context(Options(time_limit=0.01))
+    context = Context(options=Options(time_limit=0.01))
     with pytest.raises(TimeLimitError, match=r"steps: time limit of 0.01 s reached at \d+ of 1000"):
         for _ in context.track(range(1000), "steps"):
             time.sleep(0.001)
@@ -365,14 +365,14 @@ def test_work_stops_at_the_limit_and_says_how_far_it_came():
 def test_rounds_are_counted_from_where_an_earlier_run_was_stopped():
     told = []
     context = Context(progress=lambda *what: told.append(what))
-    assert list(context.rounds(5, "newton", 3)) == [3, 4]
+    assert list(context.rounds(5, "newton", first=3)) == [3, 4]
     assert told == [("newton", 3, 5), ("newton", 4, 5), ("newton", 5, 5)]
     assert context.stopped == ""
 
 
 @pytest.mark.parametrize(("answers", "after"), [(1, "after 1 round;"), (3, "after 3 rounds;")])
 def test_rounds_end_at_the_limit_with_the_best_so_far(answers, after):
-    context = Context(Options(time_limit=100))
+    context = Context(options=Options(time_limit=100))
     for number in context.rounds(10, "newton"):
         context.record({"round": number})
         if number == answers - 1:
@@ -382,7 +382,7 @@ def test_rounds_end_at_the_limit_with_the_best_so_far(answers, after):
 
 
 def test_rounds_without_an_answer_fail_at_the_limit():
-    context = Context(Options(time_limit=100))
+    context = Context(options=Options(time_limit=100))
     with pytest.raises(TimeLimitError, match="newton: time limit of 100 s reached before any"):
         for _ in context.rounds(10, "newton"):
             context.started -= 100
@@ -411,9 +411,11 @@ def test_entries_of_a_row_are_short(value, text):
 
 
 def test_one_generator_from_the_seed():
-    context, same = Context(Options(seed=3)), Context(Options(seed=3))
+    context, same = Context(options=Options(seed=3)), Context(options=Options(seed=3))
     assert context.rng is context.rng
-    assert context.rng.random() == same.rng.random() != Context(Options(seed=4)).rng.random()
+    assert (
+        context.rng.random() == same.rng.random() != Context(options=Options(seed=4)).rng.random()
+    )
 
 
 def test_the_time_of_a_statement_that_fails_is_booked():

@@ -20,7 +20,7 @@ def test_a_program_with_two_methods_takes_at_most_forty_lines():
     program = space["NearestPoint"](A, b, np.array([2.0, 2.0]))
     expected = np.array([0.75, 0.75])
     for method in ("clarabel", "scs", "cvxopt", "projections"):
-        solution = wb.solve(program, method)
+        solution = wb.solve(program, method=method)
         assert solution.outcome == "solved", (method, solution.message)
         np.testing.assert_allclose(solution.answer["x"], expected, atol=1e-4)
     outside = program.certify(solution.answer + 0.1, 1e-6)

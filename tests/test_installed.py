@@ -15,9 +15,9 @@ from packaging.requirements import Requirement
 import robust_workbench
 import workbench as wb
 from workbench.cli import main
+from workbench.cli.guidance import doctor
+from workbench.cli.guidance.citation import OF_METHODS, citation, references
 from workbench.errors import UnknownNameError
-from workbench.guidance import doctor
-from workbench.guidance.citation import OF_METHODS, citation, references
 
 ROOT = Path(__file__).parents[1]
 

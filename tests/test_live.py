@@ -11,7 +11,7 @@ import pytest
 from nbclient import NotebookClient
 
 import workbench.executor.live as live
-from workbench import compiled
+from workbench._core import compiled
 from workbench.executor import silent, unwatched
 from workbench.executor.live import SHOWN_ROUNDS, shown_live
 

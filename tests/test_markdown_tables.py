@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from workbench.tables import crossed, markdown
+from workbench._core.tables import crossed, markdown
 
 
 def test_a_matrix_has_a_row_for_each_label_of_its_first_dimension():

@@ -48,7 +48,7 @@ from workbench.uncertainty import (
 
 OMEGA = np.geomspace(1.0, 10.0, 12)
 VALUES = np.outer(1 / (1 + 1j * OMEGA), [1.0, 1.1, 0.9])
-PLANTS = Responses(OMEGA, VALUES)
+PLANTS = Responses(omega=OMEGA, values=VALUES)
 LAG = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
 MODEL = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.1, 0.1], [0.1, 1]))
 LOOP = generalised_plant(
@@ -140,7 +140,7 @@ JOINTS = {
             "input": ("torqe", None, 3),
             "output": ("sped", None),
             "time": ("clock",),
-            "sample_rate": (-1.0, 0.0, math.nan, "fast"),
+            "dt": (-1.0, 0.0, math.nan, "fast"),
             "most": (0, 1, "all"),
             "frequency": ("f",),
         },
@@ -342,11 +342,11 @@ JOINTS = {
     ),
     "sampled_conditions": (
         sampled_conditions,
-        {"plant": MODEL, "K": SAMPLED, "sample_time": 0.1},
+        {"plant": MODEL, "controller": SAMPLED, "dt": 0.1},
         {
             "plant": (*NOT_AN_OBJECT, SAMPLED),
             "K": (None, *NOT_A_SYSTEM, SAMPLED.sample),
-            "sample_time": NOT_POSITIVE,
+            "dt": NOT_POSITIVE,
             "delay": (*NOT_A_NUMBER, -1.0),
             "sign": (0, "negative"),
         },

@@ -45,7 +45,7 @@ G = tf([1], [1, A])
 NOT_A_NAME = ("", "1k", 3, None, "k 1")
 NOT_A_SET = ("loop", None, object(), LAG, np.eye(2))
 UNSTABLE = tf([1], [1, -1]) * A
-STRUCTURE = Structure([Real(1, "a"), Complex(1, "f")])
+STRUCTURE = Structure([Real(1, name="a"), Complex(1, name="f")])
 
 # What is called, with arguments that are right, and what is wrong of each of them.
 CALLS = {

@@ -103,7 +103,10 @@ def test_fits_that_match_their_data_have_the_same_objective():
 def test_the_bound_of_a_dwell_time_is_the_shortest_that_no_switching_excludes():
     first, second = np.array([[0.0, 1.0], [-10.0, -1.0]]), np.array([[0.0, 1.0], [-0.1, -0.5]])
     program = SwitchedStability(
-        (Mode("first", expm(0.5 * first), None), Mode("second", expm(0.5 * second), None))
+        (
+            Mode("first", expm(0.5 * first), shortest_samples=None),
+            Mode("second", expm(0.5 * second), shortest_samples=None),
+        )
     )
     for samples in (6, 60, 600):
         answer = Dwell(samples, np.array([np.eye(2)] * 2))
@@ -143,7 +146,7 @@ def test_the_objective_of_a_parameter_fit_is_its_sum_of_squares():
         return values["gain"] + 0 * s
 
     data = MeasuredResponse(constant, OMEGA, np.full(25, 3.0 + 0j))
-    program = ParameterFit([data], {"gain": FittedParameter(1.0, 0.1, 10.0)})
+    program = ParameterFit([data], {"gain": FittedParameter(1.0, lower=0.1, upper=10.0)})
     residuals = program.residuals(np.array([2.0]))
     assert program.objective(np.array([2.0])) == pytest.approx(residuals @ residuals)
     assert program.problem_size == 50  # real and imaginary parts

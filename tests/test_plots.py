@@ -24,7 +24,9 @@ def lag(gain):
 
 
 def responses(count):
-    return Responses(OMEGA, np.stack([lag(1 + k / 10) for k in range(count)], axis=1), unit="m/V")
+    return Responses(
+        omega=OMEGA, values=np.stack([lag(1 + k / 10) for k in range(count)], axis=1), unit="m/V"
+    )
 
 
 def estimate():
@@ -56,7 +58,7 @@ def test_an_estimate_has_its_band():
 @pytest.mark.parametrize("form", ["multiplicative", "additive"])
 def test_the_plants_of_a_model(form):
     s = control.tf("s")
-    model = UncertaintyModel(10 / (s + 1), 0.1 * (s + 1) / (s + 10), 0.2 / (s + 1), form)
+    model = UncertaintyModel(10 / (s + 1), 0.1 * (s + 1) / (s + 10), 0.2 / (s + 1), form=form)
     top, bottom = model.plot().axes
     band = top.collections[0].get_paths()[0].vertices[:, 1]
     assert band.max() > np.abs(top.lines[0].get_ydata()).max()
@@ -79,9 +81,9 @@ def test_an_answer_and_its_controller():
     assert top.get_ylabel() == "magnitude [1]"
     assert bottom.get_xlabel() == "frequency [Hz]"
     assert found.plot().axes[0].get_ylabel() == "singular values of the closed loop [1]"
-    assert found.plot("controller").axes[0].get_ylabel() == "$|K|$"
+    assert found.plot(name="controller").axes[0].get_ylabel() == "$|K|$"
     with pytest.raises(UnknownNameError, match="no figure is called 'controler'; did you mean"):
-        found.plot("controler")
+        found.plot(name="controler")
 
 
 def test_a_figure_shows_itself_in_a_notebook():
@@ -89,7 +91,7 @@ def test_a_figure_shows_itself_in_a_notebook():
 
 
 def test_without_an_answer_there_is_no_figure():
-    late = wb.solve(SmallestCircle(POINTS), "clarabel", Options(time_limit=1e-9))
+    late = wb.solve(SmallestCircle(POINTS), method="clarabel", options=Options(time_limit=1e-9))
     assert late.answer is None
     assert late.metrics == {}
     with pytest.raises(InputError, match=r"there is no figure of this answer: .*time limit"):

@@ -16,8 +16,8 @@ OMEGA = np.geomspace(1.0, 1e3, 40)
 def way():
     """Responses, cover, plant, designs and board of four plants."""
     gain = 1 + 0.1 * np.random.default_rng(1).uniform(-1, 1, 4)
-    responses = Responses(OMEGA, gain * 10 / (1j * OMEGA[:, None] + 5), unit="m/N")
-    cover = wb.solve(CircleCover(responses, 1, 0, 1), "steps")
+    responses = Responses(omega=OMEGA, values=gain * 10 / (1j * OMEGA[:, None] + 5), unit="m/N")
+    cover = wb.solve(CircleCover(responses, 1, zeros=0, complex_order=1), method="steps")
     W_e = control.tf([0.5, 4], [1, 0.04])
     plant = generalised_plant(
         [cover, (W_e, "e", "z")],
@@ -27,8 +27,8 @@ def way():
         performance="z",
         measurement="e",
     )
-    design = wb.solve(MuSynthesis(plant), "dk")
-    board = wb.solve(Implementation(design, cover, 0.002, precision="float"))
+    design = wb.solve(MuSynthesis(plant), method="dk")
+    board = wb.solve(Implementation(cover, design, 0.002, precision="float"))
     hinf = wb.solve(HinfSynthesis(plant))
     return {"responses": responses, "cover": cover, "mu": design, "board": board, "hinf": hinf}
 

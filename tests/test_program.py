@@ -60,7 +60,7 @@ def test_a_check_holds_up_to_its_limit_and_never_for_nan(value, limit, holds):
 )
 def test_a_gap_counts_only_where_optimality_is_claimed(value, required, holds):
     good = Check("good", "", 0.0, 1.0)
-    certificate = Certificate((good,), Gap("above a bound", value, 1e-6, required))
+    certificate = Certificate((good,), gap=Gap("above a bound", value, 1e-6, required))
     assert certificate.valid
     assert certificate.holds is holds
     assert bool(certificate.failures) is not holds
@@ -70,9 +70,9 @@ def test_a_gap_counts_only_where_optimality_is_claimed(value, required, holds):
 def test_an_answer_beyond_its_bound_is_wrong(required):
     """Then the answer or the bound is; a rounding error below the tolerance is none."""
     good = Check("good", "", 0.0, 1.0)
-    beyond = Certificate((good,), Gap("above a bound", -1e-3, 1e-6, required))
+    beyond = Certificate((good,), gap=Gap("above a bound", -1e-3, 1e-6, required))
     assert not beyond.valid and not beyond.holds and "beyond its bound" in beyond.failures[0]
-    assert Certificate((good,), Gap("above a bound", -1e-9, 1e-6, required)).holds
+    assert Certificate((good,), gap=Gap("above a bound", -1e-9, 1e-6, required)).holds
 
 
 def test_what_is_not_checked_does_not_hold():
@@ -107,7 +107,7 @@ def test_an_error_of_the_workbench_is_no_failure_of_a_check():
 
 
 def test_one_failing_check_among_good_ones_is_named_with_its_place():
-    good, bad = Check("good", "", 0, 1), Check("bad", "", 2, 1, "at 30 Hz")
+    good, bad = Check("good", "", 0, 1), Check("bad", "", 2, 1, where="at 30 Hz")
     assert Certificate((good, bad, good)).failures == ("bad: 2 exceeds 1 at 30 Hz",)
 
 
@@ -119,7 +119,7 @@ def test_one_failing_check_among_good_ones_is_named_with_its_place():
 @example([Check("peak", "mu", 0.5, 1.0, where="inf")], None)
 @example([], Gap("nan", math.nan, 1e-6, True))
 def test_a_certificate_survives_json(checks, gap):
-    before = Certificate(tuple(checks), gap)
+    before = Certificate(tuple(checks), gap=gap)
     text = json.dumps(plain(before.to_json()), allow_nan=False)
     after = Certificate.from_json(json.loads(text))
     assert repr(after) == repr(before)  # unlike ==, the same for NaN
@@ -151,7 +151,7 @@ def test_a_certificate_survives_json(checks, gap):
     ],
 )
 def test_the_certificate_sets_the_outcome_whatever_the_method_said(root, name, outcome, message):
-    solution = solve(root, name)
+    solution = solve(root, method=name)
     assert solution.outcome is outcome
     assert message in solution.message
     assert (solution.outcome is Outcome.SOLVED) == (
@@ -160,24 +160,26 @@ def test_the_certificate_sets_the_outcome_whatever_the_method_said(root, name, o
 
 
 def test_a_lie_is_caught_with_its_numbers(root):
-    solution = solve(root, "lying")
+    solution = solve(root, method="lying")
     assert solution.claim is Outcome.SOLVED
     assert solution.certificate.failures[0] == "reach: 4 exceeds 1e-09 over all targets"
 
 
 def test_a_boast_holds_at_a_tolerance_as_coarse_as_its_answer(root):
-    assert solve(root, "boastful", Options(0.6)).outcome is Outcome.SOLVED
-    assert solve(root, "boastful", Options(0.4)).outcome is Outcome.INACCURATE
+    assert solve(root, method="boastful", options=Options(tolerance=0.6)).outcome is Outcome.SOLVED
+    assert (
+        solve(root, method="boastful", options=Options(tolerance=0.4)).outcome is Outcome.INACCURATE
+    )
 
 
 def test_a_method_that_raises_leaves_its_trace(root):
-    solution = solve(root, "raising")
+    solution = solve(root, method="raising")
     assert solution.answer is None and solution.certificate is None
     assert "the sky fell" in solution.trace and "Traceback" in solution.trace
 
 
 def test_a_method_stops_at_the_time_limit(root):
-    solution = solve(root, "patient", Options(time_limit=0.02))
+    solution = solve(root, method="patient", options=Options(time_limit=0.02))
     assert solution.outcome is Outcome.TIME_LIMIT
     assert "0.02 s" in solution.message and "of 1000" in solution.message
 
@@ -193,9 +195,9 @@ def late(context):
 
 
 def test_an_iteration_that_meets_the_time_limit_gives_its_best_so_far(root):
-    context = Context(Options(time_limit=100.0))
+    context = Context(options=Options(time_limit=100.0))
     context.progress = late(context)
-    solution = solve(root, "newton", context=context)
+    solution = solve(root, method="newton", context=context)
     assert solution.claim is solution.outcome is Outcome.TIME_LIMIT
     assert solution.message == "time limit of 100 s reached after 3 rounds; best so far"
     assert solution.certificate.valid and not solution.certificate.gap.required
@@ -203,7 +205,7 @@ def test_an_iteration_that_meets_the_time_limit_gives_its_best_so_far(root):
 
 
 def test_an_iteration_that_ends_in_time_is_not_stopped(root):
-    solution = solve(root, "newton", Options(time_limit=100.0))
+    solution = solve(root, method="newton", options=Options(time_limit=100.0))
     assert (solution.outcome, solution.message) == (Outcome.SOLVED, "twelve rounds")
 
 
@@ -217,7 +219,7 @@ def test_what_a_solver_had_when_its_time_was_over_is_checked_too(toy, root, fact
     def timed(program, context):
         return factor * toy.roots(program), Outcome.TIME_LIMIT, "out of time"
 
-    assert solve(root, "timed").outcome is outcome
+    assert solve(root, method="timed").outcome is outcome
 
 
 def test_a_method_that_panics_has_failed(toy):
@@ -228,19 +230,19 @@ def test_a_method_that_panics_has_failed(toy):
     def panicking(program, context):
         raise Panic("index out of range")
 
-    solution = solve(toy.Root((1.0,)), "panicking")
+    solution = solve(toy.Root((1.0,)), method="panicking")
     assert solution.outcome is Outcome.FAILED
     assert solution.message == "Panic: index out of range"
 
 
 def test_an_interrupt_is_not_swallowed(root):
     with pytest.raises(KeyboardInterrupt):
-        solve(root, "interrupted")
+        solve(root, method="interrupted")
 
 
 @pytest.mark.parametrize("name", ["exact", "rough", "random"])
 def test_times_are_booked(root, name):
-    seconds = solve(root, name).seconds
+    seconds = solve(root, method=name).seconds
     assert seconds.keys() == {"statement", "solve", "check"}
     assert all(value >= 0 for value in seconds.values())
 
@@ -253,13 +255,15 @@ def test_the_statement_is_booked_apart_from_the_solve(toy):
                 pass
         return toy.roots(program), Outcome.SOLVED, ""
 
-    seconds = solve(toy.Root((1.0,)), "stating").seconds
+    seconds = solve(toy.Root((1.0,)), method="stating").seconds
     assert seconds["statement"] > seconds["solve"] >= 0
 
 
 @pytest.mark.parametrize("same", [True, False])
 def test_the_seed_decides_random_answers(root, same):
-    one, two = (solve(root, "random", Options(seed=s)).answer for s in (3, 3 if same else 4))
+    one, two = (
+        solve(root, method="random", options=Options(seed=s)).answer for s in (3, 3 if same else 4)
+    )
     assert np.array_equal(one, two) is same
 
 
@@ -273,13 +277,13 @@ def test_the_default_method_answers_where_none_is_named(root):
 
 def test_an_unknown_method_suggests_the_nearest(root):
     with pytest.raises(UnknownNameError, match=r"no method of Root is called 'exat'.*exact"):
-        solve(root, "exat")
+        solve(root, method="exat")
 
 
 def test_an_unfit_method_gives_its_reason(toy, root):
-    assert solve(root, "picky").outcome is Outcome.SOLVED
+    assert solve(root, method="picky").outcome is Outcome.SOLVED
     with pytest.raises(InputError, match="'picky' cannot take this Root: it counts to three"):
-        solve(toy.Root((1.0,) * 4), "picky")
+        solve(toy.Root((1.0,) * 4), method="picky")
 
 
 def test_help_is_the_first_line_of_the_docstring(toy):
@@ -310,7 +314,7 @@ def test_a_conic_method_is_registered_for_every_installed_solver(toy):
 
     for solver in conic_solvers():
         assert methods(Cone)[solver.name].optimal
-        assert solve(Cone((4.0,)), solver.name).message == solver.name
+        assert solve(Cone((4.0,)), method=solver.name).message == solver.name
 
 
 def test_a_method_does_not_replace_another_silently(toy):
@@ -396,7 +400,7 @@ def test_a_file_of_problems_may_not_replace_a_method_of_the_library(project):
 
 def test_a_study_has_no_methods(toy):
     with pytest.raises(InputError, match="study: it has no method 'exact'"):
-        solve(toy.Total(()), "exact")
+        solve(toy.Total(()), method="exact")
 
 
 def test_an_answer_that_is_a_dataset_is_stored_as_it_is():
@@ -426,8 +430,8 @@ def test_a_study_is_certified_by_its_own_checks(toy):
 
 
 def test_a_context_may_be_handed_in(root):
-    context = Context(Options(0.6))
-    assert solve(root, "boastful", context=context).outcome is Outcome.SOLVED
+    context = Context(options=Options(tolerance=0.6))
+    assert solve(root, method="boastful", context=context).outcome is Outcome.SOLVED
 
 
 @pytest.mark.parametrize(
@@ -464,7 +468,7 @@ def test_a_method_that_returns_something_else_is_told_what_is_needed(returned, w
     program = SmallestCircle([[0, 2, 4, 2 + 1j]])
     monkeypatch.setattr("workbench.program._METHODS", {SmallestCircle: {}})
     method(SmallestCircle, "wrong", optimal=False)(lambda program, context: returned)
-    solution = solve(program, "wrong")
+    solution = solve(program, method="wrong")
     assert solution.outcome is Outcome.FAILED
     assert "method 'wrong' of SmallestCircle" in solution.message and words in solution.message
     assert SmallestCircle.answer_type() == "Circle" and Program.answer_type() == "Dataset"

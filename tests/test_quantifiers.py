@@ -37,13 +37,15 @@ def silent(checks):
 
 def response_set():
     s = 1j * OMEGA[:, None]
-    return Responses(OMEGA, np.array([0.9, 1.0, 1.1]) * 30 / (s + np.array([20, 30, 40])))
+    return Responses(
+        omega=OMEGA, values=np.array([0.9, 1.0, 1.1]) * 30 / (s + np.array([20, 30, 40]))
+    )
 
 
 PROGRAMS = {
     "circles": lambda: SmallestCircle(POINTS),
     "stadiums": lambda: NarrowestStadium(POINTS),
-    "cover": lambda: CircleCover(response_set(), 1, 0, 2),
+    "cover": lambda: CircleCover(response_set(), 1, zeros=0, complex_order=2),
     "magnitude": lambda: MagnitudeFit(OMEGA, 1 / OMEGA, 2, cover=True),
     "response": lambda: ResponseFit(OMEGA, 1 / (1j * OMEGA + 5), 1, stable=True),
     "upper": lambda: MuUpperBound(POINTS[0, :4].reshape(2, 2), Structure([Full(2, 2)])),

@@ -56,26 +56,26 @@ TWO_ROWS = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
 
 
 def conic(A: list[list[float]], b: list[float], c: float = 1.0) -> wb.solution.Solution:
-    return wb.solve(ConicProgram(ConicForm([c], A, b, TWO_ROWS)), "clarabel")
+    return wb.solve(ConicProgram(ConicForm([c], A, b, TWO_ROWS)), method="clarabel")
 
 
 def no_stable_controller() -> Certificate:
     """Between the zeros 1 and infinity of this plant lies one pole, 2."""
     plant = control.ss(control.tf([1.0, -1.0], [1.0, -1.0, -2.0]))
     task = NoStableController(plant)
-    return task.certify(task.respond(None, Context(Options()))[0], 1e-6)
+    return task.certify(task.respond(None, Context(options=Options()))[0], 1e-6)
 
 
 def no_stabilising_gain() -> Certificate:
     """Of a double integrator every gain leaves a pole on the axis or right of it."""
     task = NoStabilisingGain(control.ss(control.tf([1.0], [1.0, 0.0, 0.0])))
-    return task.certify(task.respond(None, Context(Options()))[0], 1e-6)
+    return task.certify(task.respond(None, Context(options=Options()))[0], 1e-6)
 
 
 def test_a_zero_that_is_none_is_found_by_a_deep_opinion():
     plant = control.ss(control.tf([1.0, -4.0, 3.0], [1.0, -2.0, -3.0, 1.0]))
     task = NoStableController(plant)
-    answer = task.respond(None, Context(Options()))[0]
+    answer = task.respond(None, Context(options=Options()))[0]
     assert all(check.holds for check in deep_checks(task, answer))
     moved = deep_checks(task, answer.assign(zeros=answer["zeros"] + 0.05))
     assert [check.holds for check in moved] == [True, False, False]
@@ -94,9 +94,11 @@ def cvxpy_problem() -> Certificate:
 
 def working_loop() -> Certificate:
     omega = np.geomspace(0.01, 10, 40)
-    plants = Responses(omega, np.array([gain / (1j * omega + 1) for gain in (0.9, 1.1)]).T)
+    plants = Responses(
+        omega=omega, values=np.array([gain / (1j * omega + 1) for gain in (0.9, 1.1)]).T
+    )
     K, point = control.tf([2.0, 1.0], [1.0, 0.0]), WorkingPoint(50.0, 20.0)
-    board = wb.solve(Implementation(K, LAG, period=0.1, working_point=point))
+    board = wb.solve(Implementation(LAG, K, dt=0.1, working_point=point))
     return wb.solve(WorkingLoop(plants, board)).certificate
 
 
@@ -107,10 +109,12 @@ def mixed_norms() -> Certificate:
 
 def kept_demands() -> Certificate:
     omega = np.geomspace(0.01, 10, 40)
-    plants = Responses(omega, np.array([gain / (1j * omega + 1) for gain in (0.9, 1.1)]).T)
+    plants = Responses(
+        omega=omega, values=np.array([gain / (1j * omega + 1) for gain in (0.9, 1.1)]).T
+    )
     K, point = control.tf([2.0, 1.0], [1.0, 0.0]), WorkingPoint(50.0, 20.0)
     model = UncertaintyModel(LAG, control.tf([0.1], [1.0]))
-    board = wb.solve(Implementation(K, model, period=0.1, working_point=point))
+    board = wb.solve(Implementation(model, K, dt=0.1, working_point=point))
     return wb.solve(KeptDemands(plants, board, Demands(bandwidth=1.0))).certificate
 
 

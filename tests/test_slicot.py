@@ -53,7 +53,7 @@ def absent(monkeypatch):
 )
 def test_methods_of_slicot_are_unfit(absent, name, method):
     with pytest.raises(WorkbenchError, match="slycot is not installed"):
-        wb.solve(wb.load(name), method)
+        wb.solve(wb.load(name), method=method)
 
 
 def test_a_routine_says_that_it_is_needed(absent):

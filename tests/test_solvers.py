@@ -212,8 +212,8 @@ def test_every_outcome_has_its_word_and_its_advice():
     [("low", 1e-3), ("middle", 1e-6), ("high", 1e-9), (1e-4, 1e-4), ("1e-4", 1e-4), ("0.5", 0.5)],
 )
 def test_a_tolerance_is_a_level_or_a_number(tolerance, accuracy):
-    assert Options(tolerance).accuracy == accuracy
-    assert Options(tolerance) == Options(accuracy)
+    assert Options(tolerance=tolerance).accuracy == accuracy
+    assert Options(tolerance=tolerance) == Options(tolerance=accuracy)
 
 
 @pytest.mark.parametrize(
@@ -241,8 +241,8 @@ def test_a_bad_option_is_named(options, words):
 
 
 def test_numbers_of_numpy_are_options_too():
-    given = Options(np.float64(1e-4), np.int64(60), seed=np.int64(3))
-    assert given == Options(1e-4, 60, seed=3)
+    given = Options(tolerance=np.float64(1e-4), time_limit=np.int64(60), seed=np.int64(3))
+    assert given == Options(tolerance=1e-4, time_limit=60, seed=3)
 
 
 def test_versions_cover_every_solver():

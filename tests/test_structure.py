@@ -14,7 +14,7 @@ BLOCKS = st.one_of(
     st.builds(Full, st.integers(1, 3), st.integers(1, 3)),
 )
 STRUCTURES = st.builds(Structure, st.lists(BLOCKS, min_size=1, max_size=4))
-MIXED = Structure([Real(2, "k"), Full(2, 3), Complex(1)])
+MIXED = Structure([Real(2, name="k"), Full(2, 3), Complex(1)])
 
 
 def test_sizes_and_slices():
@@ -61,12 +61,17 @@ def test_what_is_no_member(place, value):
     assert structure.contains(delta)
     delta[place] += value
     assert not structure.contains(delta)
-    assert structure.contains(delta, tolerance=0.2)
+    assert structure.contains(delta, rounding=0.2)
 
 
 def test_complexified_and_performance():
     structure = MIXED.complexified().with_performance(performance=3, exogenous=1)
-    assert structure.blocks == (Complex(2, "k"), Full(2, 3), Complex(1), Full(1, 3, "performance"))
+    assert structure.blocks == (
+        Complex(2, name="k"),
+        Full(2, 3),
+        Complex(1),
+        Full(1, 3, name="performance"),
+    )
     assert (structure.rows, structure.columns) == (MIXED.rows + 1, MIXED.columns + 3)
 
 

@@ -1,4 +1,4 @@
-"""Every public name obeys the law of the surface, but for a list of exceptions that shrinks.
+"""Every public name obeys the law of the surface.
 
 The page `docs/reference/conventions.md` states the law.
 """
@@ -11,16 +11,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from surface import exceptions
-from surface.exceptions import digest, excepted, frozen, listed, objections, written
 from surface.reading import library, read
 from surface.rules import RULES, SYNONYMS, breaches, python_control
 
 PAGE = Path(__file__).parents[1] / "docs" / "reference" / "conventions.md"
 
 
-def test_every_public_name_is_lawful_or_a_known_exception():
-    told = objections(breaches(library()), excepted(), frozen())
+def test_every_public_name_is_lawful():
+    told = [f"{one.place} breaks {one.rule!r}; lawful: {one.lawful}" for one in breaches(library())]
     assert not told, "\n".join(told)
 
 
@@ -29,9 +27,9 @@ def test_the_surface_is_read():
     names = {one.place: one for one in library().names}
     assert len(names) > 2000
     assert names["workbench.mu.peak(band)"].unit == "rad/s"  # a section
-    assert names["workbench.simulation.Repetitive.corner"].unit == "Hz"  # a table
+    assert names["workbench.simulation.Repetitive.corner_hz"].unit == "Hz"  # a table
     assert names["workbench.mu.Sweep.within(low)"].unit == "rad/s"  # prose
-    assert names["workbench.uncertainty.Responses.frequency"].kind == "property"
+    assert names["workbench.uncertainty.Responses.frequency_hz"].kind == "property"
     assert names["workbench.mu.CoprimeMargin.omega"].answer
     assert not names["workbench.synthesis.HinfSynthesis.plant"].answer
     calls = {one.owner for one in library().calls}
@@ -44,51 +42,8 @@ def test_the_page_states_the_words():
         assert f"`{word}`" in text, word
 
 
-# --- the list shrinks ---------------------------------------------------------------------------
-
-
 def surface(*objects):
     return read((f"made.up.{one.__name__}", one) for one in objects)
-
-
-def test_a_new_name_that_breaks_the_law_is_told():
-    """The sentence says which name, which rule, and what would be lawful; nobody can list it."""
-    new = list(breaches(surface(in_hz)))
-    assert objections(new, {}, frozen()) == [
-        "made.up.in_hz(corner) breaks the rule 'units'; lawful: corner_hz"
-    ]
-    (told,) = objections(new, listed(new), frozen())
-    assert told.startswith("made.up.in_hz(corner) is new in exceptions.toml")
-
-
-def test_an_exception_that_obeys_must_go():
-    listed_once = {"units": {"made.up.in_hz(corner)": "corner_hz"}}
-    known = {digest("units", "made.up.in_hz(corner)")}
-    assert objections(breaches(surface(in_hz)), listed_once, known) == []
-    (told,) = objections(breaches(surface(lawful)), listed_once, known)
-    assert told.startswith("made.up.in_hz(corner) obeys the rule 'units' now: strike it out")
-
-
-def test_an_exception_says_what_would_be_lawful():
-    known = {digest("units", "made.up.in_hz(corner)")}
-    wrong = {"units": {"made.up.in_hz(corner)": "corner_in_hz"}}
-    (told,) = objections(breaches(surface(in_hz)), wrong, known)
-    assert "'corner_in_hz'" in told and told.endswith("lawful: corner_hz")
-
-
-def test_the_list_is_in_order():
-    tables = {rule: dict(sorted(places.items())) for rule, places in sorted(excepted().items())}
-    assert exceptions.LIST.read_text(encoding="utf-8") == written(tables)
-
-
-def test_names_that_obey_are_struck_out(tmp_path, monkeypatch):
-    """The tool keeps the lines of names that break the law, and no others."""
-    kept, mended = "workbench.mu.conditions(K)", "workbench.mu.loop_margins(K)"
-    file = tmp_path / "exceptions.toml"
-    file.write_text(written({"units": {mended: "a"}, "words": {kept: "b", mended: "c"}}), "utf-8")
-    monkeypatch.setattr(exceptions, "LIST", file)
-    exceptions.strike_out()
-    assert excepted() == {"words": {kept: "controller"}}
 
 
 # --- every rule bites ---------------------------------------------------------------------------
@@ -188,6 +143,10 @@ def positional(points: Any, order: int = 2, weight: Any = None, *, method: str =
     """Fit."""
 
 
+def held(u: Any, y: Any = None, *, order: int = 2) -> None:
+    """Fit: a record as the first argument holds its output."""
+
+
 @dataclass(frozen=True)
 class Fit:
     """A question with an argument that has a default."""
@@ -268,7 +227,7 @@ def lawful(plant: Any, controller: Any, order: int, *, rate: float = 1.0) -> Law
     """A loop; ``rate`` [1/s] of its decay."""
 
 
-LAWFUL = [Answer, Design, Lawful, designed, lawful, sure_of_noise]
+LAWFUL = [Answer, Design, Lawful, designed, held, lawful, sure_of_noise]
 UNLAWFUL = [
     ("units", in_hz, {"(corner)": "corner_hz"}),
     ("units", in_prose, {"(low)": "low_hz", "(high)": "high_hz"}),
@@ -305,9 +264,8 @@ def test_a_lawful_name_is_left_alone(one):
 )
 def test_a_rule_bites(rule, one, lawful):
     path = f"made.up.{one.__name__}"
-    assert listed(breaches(surface(one))) == {
-        rule: {path + place: name for place, name in sorted(lawful.items())}
-    }
+    found = {(breach.rule, breach.place): breach.lawful for breach in breaches(surface(one))}
+    assert found == {(rule, path + place): name for place, name in lawful.items()}
 
 
 def test_every_rule_is_tried():

@@ -9,7 +9,7 @@ import xarray as xr
 
 import workbench as wb
 from workbench import program as programs
-from workbench.arrays import content_hash
+from workbench._core.arrays import content_hash
 from workbench.errors import InputError
 from workbench.geometry import SmallestCircle
 from workbench.uncertainty import Responses
@@ -46,11 +46,11 @@ def test_a_method_that_changes_the_data_has_failed(method):
         return wb.solve(SmallestCircle(array)).answer, wb.Outcome.SOLVED, ""
 
     program = SmallestCircle(POINTS.copy())
-    solution = wb.solve(program, "cheat")
+    solution = wb.solve(program, method="cheat")
     assert solution.outcome is wb.Outcome.FAILED and solution.certificate is None
     assert "changed by method 'cheat'" in solution.message
     with pytest.raises(InputError, match="make it anew"):  # honest ones are not judged on it
-        wb.solve(program, "exact")
+        wb.solve(program, method="exact")
 
 
 def test_data_changed_between_two_questions_are_told():
@@ -103,5 +103,7 @@ def test_the_hash_of_odd_things():
     circular.append(circular)
     assert content_hash(circular)
     omega = np.geomspace(1, 10, 5)
-    responses = Responses(omega, np.ones((5, 2)) + 0j)
-    assert content_hash(responses) != content_hash(Responses(omega, 2 * np.ones((5, 2)) + 0j))
+    responses = Responses(omega=omega, values=np.ones((5, 2)) + 0j)
+    assert content_hash(responses) != content_hash(
+        Responses(omega=omega, values=2 * np.ones((5, 2)) + 0j)
+    )

@@ -35,11 +35,11 @@ LEFT = {
         figures/styles.py: WIDEST
         figures/styles.py: WIDTHS""",
     "1 where it is not given: times count samples then": """
-        identification/experiments/several.py: Experiments(sample_time)
-        identification/innovations/model.py: InnovationsModel(sample_time)
-        identification/responses/periodic_local.py: periodic_local_polynomial(sample_rate)
-        identification/responses/periodic_local.py: response(sample_rate)
-        identification/state_space/identified.py: IdentifiedModels(sample_time)""",
+        identification/experiments/several.py: Experiments(dt)
+        identification/innovations/model.py: InnovationsModel(dt)
+        identification/responses/periodic_local.py: periodic_local_polynomial(dt)
+        identification/responses/periodic_local.py: response(dt)
+        identification/state_space/identified.py: IdentifiedModels(dt)""",
     "how units are written": """
         synthesis/mu/member_figures.py: LONGEST_IN_MS""",
     "a multiple of the highest frequency given": """

@@ -68,7 +68,7 @@ REFUSED = {
         "delay is -1.0": ["init", "x", "--data", "records/ok*.csv", "--delay", "-1"],
         "delay is nan": ["init", "x", "--data", "records/ok*.csv", "--delay", "nan"],
         "delay is inf": ["init", "x", "--data", "records/ok*.csv", "--delay", "inf"],
-        "sample_rate is 0.0": ["init", "x", "--data", "records/ok*.csv", "--sample-rate", "0"],
+        "record_dt is 0.0": ["init", "x", "--data", "records/ok*.csv", "--sample-rate", "0"],
         "100 Hz, and --sample-rate": [
             *("init", "x", "--data", "records/ok*.csv", "--sample-rate", "50")
         ],

@@ -14,11 +14,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.accuracy import DEFAULT_TOLERANCE
 from workbench.certificate import Certificate, Check, Checker, excess, quantified
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.solvers import Options, Outcome
 
@@ -300,7 +300,7 @@ def answer_of(
     SolverError
         The method gave no usable answer.
     """
-    context = Context(options or Options(), executor=executor)
+    context = Context(options=options or Options(), executor=executor)
     answer, claim, message = program.respond(method, context)
     if answer is None or not usable(answer):
         raise SolverError(f"{method or program.default_method}: {claim}. {message}")

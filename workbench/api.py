@@ -37,7 +37,7 @@ class Catalogue(Sequence["Entry"]):
         return "\n".join(f"{entry.name:<{width}}  {entry.summary}" for entry in self.entries)
 
 
-def problems(pattern: str = "*") -> Catalogue:
+def problems(*, pattern: str = "*") -> Catalogue:
     """The registered problems whose name fits a shell pattern, without importing them."""
     return Catalogue(tuple(registry().match(pattern)))
 
@@ -59,8 +59,8 @@ def load(name: str, **parameters: Any) -> Task:
 
 def run(
     name: str,
-    method: str | None = None,
     *,
+    method: str | None = None,
     tolerance: float | str = "middle",
     time_limit: float | None = None,
     verbose: bool = False,
@@ -103,7 +103,7 @@ def run(
     """
     from workbench.bench.run import default_bench
 
-    options = Options(tolerance, time_limit, verbose, seed)
+    options = Options(tolerance=tolerance, time_limit=time_limit, verbose=verbose, seed=seed)
     with shown_live(name) as (bar, table):
         bench = default_bench(
             options, progress or bar, watch or table, fresh=fresh, executor=executor
@@ -113,8 +113,8 @@ def run(
 
 def compare(
     pattern: str,
-    methods: Sequence[str] | None = None,
     *,
+    methods: Sequence[str] | None = None,
     accuracies: Sequence[str] = ("low", "middle", "high"),
     time_limit: float | None = None,
     memory_limit: int | None = None,
@@ -204,8 +204,8 @@ def compare(
 def sweep(
     name: str,
     over: Mapping[str, Sequence[Any]],
-    method: str | None = None,
     *,
+    method: str | None = None,
     tolerance: float | str = "middle",
     time_limit: float | None = None,
     seed: int = 0,
@@ -251,9 +251,9 @@ def sweep(
     UnknownNameError, InputError
         No such problem or parameter; a value that does not fit; or a value that is given twice.
     """
-    from workbench.sweeps import grid_of, run_sweep
+    from workbench.bench.sweeps import grid_of, run_sweep
 
-    options = Options(tolerance, time_limit, seed=seed)
+    options = Options(tolerance=tolerance, time_limit=time_limit, seed=seed)
     grid = grid_of(name, over, method, options, parameters, fresh=fresh)
     with shown_live(f"sweep {name}") as (bar, _):
         return run_sweep(grid, executor=executor, jobs=jobs, progress=progress or bar)
@@ -295,7 +295,7 @@ def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cl
     return Cluster(address, SameCode.here(), workers=workers, threads=threads)
 
 
-def results(pattern: str = "*") -> list[Run]:
+def results(*, pattern: str = "*") -> list[Run]:
     """The finished runs of the project whose problem fits a shell pattern."""
     from workbench.bench.results import stored_runs
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import KW_ONLY, asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.on_demand import no_more_names
 from workbench.errors import InputError, WorkbenchError, words_of
 from workbench.executor.effort import deeper
-from workbench.heavy_types import Dataset, Figure
-from workbench.on_demand import no_more_names
 from workbench.solvers import Outcome
 
 if not TYPE_CHECKING:
@@ -64,6 +64,7 @@ class Check:
     statement: str
     value: float
     limit: float
+    _: KW_ONLY
     where: str = ""
     opinion: bool = False
     over: str = ""
@@ -212,6 +213,7 @@ class Certificate:
     """
 
     checks: tuple[Check, ...]
+    _: KW_ONLY
     gap: Gap | None = None
     facts: tuple[str, ...] = ()
 
@@ -273,8 +275,8 @@ class Certificate:
         gap = stored["gap"]
         return cls(
             tuple(Check(**_fields_from_json(check, "holds")) for check in stored["checks"]),
-            None if gap is None else Gap(**_fields_from_json(gap, "closed")),
-            tuple(map(str, stored.get("facts", ()))),
+            gap=None if gap is None else Gap(**_fields_from_json(gap, "closed")),
+            facts=tuple(map(str, stored.get("facts", ()))),
         )
 
 
@@ -429,7 +431,7 @@ class Checker(ABC):
                 checks += (_not_computed(error),)
                 gap = None
         proven = None if gap is None else Gap(gap[0], gap[1], tolerance, required=optimal)
-        return Certificate(checks, proven, facts)
+        return Certificate(checks, gap=proven, facts=facts)
 
 
 _NUMERICAL = (np.linalg.LinAlgError, ArithmeticError, ValueError)
@@ -453,7 +455,7 @@ def _not_computed(error: Exception) -> Check:
     if isinstance(error, WorkbenchError):
         raise error
     statement = "numbers of the answer with which a check cannot be computed"
-    return Check("computed", statement, 1.0, 0.0, f"({words_of(error)})")
+    return Check("computed", statement, 1.0, 0.0, where=f"({words_of(error)})")
 
 
 def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:

@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from workbench.on_demand import no_more_names
+from workbench._core.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -191,7 +191,7 @@ class CrashedError(WorkbenchError):
     >>> import os
     >>> from workbench.errors import CrashedError
     >>> from workbench.executor import Workers
-    >>> with Workers(1) as workers:
+    >>> with Workers(count=1) as workers:
     ...     try:
     ...         workers.submit(os._exit, 1).result()
     ...     except CrashedError as error:
@@ -245,7 +245,7 @@ class RangeWarning(UserWarning):
     >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
     ...     sweep = frequency_sweep(
-    ...         control.tf([12.0], [1.0, 12.0]), Structure([Full(1, 1)]), [1e4, 1e6]
+    ...         control.tf([12.0], [1.0, 12.0]), Structure([Full(1, 1)]), omega=[1e4, 1e6]
     ...     )
     >>> caught[0].category is RangeWarning
     True

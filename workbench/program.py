@@ -21,17 +21,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.arrays import read_only
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.accuracy import (
     ANY_ACCURACY_ALIKE,
     DEFAULT_TOLERANCE,
     EVERY_ACCURACY,
     AccuracyRange,
 )
-from workbench.arrays import read_only
 from workbench.certificate import Checker
 from workbench.errors import InputError, RegistryError, SolverError, UnknownNameError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import need_kind
 from workbench.solvers import ConicSolver, Outcome, for_every_conic_solver
 

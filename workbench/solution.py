@@ -7,17 +7,17 @@ import math
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
+from workbench._core.arrays import content_hash
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.arrays import content_hash
 from workbench.certificate import Certificate
 from workbench.errors import InputError, TimeLimitError, UnknownNameError, words_of
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
 from workbench.executor.live import shown_live
-from workbench.heavy_types import Figure
 from workbench.program import Task
 from workbench.solvers import Options, Outcome
 
@@ -38,6 +38,7 @@ class Solution:
     claim: Outcome
     message: str
     certificate: Certificate | None
+    _: KW_ONLY
     seconds: Mapping[str, float] = field(default_factory=dict)
     trace: str = ""
     note: str = ""
@@ -105,7 +106,7 @@ class Solution:
         task = self._answered
         return {} if task is None or self.certificate is None else task.figures(self.answer)
 
-    def plot(self, name: str | None = None) -> Figure:
+    def plot(self, *, name: str | None = None) -> Figure:
         """A figure of the answer, by name; None: the main one. A notebook shows it.
 
         Raises
@@ -178,6 +179,7 @@ The module is imported when such a problem is given."""
 
 def solve(
     task: Any,
+    *,
     method: str | None = None,
     options: Options | None = None,
     context: Context | None = None,
@@ -224,8 +226,8 @@ def solve(
             return answered
     if context is None:
         with shown_live(type(task).__name__) as (progress, watch):
-            shown = Context(options or Options(), progress, watch)
-            return solve(task, method, context=shown)
+            shown = Context(options=options or Options(), progress=progress, watch=watch)
+            return solve(task, method=method, context=shown)
     return judge(task, method, ask(task, method, context), context)
 
 
@@ -263,7 +265,9 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
         claim, message = Outcome.TIME_LIMIT, context.stopped
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
-    return Solution(answer, claim, message, None, seconds, trace, note, task=task)
+    return Solution(
+        answer, claim, message, None, seconds=seconds, trace=trace, note=note, task=task
+    )
 
 
 def need_unchanged(task: Task, by: str = "somebody") -> None:

@@ -11,13 +11,13 @@ import operator
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
+from workbench._core.on_demand import no_more_names
 from workbench.errors import InputError, SolverError
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -100,10 +100,11 @@ class Options:
     Examples
     --------
     >>> from workbench import Options
-    >>> Options("low").accuracy, Options("high", time_limit=10).accuracy
+    >>> Options(tolerance="low").accuracy, Options(tolerance="high", time_limit=10).accuracy
     (0.001, 1e-09)
     """
 
+    _: KW_ONLY
     tolerance: float | str = "middle"
     time_limit: float | None = None
     verbose: bool = False
@@ -149,7 +150,7 @@ class Stopwatch(Protocol):
     >>> from workbench import Options
     >>> from workbench.executor import Context
     >>> from workbench.solvers import Stopwatch
-    >>> clock: Stopwatch = Context(Options("low"))
+    >>> clock: Stopwatch = Context(options=Options(tolerance="low"))
     >>> with clock.stating():
     ...     statement = [k**2 for k in range(1000)]
     ...
@@ -194,6 +195,7 @@ class ConicSolver:
     name: str
     module: str
     settings: Callable[[Options], dict[str, Any]]
+    _: KW_ONLY
     finest: float = 0.0
     package: str = ""
     widest: str = "semidefinite"
@@ -244,7 +246,7 @@ CONES = ("linear", "second-order", "semidefinite")
 _CONIC = [
     ConicSolver("clarabel", "clarabel", _clarabel),
     ConicSolver("scs", "scs", _scs),
-    ConicSolver("cvxopt", "cvxopt", _cvxopt, CVXOPT_FINEST),
+    ConicSolver("cvxopt", "cvxopt", _cvxopt, finest=CVXOPT_FINEST),
 ]
 _told: list[Callable[[ConicSolver], None]] = []
 """Functions that are called with every conic solver."""
@@ -430,13 +432,13 @@ PACKAGES = (
 )
 
 
-def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
+def versions(*, packages: Iterable[str] = PACKAGES) -> dict[str, str]:
     """Versions of the solvers and numerical libraries that can change an answer.
 
     Examples
     --------
     >>> from workbench.solvers import versions
-    >>> sorted(versions(["numpy", "scipy"]))
+    >>> sorted(versions(packages=["numpy", "scipy"]))
     ['numpy', 'scipy']
     """
     return {package: found for package in packages if (found := _version(package)) is not None}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 from numbers import Integral
@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.on_demand import no_more_names
 from workbench.errors import InputError
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -66,6 +66,7 @@ class _Repeated(Block):
     """A scalar times the identity: delta I_n."""
 
     n: int
+    _: KW_ONLY
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -87,7 +88,7 @@ class Real(_Repeated):
     Examples
     --------
     >>> from workbench.structure import Real
-    >>> stiffness = Real(2, "stiffness")
+    >>> stiffness = Real(2, name="stiffness")
     >>> stiffness.rows, stiffness.columns, stiffness.name
     (2, 2, 'stiffness')
     """
@@ -110,7 +111,7 @@ class Complex(_Repeated):
     Examples
     --------
     >>> from workbench.structure import Complex
-    >>> actuator = Complex(1, "actuator")
+    >>> actuator = Complex(1, name="actuator")
     >>> actuator.rows, actuator.columns
     (1, 1)
     """
@@ -137,13 +138,14 @@ class Full(Block):
     Examples
     --------
     >>> from workbench.structure import Full
-    >>> performance = Full(2, 3, "performance")
+    >>> performance = Full(2, 3, name="performance")
     >>> performance.rows, performance.columns
     (2, 3)
     """
 
     outputs: int
     inputs: int
+    _: KW_ONLY
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -177,7 +179,7 @@ class Structure:
     Examples
     --------
     >>> from workbench.structure import Complex, Full, Real, Structure
-    >>> structure = Structure([Real(2, "mass"), Complex(1), Full(2, 3)])
+    >>> structure = Structure([Real(2, name="mass"), Complex(1), Full(2, 3)])
     >>> structure.rows, structure.columns
     (5, 6)
     """
@@ -260,10 +262,10 @@ class Structure:
             delta[row, column] = array
         return delta
 
-    def contains(self, delta: ArrayLike, tolerance: float = 1e-12) -> bool:
+    def contains(self, delta: ArrayLike, *, rounding: float = 1e-12) -> bool:
         """Whether `delta` (rows, columns) has this structure.
 
-        No entry may deviate by more than `tolerance` times the largest entry. The size of delta is
+        No entry may deviate by more than `rounding` times the largest entry. The size of delta is
         not checked. Raises InputError if the shape does not fit.
         """
         array = np.asarray(delta)
@@ -274,7 +276,7 @@ class Structure:
             )
         places = zip(self.blocks, self.row_slices, self.column_slices, strict=True)
         nearest = self.diagonal(b.nearest(array[row, column]) for b, row, column in places)
-        return bool((abs(array - nearest) <= tolerance * abs(array).max()).all())
+        return bool((abs(array - nearest) <= rounding * abs(array).max()).all())
 
     def random(self, rng: np.random.Generator) -> Array:
         """A random Delta (rows, columns) with largest singular value 1."""
@@ -283,7 +285,9 @@ class Structure:
 
     def complexified(self) -> Structure:
         """The same structure with complex scalars in place of real ones."""
-        return Structure(Complex(b.n, b.name) if isinstance(b, Real) else b for b in self.blocks)
+        return Structure(
+            Complex(b.n, name=b.name) if isinstance(b, Real) else b for b in self.blocks
+        )
 
     def with_performance(self, performance: int, exogenous: int) -> Structure:
         """This structure extended by the full performance block of the main loop theorem.
@@ -291,7 +295,7 @@ class Structure:
         The block, named "performance", reads the plant's `performance` outputs and drives its
         `exogenous` inputs.
         """
-        return Structure((*self.blocks, Full(exogenous, performance, "performance")))
+        return Structure((*self.blocks, Full(exogenous, performance, name="performance")))
 
 
 def _check_size(kind: str, **sizes: object) -> None:

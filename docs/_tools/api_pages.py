@@ -44,7 +44,7 @@ KINDS = {
 }
 MODULES_ARE = (
     "Modules whose import registers methods. Each method is asked by its name, as in "
-    '`wb.solve(program, "name")`.'
+    '`wb.solve(program, method="name")`.'
 )
 
 

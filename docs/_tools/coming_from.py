@@ -1,4 +1,4 @@
-"""Tables of the pages "Coming from", written into them from `workbench/coming_from/*.toml`."""
+"""Tables of the pages "Coming from", made from `workbench/_core/coming_from/*.toml`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 from gallery import write_page
 
-from workbench.coming_from import Guide, Row, guides
+from workbench._core.coming_from import Guide, Row, guides
 
 PAGES = Path(__file__).parents[1] / "coming-from"
 BEGIN, END = (
-    "<!-- made from workbench/coming_from/{}.toml by make docs -->",
+    "<!-- made from workbench/_core/coming_from/{}.toml by make docs -->",
     "<!-- end of what is made -->",
 )
 HEAD = "| {} | workbench | a line that runs | remark |\n| --- | --- | --- | --- |"

@@ -61,13 +61,13 @@ def loop_figure() -> Any:
     )
     exact = 0.2 / (np.exp(1j * DT * driven.omega) - 0.8)
     figure, (panel,) = figures.axes(size=(7.0, 4.0))
-    size, reach = np.abs(driven.response[:, 0, 0]), driven.radius(0.95)[:, 0, 0]
+    size, reach = np.abs(driven.response[:, 0, 0]), driven.radius(confidence=0.95)[:, 0, 0]
     low = size - np.maximum(size - reach, size / 100)  # a bar down to 0 has no end to be seen
-    panel.errorbar(driven.frequency, size, [low, reach], fmt=".", markersize=4, linewidth=0.8,
+    panel.errorbar(driven.frequency_hz, size, [low, reach], fmt=".", markersize=4, linewidth=0.8,
                    label="by the set-point, with 95 % regions")  # fmt: skip
-    panel.plot(plain.frequency, np.abs(plain.response[:, 0, 0]), ".", markersize=3,
+    panel.plot(plain.frequency_hz, np.abs(plain.response[:, 0, 0]), ".", markersize=3,
                color=figures.ORANGE, label="as if the loop were open")  # fmt: skip
-    panel.plot(driven.frequency, np.abs(exact), "k--", linewidth=1, label="the plant")
+    panel.plot(driven.frequency_hz, np.abs(exact), "k--", linewidth=1, label="the plant")
     panel.axhline(0.5, color="grey", linewidth=1, linestyle=":", label="1 / |K|")
     panel.set_ylim(0.02, 5.0)
     figures.label(panel, "frequency [Hz]", "magnitude", log="xy")

@@ -100,7 +100,7 @@ def values() -> dict[str, Any]:
         "ledger": ledger(),
         "benchmarks": benchmarks[1:],
         "benchmark_heads": benchmarks[0],
-        "problems": len(wb.problems("*")),
+        "problems": len(wb.problems(pattern="*")),
     }
 
 
@@ -124,7 +124,7 @@ def make(pdf: Path) -> Path:
         place = Path(folder)
         for name, (problem, figure) in FIGURES.items():
             width = "page" if name in WIDE else 120.0
-            drawn = stored(problem).figure(figure, width=width)
+            drawn = stored(problem).figure(name=figure, width=width)
             (place / f"{name}.svg").write_bytes(drawn.svg)
         for name in ("study.svg", "benchmarks.svg"):
             (place / name).write_bytes((ROOT / "docs" / name).read_bytes())

@@ -34,11 +34,13 @@ def main() -> wb.Solution:
         performance=("z1", "z2", "v1", "v2"),
         measurement=("e1", "e2"),
     )
-    design = wb.solve(MuSynthesis(plant), "dk")
+    design = wb.solve(MuSynthesis(plant), method="dk")
     print(f"mu of robust performance, proven: {design.answer.upper:.3f}")
-    board = wb.solve(Implementation(design, plant, PERIOD, DELAY, "float", order=8))
+    board = wb.solve(
+        Implementation(plant, design, PERIOD, delay_samples=DELAY, precision="float", order=8)
+    )
     for name, margins in zip(("pump 1", "pump 2"), board.answer.margins, strict=True):
-        print(f"{name}: gain {margins.gain[1]:.1f}, phase {margins.phase:.0f} degrees")
+        print(f"{name}: gain {margins.gain[1]:.1f}, phase {margins.phase_deg:.0f} degrees")
     board.answer.export("controller.h")
     return board
 

@@ -13,7 +13,7 @@ W_e, W_u = control.tf([0.5, 55.0], [1, 0.55]), control.tf([4.5e-5, 0.025], [1.8e
 parts = [(cover, "u", "y"), (W_e, "e", "z_e"), (W_u, "u", "z_u")]
 loop = {"exogenous": "r", "control": "u", "measurement": "e", "performance": ["z_e", "z_u"]}
 plant = generalised_plant(parts, {"e": "r - y"}, **loop)
-design = wb.solve(MuSynthesis(plant, order=4, stable=True, integral=True), "fixed")
-board = wb.solve(Implementation(design, cover, period=5e-4, delay=1.0, precision="float"))
+design = wb.solve(MuSynthesis(plant, order=4, stable=True, integral=True), method="fixed")
+board = wb.solve(Implementation(cover, design, dt=5e-4, delay_samples=1.0, precision="float"))
 print(design, board, sep="\n")
 board.answer.export("controller.h")

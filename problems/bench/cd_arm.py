@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
@@ -160,18 +160,21 @@ class PeerComparison(Study):
             )
         ]
 
-    fits = metric("{package}_fit_{use}_{output}", lambda fit: fit)
+    fits = metric("{package}_fit_{use}_{output}", value=lambda fit: fit)
     orders = metric(
-        "{package}_order", lambda chosen_order: chosen_order.sel(use="one_step", drop=True)
+        template="{package}_order",
+        value=lambda chosen_order: chosen_order.sel(use="one_step", drop=True),
     )
     orders_free_run = metric(
-        "{package}_order_free_run", lambda chosen_order: chosen_order.sel(use="free_run", drop=True)
+        template="{package}_order_free_run",
+        value=lambda chosen_order: chosen_order.sel(use="free_run", drop=True),
     )
     ahead = metric(
-        "package_ahead_{use}_{output}_standard_errors", lambda package_ahead: package_ahead
+        template="package_ahead_{use}_{output}_standard_errors",
+        value=lambda package_ahead: package_ahead,
     )
     least_advantage = metric(
-        lambda fit: (fit.sel(package="workbench") - fit.sel(package="sippy_unipi")).min()
+        template=lambda fit: (fit.sel(package="workbench") - fit.sel(package="sippy_unipi")).min()
     )
 
     @figure

@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .bars import ratio_bars
@@ -104,8 +104,16 @@ class ColdStart(Study):
             }
         return times, np.array(least["synthesis"] - least["libraries"])
 
-    seconds = array((case, start), "s", "time", lambda measured: measured[0], **WALL_TIME)
-    import_time = array((), "s", "time", lambda measured: measured[1], **WALL_TIME)
+    seconds = array(
+        dims=(case, start),
+        unit="s",
+        meaning="time",
+        value=lambda measured: measured[0],
+        **WALL_TIME,
+    )
+    import_time = array(
+        dims=(), unit="s", meaning="time", value=lambda measured: measured[1], **WALL_TIME
+    )
 
     @check()
     def soon_enough(self, seconds: DataArray, import_time: DataArray) -> list[Check]:
@@ -115,7 +123,9 @@ class ColdStart(Study):
         ]
         return [*checks, Check("import", "processor time [s]", float(import_time), IMPORT_WANTED)]
 
-    first_answers = metric("{case}", lambda seconds: seconds.sel(start="cold", drop=True))
+    first_answers = metric(
+        template="{case}", value=lambda seconds: seconds.sel(start="cold", drop=True)
+    )
 
     @figure
     def times(self, seconds: DataArray) -> Figure:

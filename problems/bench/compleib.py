@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, problem, solve
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray
 from workbench.collections import read_plant
 from workbench.errors import InputError, WorkbenchError
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray
 from workbench.study import Study, array, check, dim, metric, part, table
 from workbench.synthesis import HinfSynthesis
 
@@ -119,7 +119,9 @@ class Compleib(Study):
         begun = time.process_time()
         try:
             program = HinfSynthesis(read_plant(path), order=order, stable=stable)
-            solution = solve(program, method, Options(time_limit=self.seconds, seed=seed))
+            solution = solve(
+                program, method=method, options=Options(time_limit=self.seconds, seed=seed)
+            )
         except WorkbenchError:
             return math.nan, math.nan, math.nan
         spent = time.process_time() - begun
@@ -127,20 +129,38 @@ class Compleib(Study):
             return math.nan, math.nan, spent
         return solution.answer.norm, solution.answer.least, spent
 
-    norm = array((case, method), "1", "norm of the loop", lambda found: found[..., 0])
-    least = array(case, "1", "least norm of any order", lambda found: largest(found[..., 1]))
-    spent = array((case, method), "s", "processor time", lambda found: found[..., 2], **WALL_TIME)
-
-    full = array(case, "1", "norm at full order", lambda of_full_order: of_full_order[:, 0])
-    full_spent = array(
-        case,
-        "s",
-        "processor time at full order",
-        lambda of_full_order: of_full_order[:, 1],
+    norm = array(
+        dims=(case, method), unit="1", meaning="norm of the loop", value=lambda found: found[..., 0]
+    )
+    least = array(
+        dims=case,
+        unit="1",
+        meaning="least norm of any order",
+        value=lambda found: largest(found[..., 1]),
+    )
+    spent = array(
+        dims=(case, method),
+        unit="s",
+        meaning="processor time",
+        value=lambda found: found[..., 2],
         **WALL_TIME,
     )
 
-    @array(case, unit="1")
+    full = array(
+        dims=case,
+        unit="1",
+        meaning="norm at full order",
+        value=lambda of_full_order: of_full_order[:, 0],
+    )
+    full_spent = array(
+        dims=case,
+        unit="s",
+        meaning="processor time at full order",
+        value=lambda of_full_order: of_full_order[:, 1],
+        **WALL_TIME,
+    )
+
+    @array(dims=case, unit="1")
     def published(self) -> Array:
         """Best norm that was published; NaN where none was at hand."""
         return np.array([PUBLISHED.get(each, np.nan) for each in CASES[: self.cases]])
@@ -160,7 +180,9 @@ class Compleib(Study):
             )
         ]
 
-    near_share = metric("near_share", lambda norm, published: share_near(norm, published, NEAR))
+    near_share = metric(
+        template="near_share", value=lambda norm, published: share_near(norm, published, NEAR)
+    )
 
     @table
     def norms(

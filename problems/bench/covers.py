@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Options, problem, solve
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context, Workers
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.uncertainty import CircleCover, CoverSteps, Responses, StadiumCover, limited
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
@@ -108,44 +108,51 @@ class CoverSpeed(Study):
     def large(self, context: Context) -> tuple[list[float], float]:
         """Times of the covers of the large family, and the memory of a process of their own."""
         family = _family(self.plants, self.grid, context.rng)
-        with Workers(1) as alone:  # the memory that this process took before would count
+        with Workers(count=1) as alone:  # the memory that this process took before would count
             return alone.submit(_large, family, context.options).result()
 
     task = dim(TASKS)
-    frequency = dim(lambda cover: cover.responses.frequency, unit="Hz")
+    frequency = dim(lambda cover: cover.responses.frequency_hz, unit="Hz")
     seconds = array(
-        task, "s", value=lambda own, peer, large: [own[1], peer[1], *large[0]], **WALL_TIME
+        dims=task,
+        unit="s",
+        value=lambda own, peer, large: [own[1], peer[1], *large[0]],
+        **WALL_TIME,
     )
-    memory = array((), "GiB", value=lambda large: large[1], **WALL_TIME)
-    exact = array(frequency, "units/V", value=lambda own: own[0].first.radius)
-    scanned = array(frequency, "units/V", value=lambda peer: peer[0])
+    memory = array(dims=(), unit="GiB", value=lambda large: large[1], **WALL_TIME)
+    exact = array(dims=frequency, unit="units/V", value=lambda own: own[0].first.radius)
+    scanned = array(dims=frequency, unit="units/V", value=lambda peer: peer[0])
 
-    @check("peer near", "excess of the median scanned width, relative", at_most=WIDER)
+    @check(
+        title="peer near", statement="excess of the median scanned width, relative", at_most=WIDER
+    )
     def near(self, scanned: DataArray, exact: DataArray) -> DataArray:
         return (scanned / exact - 1).median()
 
-    @check("peer not below", "the narrowest width over a scanned one", at_most=NARROWER)
+    @check(
+        title="peer not below", statement="the narrowest width over a scanned one", at_most=NARROWER
+    )
     def not_below(self, scanned: DataArray, exact: DataArray) -> DataArray:
         return (1 - scanned / exact).max()
 
     slow = check(
-        "steps over conic",
-        f"time over the peer's, at most {1 / LEAST_RATIO:.3g}",
-        lambda seconds: 1 / _over(seconds, "conic"),
+        title="steps over conic",
+        statement=f"time over the peer's, at most {1 / LEAST_RATIO:.3g}",
+        value=lambda seconds: 1 / _over(seconds, "conic"),
         at_most=1 / LEAST_RATIO,
     )
     longest = check(
-        "large over conic",
-        "longest cover of the family, over the peer's of twelve drives",
-        lambda seconds: (
+        title="large over conic",
+        statement="longest cover of the family, over the peer's of twelve drives",
+        value=lambda seconds: (
             max(_over(seconds, k) for k in TASKS if "large" in k) / _over(seconds, "conic")
         ),
         at_most=LARGE_OVER_CONIC,
     )
     fits = check(
-        "memory",
-        "peak of a process that covers the large family [GiB]",
-        lambda memory: memory,
+        title="memory",
+        statement="peak of a process that covers the large family [GiB]",
+        value=lambda memory: memory,
         at_most=GIBIBYTES,
     )
 
@@ -170,13 +177,20 @@ def _over(seconds: DataArray, task: str) -> float:
 
 
 def _cover(responses: Responses) -> StadiumCover:
-    return StadiumCover(responses, ORDER, ZEROS, WEIGHT, WEIGHT, orientation=limited())
+    return StadiumCover(
+        responses,
+        ORDER,
+        zeros=ZEROS,
+        complex_order=WEIGHT,
+        real_order=WEIGHT,
+        orientation=limited(),
+    )
 
 
 def _timed(cover: Any, method: str, context: Context) -> tuple[CoverSteps, float]:
     """A cover by one of its methods, and the processor time [s] with that of its certificate."""
     start = time.process_time()
-    solution = solve(cover, method, context.options)
+    solution = solve(cover, method=method, options=context.options)
     if solution.certificate is None or not solution.certificate.valid:
         failures = solution.certificate.failures if solution.certificate else ()
         raise SolverError(f"{method}: {'; '.join(failures) or solution.message}")
@@ -185,9 +199,9 @@ def _timed(cover: Any, method: str, context: Context) -> tuple[CoverSteps, float
 
 def _large(family: Responses, options: Options) -> tuple[list[float], float]:
     """Processor times [s] of all covers of a family, and the peak memory of this process [GiB]."""
-    context = Context(options)
+    context = Context(options=options)
     _timed(_cover(_measured(10)), "steps", context)  # compile
-    circles = CircleCover(family, ORDER, ZEROS, WEIGHT)
+    circles = CircleCover(family, ORDER, zeros=ZEROS, complex_order=WEIGHT)
     asked = [(_cover(family), "steps"), (_cover(family), "joint"), (circles, "joint")]
     times = [_timed(cover, method, context)[1] for cover, method in asked]
     return times, _peak_memory()
@@ -196,10 +210,10 @@ def _large(family: Responses, options: Options) -> tuple[list[float], float]:
 def _by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> Array:
     """The seven steps by convex programs; the radii (F,) of their first set."""
     omega, points = cover.responses.omega, cover.points
-    options = Options("middle")
+    options = Options(tolerance="middle")
 
     def fitted(program: Any) -> Any:
-        solution = solve(program, "clarabel", options)
+        solution = solve(program, method="clarabel", options=options)
         if solution.answer is None:
             raise SolverError(f"clarabel: {solution.message}")
         return solution.answer
@@ -237,7 +251,7 @@ def _family(plants: int, grid: int, rng: np.random.Generator) -> Responses:
     ]
     frequency = np.geomspace(5.0, 5000.0, grid)
     values = total_gain("focus") * stack([specific_model(m) for m in models]).response(frequency)
-    return Responses(2 * np.pi * frequency, values.T, unit="units/V")
+    return Responses(omega=2 * np.pi * frequency, values=values.T, unit="units/V")
 
 
 def _peak_memory() -> float:

@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, problem, solve
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
 from workbench.geometry import (
     NarrowestStadium,
@@ -19,7 +20,6 @@ from workbench.geometry import (
     narrowest_stadium,
     smallest_circle,
 )
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part
 
 from .bars import ratio_bars
@@ -90,7 +90,9 @@ class GeometrySpeed(Study):
             "exact circles": lambda: smallest_circle(small).radius,
             "conic circles": lambda: _conic_radius(SmallestCircle(small)),
             "exact stadiums": lambda: narrowest_stadium(small).radius,
-            "conic stadiums": lambda: _conic_radius(NarrowestStadium(small, None, angle)),
+            "conic stadiums": lambda: _conic_radius(
+                NarrowestStadium(small, center=None, angle=angle)
+            ),
             "shapely circles": lambda: np.array([bounding(one) for one in clouds]),
             "exact large circle": lambda: smallest_circle(large).radius,
             "exact large stadium": lambda: narrowest_stadium(large).radius,
@@ -104,10 +106,10 @@ class GeometrySpeed(Study):
     task = dim(lambda timed: list(timed))
     pair = dim(PAIRS)
     seconds = array(
-        task, "s", value=lambda timed: [time for time, _ in timed.values()], **WALL_TIME
+        dims=task, unit="s", value=lambda timed: [time for time, _ in timed.values()], **WALL_TIME
     )
 
-    @array(pair, "1", "largest relative difference of radii")
+    @array(dims=pair, unit="1", meaning="largest relative difference of radii")
     def disagreement(self, timed: dict[str, tuple[float, Array]]) -> list[float]:
         radii = {name: radius for name, (_, radius) in timed.items()}
         return [np.max(np.abs(radii[a] / radii[b] - 1)) for a, b, _ in PAIRS.values()]
@@ -158,7 +160,9 @@ def _timed(work: Callable[[], Any], repeats: Iterable[int]) -> tuple[float, Arra
 
 
 def _conic_radius(program: SmallestCircle | NarrowestStadium) -> RealArray:
-    radius: RealArray = solve(program, "clarabel", Options("middle")).answer.radius
+    radius: RealArray = solve(
+        program, method="clarabel", options=Options(tolerance="middle")
+    ).answer.radius
     return radius
 
 

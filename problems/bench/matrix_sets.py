@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.uncertainty import MatrixSets
 
@@ -64,11 +64,13 @@ class MatrixSetSpeed(Study):
         """Processor time [s] and sizes (F,) of each method."""
         shape = (self.frequencies, self.plants, self.channels, self.channels)
         drawn = context.rng.normal(size=(2, *shape))
-        program = MatrixSets(drawn[0] + 1j * drawn[1], "diagonal", "diagonal", size="trace")
+        program = MatrixSets(
+            drawn[0] + 1j * drawn[1], left="diagonal", right="diagonal", size="trace"
+        )
         results = []
         for method in METHODS:
             start = time.process_time()
-            solution = solve(program, method, context.options)
+            solution = solve(program, method=method, options=context.options)
             seconds = time.process_time() - start
             if solution.certificate is None or not solution.certificate.valid:
                 raise SolverError(f"{method}: {solution.message}")
@@ -77,19 +79,23 @@ class MatrixSetSpeed(Study):
 
     solver = dim(METHODS)
     frequency = dim(lambda found: np.arange(found[0][1].size))
-    seconds = array(solver, "s", value=lambda found: [each[0] for each in found], **WALL_TIME)
-    size = array((solver, frequency), "1", value=lambda found: [each[1] for each in found])
+    seconds = array(
+        dims=solver, unit="s", value=lambda found: [each[0] for each in found], **WALL_TIME
+    )
+    size = array(
+        dims=(solver, frequency), unit="1", value=lambda found: [each[1] for each in found]
+    )
 
     agree = check(
-        "methods agree",
-        "distance of the sizes of the two methods, in logarithms",
-        lambda size: abs(np.log(size / size.isel(solver=0))).max(),
+        title="methods agree",
+        statement="distance of the sizes of the two methods, in logarithms",
+        value=lambda size: abs(np.log(size / size.isel(solver=0))).max(),
         at_most=APART,
     )
     slow = check(
-        "barrier over clarabel",
-        f"time over the peer's, at most {1 / LEAST_RATIO:.3g}",
-        lambda seconds: _ratio(seconds),
+        title="barrier over clarabel",
+        statement=f"time over the peer's, at most {1 / LEAST_RATIO:.3g}",
+        value=lambda seconds: _ratio(seconds),
         at_most=1 / LEAST_RATIO,
     )
     barrier_over_clarabel = metric(lambda seconds: _ratio(seconds))

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, figures, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.mu import peak, upper_bound
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
@@ -91,8 +91,15 @@ class MuSpeed(Study):
         sizes = context.track(size.values.tolist(), "sizes")
         return np.array([_compared(context.rng, n, self.frequencies, self.peers) for n in sizes]).T
 
-    seconds = array((by, size), "s", "per matrix", lambda timed: timed[0], **WALL_TIME)
-    above = array((by, size), "1", "largest excess over the peer, relative", lambda timed: timed[1])
+    seconds = array(
+        dims=(by, size), unit="s", meaning="per matrix", value=lambda timed: timed[0], **WALL_TIME
+    )
+    above = array(
+        dims=(by, size),
+        unit="1",
+        meaning="largest excess over the peer, relative",
+        value=lambda timed: timed[1],
+    )
 
     @part
     def grown(self, count: DataArray, context: Context) -> Array:
@@ -100,10 +107,23 @@ class MuSpeed(Study):
         counts = context.track(count.values.tolist(), "frequencies")
         return np.array([_time_and_memory(smooth_responses(context.rng, 4, n)) for n in counts]).T
 
-    growth = array(count, "s", "all frequencies", lambda grown: grown[0], **WALL_TIME)
-    memory = array(count, "byte", "peak of the arrays held", lambda grown: grown[1], **WALL_TIME)
+    growth = array(
+        dims=count, unit="s", meaning="all frequencies", value=lambda grown: grown[0], **WALL_TIME
+    )
+    memory = array(
+        dims=count,
+        unit="byte",
+        meaning="peak of the arrays held",
+        value=lambda grown: grown[1],
+        **WALL_TIME,
+    )
 
-    @array(("system", what), "s", "certified peak, and AB13MD at 1,000 points", **WALL_TIME)
+    @array(
+        dims=("system", what),
+        unit="s",
+        meaning="certified peak, and AB13MD at 1,000 points",
+        **WALL_TIME,
+    )
     def peak(self, context: Context) -> list[tuple[float, float]]:
         return [_peak_seconds(context.rng) for _ in context.track(range(SYSTEMS), "peaks")]
 
@@ -132,13 +152,13 @@ class MuSpeed(Study):
         ]
 
     certified_peak = check(
-        "certified peak",
-        f"time over that of AB13MD at {POINTS} frequencies, at worst of {SYSTEMS}",
-        lambda peak: _peak_over_ab13md(peak),
+        title="certified peak",
+        statement=f"time over that of AB13MD at {POINTS} frequencies, at worst of {SYSTEMS}",
+        value=lambda peak: _peak_over_ab13md(peak),
         at_most=1.0,
     )
 
-    ratios = metric("{by}_{size}", lambda seconds: _faster(seconds))
+    ratios = metric("{by}_{size}", value=lambda seconds: _faster(seconds))
     microseconds_per_frequency = metric(lambda growth: 1e6 * _last_per_frequency(growth))
     bytes_per_frequency = metric(lambda memory: _last_per_frequency(memory))
     peak_over_ab13md = metric(lambda peak: _peak_over_ab13md(peak))
@@ -240,8 +260,10 @@ def _time_and_memory(M: Array) -> tuple[float, float]:
 def _by_peer(M: Array, structure: Structure, method: str, together: int | None) -> Array:
     """Bounds (F,) of matrices (F, c, r), given ``together`` at a time (None: all)."""
     parts = np.array_split(M, len(M) // together if together else 1)
-    options = Options("middle")
-    return np.concatenate([upper_bound(part, structure, method, options).value for part in parts])
+    options = Options(tolerance="middle")
+    return np.concatenate(
+        [upper_bound(part, structure, method=method, options=options).value for part in parts]
+    )
 
 
 def _peak_seconds(rng: np.random.Generator) -> tuple[float, float]:

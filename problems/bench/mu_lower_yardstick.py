@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.mu import lower_bound
 from workbench.mu.lower.methods import proposals
 from workbench.structure import Block, Complex, Full, Real, Structure
@@ -88,7 +88,13 @@ class MuLowerYardstick(Study):
         found = [_timed(context.rng, *case, self.rounds) for case in context.track(cases, "cases")]
         return np.array(found).reshape(len(KINDS), len(SIZES), len(WHAT))
 
-    seconds = array((kind, size, what), "s", "per matrix", lambda timed: timed, **WALL_TIME)
+    seconds = array(
+        dims=(kind, size, what),
+        unit="s",
+        meaning="per matrix",
+        value=lambda timed: timed,
+        **WALL_TIME,
+    )
 
     @check()
     def near_the_limit(self, seconds: DataArray) -> list[Check]:
@@ -104,7 +110,7 @@ class MuLowerYardstick(Study):
             for size in SIZES
         ]
 
-    ratios = metric("{kind}_{size}", lambda seconds: _over(seconds, "search"))
+    ratios = metric("{kind}_{size}", value=lambda seconds: _over(seconds, "search"))
 
     @figure
     def times(self, seconds: DataArray) -> Figure:

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context, InProcess
-from workbench.heavy_types import DataArray, Figure
 from workbench.mu import upper_bound
 from workbench.mu.upper.below import bounds_below
 from workbench.structure import Block, Complex, Full, Real, Structure
@@ -91,16 +91,22 @@ class MuYardstick(Study):
         ]
         return np.array(found).reshape(len(KINDS), len(SIZES), 2)
 
-    seconds = array((kind, size, what), "s", "per matrix", lambda timed: timed, **WALL_TIME)
+    seconds = array(
+        dims=(kind, size, what),
+        unit="s",
+        meaning="per matrix",
+        value=lambda timed: timed,
+        **WALL_TIME,
+    )
 
-    @array(what, "s", "per matrix, of a scalar repeated ten times", **WALL_TIME)
+    @array(dims=what, unit="s", meaning="per matrix, of a scalar repeated ten times", **WALL_TIME)
     def repeated(self, context: Context) -> tuple[float, float]:
         return _timed(context.rng, REPEATED, self.rounds)
 
     @array(
-        (kind, "system", asked),
-        "s",
-        "1,000 responses: bounds below a level, least bounds",
+        dims=(kind, "system", asked),
+        unit="s",
+        meaning="1,000 responses: bounds below a level, least bounds",
         **WALL_TIME,
     )
     def sweep(self, context: Context) -> list[list[tuple[float, float]]]:
@@ -124,24 +130,26 @@ class MuYardstick(Study):
         ]
 
     @check(
-        "repeated scalar",
-        "time over that of the eigenvalues, repeated ten times beside a full block",
+        title="repeated scalar",
+        statement="time over that of the eigenvalues, repeated ten times beside a full block",
         at_most=REPEATED_WANTED,
     )
     def repeated_scalar(self, repeated: DataArray) -> float:
         return float(_over(repeated))
 
     @check(
-        "sweep",
-        "time of bounds below a level, over that of all, median of systems",
+        title="sweep",
+        statement="time of bounds below a level, over that of all, median of systems",
         at_most=SWEEP_SHARE,
     )
     def sweep_below(self, sweep: DataArray) -> DataArray:
         return _share(sweep).max()
 
-    sweep_shares = metric("sweep_{kind}", lambda sweep: _share(sweep))
-    ratios = metric("{kind}_{size}", lambda seconds: _over(seconds))
-    repeated_ratio = metric("repeated_scalar", lambda repeated: float(_over(repeated)))
+    sweep_shares = metric("sweep_{kind}", value=lambda sweep: _share(sweep))
+    ratios = metric("{kind}_{size}", value=lambda seconds: _over(seconds))
+    repeated_ratio = metric(
+        template="repeated_scalar", value=lambda repeated: float(_over(repeated))
+    )
 
     @figure
     def times(self, seconds: DataArray) -> Figure:

@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem, solve
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.mu import peak
 from workbench.structure import Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
@@ -90,7 +90,9 @@ class NormsSpeed(Study):
         ]
         return np.median(times, axis=1)
 
-    seconds = array((case, step), "s", "time", lambda timed: timed, **WALL_TIME)
+    seconds = array(
+        dims=(case, step), unit="s", meaning="time", value=lambda timed: timed, **WALL_TIME
+    )
 
     @check()
     def near_the_yardstick(self, seconds: DataArray) -> list[Check]:
@@ -100,7 +102,7 @@ class NormsSpeed(Study):
             for case, (what, wanted) in CASES.items()
         ]
 
-    ratios = metric("{case}", lambda seconds: _over(seconds))
+    ratios = metric("{case}", value=lambda seconds: _over(seconds))
 
     @figure
     def times(self, seconds: DataArray) -> Figure:

@@ -56,7 +56,9 @@ class ScannedStadiums:
         scale = np.abs(local).max() or 1.0
         self._across.value = local / scale
         problem = self._free if center is None else self._centred
-        outcome, message = solve_conic(problem, self._solver, Options("middle"), self._context)
+        outcome, message = solve_conic(
+            problem, self._solver, Options(tolerance="middle"), self._context
+        )
         if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
             raise SolverError(message)
         return float(self._width.value) * scale

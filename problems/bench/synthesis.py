@@ -13,16 +13,16 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Study, problem, solve
-from workbench.arrays import BoolArray
+from workbench._core.arrays import BoolArray
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import upper_bound
 from workbench.synthesis import MuController, MuSynthesis, hinf
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored, stored
-from workbench.tables import markdown
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.drive.shared_parameters import TABLES
@@ -228,8 +228,8 @@ def _dk_iterations(context: Context) -> dict[str, Any]:
     own = distillation_column()
     a, b = response(own.system, OMEGA), response(plant, OMEGA)
     program = MuSynthesis(own, target=PEAK)
-    solve(program, "dk")  # compile before the clock starts
-    runs = [solve(program, "dk") for _ in context.track(range(REPEATS), "D-K iteration")]
+    solve(program, method="dk")  # compile before the clock starts
+    runs = [solve(program, method="dk") for _ in context.track(range(REPEATS), "D-K iteration")]
     answer: MuController = runs[0].answer
     if answer is None:
         raise SolverError(runs[0].message)

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 from workbench.uncertainty import GeneralisedPlant
 

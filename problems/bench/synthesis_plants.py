@@ -39,7 +39,7 @@ def drive_plants() -> dict[str, GeneralisedPlant]:
     axes: tuple[Axis, ...] = ("focus", "radial")
     for axis in axes:
         plant = generalised(axis, parametric_plant(axis))
-        nominal = plant.channel(["z_p", "z_u"], "w_p").nominal()
+        nominal = plant.channel(performance=["z_p", "z_u"], exogenous="w_p").nominal()
         for name, one in (("nominal", nominal), ("parametric", plant)):
             found[f"{axis} {name}"] = regularised(one, REGULARISATION)
     return found

@@ -35,7 +35,9 @@ def identification(
 
 def arm_fit(orders: tuple[int, ...], **options: Any) -> StateSpaceFit:
     """Models of the record, which its authors turned into that of an open loop."""
-    return StateSpaceFit(*read_record(), ESTIMATION, orders, assume="open loop", **options)
+    return StateSpaceFit(
+        *read_record(), estimation=ESTIMATION, orders=orders, assume="open loop", **options
+    )
 
 
 def read_record() -> tuple[np.ndarray, np.ndarray]:

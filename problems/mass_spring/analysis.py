@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import Array, ComplexArray
+from workbench._core.arrays import Array, ComplexArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import (
     Conditions,
     PeakChecker,
@@ -122,7 +122,7 @@ class Analysis(Study):
     def sweeps(self, cases: Any, omega: DataArray) -> dict[Case, Sweep]:
         """Bounds of each case over frequency."""
         return {
-            case: frequency_sweep(N, structure, omega.values, "best")
+            case: frequency_sweep(N, structure, omega=omega.values, lower="best")
             for case, (N, structure) in cases.items()
         }
 
@@ -142,39 +142,56 @@ class Analysis(Study):
 
     peer_omega = dim(lambda omega, peer_places: omega.values[peer_places], unit="rad/s")
     each = (question, kind)
-    lower = array((*each, omega), "1", value=lambda sweeps: _grid(lambda c: sweeps[c].lower))
-    upper = array((*each, omega), "1", value=lambda sweeps: _grid(lambda c: sweeps[c].upper))
+    lower = array(
+        dims=(*each, omega), unit="1", value=lambda sweeps: _grid(lambda c: sweeps[c].lower)
+    )
+    upper = array(
+        dims=(*each, omega), unit="1", value=lambda sweeps: _grid(lambda c: sweeps[c].upper)
+    )
 
-    @array((*each, peer_omega), "1")
+    @array(dims=(*each, peer_omega), unit="1")
     def peer(self, sweeps: Any, cases: Any, peer_places: Array) -> list[Any]:
         return _grid(
-            lambda case: upper_bound(sweeps[case].M[peer_places], cases[case][1], "clarabel").value
+            lambda case: (
+                upper_bound(sweeps[case].M[peer_places], cases[case][1], method="clarabel").value
+            )
         )
 
     peak = array(
-        (*each, bound),
-        "1",
-        "bounds of the supremum of mu over all frequencies",
-        lambda peaks: _grid(lambda case: (peaks[case].lower, peaks[case].upper)),
+        dims=(*each, bound),
+        unit="1",
+        meaning="bounds of the supremum of mu over all frequencies",
+        value=lambda peaks: _grid(lambda case: (peaks[case].lower, peaks[case].upper)),
     )
-    peak_omega = array(each, "rad/s", value=lambda peaks: _grid(lambda case: peaks[case].omega))
+    peak_omega = array(
+        dims=each, unit="rad/s", value=lambda peaks: _grid(lambda case: peaks[case].omega)
+    )
     Delta = array(
-        (*each, "row", "column"), "1", value=lambda peaks: _grid(lambda c: _filled(peaks[c].Delta))
+        dims=(*each, "row", "column"),
+        unit="1",
+        value=lambda peaks: _grid(lambda c: _filled(peaks[c].Delta)),
     )
     nominal_performance = array(
-        (), "1", value=lambda found: found["mixed"].nominal_performance.upper
+        dims=(), unit="1", value=lambda found: found["mixed"].nominal_performance.upper
     )
-    pole = array((), "rad/s", "rightmost pole", lambda found: found["mixed"].pole)
+    pole = array(
+        dims=(), unit="rad/s", meaning="rightmost pole", value=lambda found: found["mixed"].pole
+    )
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("nominal stability", "rightmost root of the loop [rad/s]", at_most=0.0, over=THIS_SYSTEM)
+    @check(
+        title="nominal stability",
+        statement="rightmost root of the loop [rad/s]",
+        at_most=0.0,
+        over=THIS_SYSTEM,
+    )
     def nominal_stability(self) -> float:
         return characteristic_roots(0.0).real.max()
 
     @check(
-        "rightmost pole",
-        "distance from that root, relative",
+        title="rightmost pole",
+        statement="distance from that root, relative",
         at_most=ORDER_SLACK,
         over=THIS_SYSTEM,
     )
@@ -184,8 +201,8 @@ class Analysis(Study):
         return min(abs(found - right), abs(found - right.conjugate())) / abs(right)
 
     @check(
-        "every spring",
-        "rightmost root over 1.2 to 2.8 N/m [rad/s]",
+        title="every spring",
+        statement="rightmost root over 1.2 to 2.8 N/m [rad/s]",
         at_most=0.0,
         over=f"for {SPRINGS} springs of the range",
     )
@@ -193,8 +210,8 @@ class Analysis(Study):
         return max(characteristic_roots(d).real.max() for d in np.linspace(-1, 1, SPRINGS))
 
     @check(
-        "lower below upper",
-        "lower over upper bound",
+        title="lower below upper",
+        statement="lower over upper bound",
         at_most=1 + ORDER_SLACK,
         where=f"{AT_CASE} at {{omega:.4g}}",
     )
@@ -202,21 +219,26 @@ class Analysis(Study):
         return lower / upper
 
     @check(
-        "real below complex",
-        "mixed over complex upper bound",
+        title="real below complex",
+        statement="mixed over complex upper bound",
         at_most=1 + ORDER_SLACK,
         where="{question} at {omega:.4g}",
     )
     def real_below_complex(self, upper: DataArray) -> DataArray:
         return upper.sel(kind="mixed", drop=True) / upper.sel(kind="complex", drop=True)
 
-    @check("peaks", "bound at a frequency over the certified peak", at_most=1.0, where=AT_CASE)
+    @check(
+        title="peaks",
+        statement="bound at a frequency over the certified peak",
+        at_most=1.0,
+        where=AT_CASE,
+    )
     def beyond_peak(self, upper: DataArray, peak: DataArray) -> DataArray:
         return upper.max("omega") / peak.sel(bound="upper")
 
     @check(
-        "conic bounds",
-        "excess over Clarabel's bound, relative",
+        title="conic bounds",
+        statement="excess over Clarabel's bound, relative",
         at_most=CONIC_DISTANCE,
         where=AT_PEER,
     )
@@ -224,8 +246,8 @@ class Analysis(Study):
         return _over(upper, peer) - 1
 
     @check(
-        "conic bounds of performance",
-        "distance from Clarabel's bound, relative",
+        title="conic bounds of performance",
+        statement="distance from Clarabel's bound, relative",
         at_most=CONIC_DISTANCE,
         where=AT_PEER,
     )
@@ -234,21 +256,27 @@ class Analysis(Study):
         return abs(_over(upper, peer).sel(question="performance") - 1)
 
     @check(
-        "never below mu", "mu of stability over its bound", at_most=1 + ORDER_SLACK, where=AT_PEER
+        title="never below mu",
+        statement="mu of stability over its bound",
+        at_most=1 + ORDER_SLACK,
+        where=AT_PEER,
     )
     def reached(self, upper: DataArray, peer_omega: DataArray) -> DataArray:
         return 1 / _over_mu(upper, peer_omega)
 
     @check(
-        "exact", "that bound above mu, relative or to 1e-6", at_most=EXCESS_OVER_MU, where=AT_PEER
+        title="exact",
+        statement="that bound above mu, relative or to 1e-6",
+        at_most=EXCESS_OVER_MU,
+        where=AT_PEER,
     )
     def tight(self, upper: DataArray, peer_omega: DataArray) -> DataArray:
         mu = real_spring_mu(peer_omega.values)
         return (_over_mu(upper, peer_omega) - 1) * mu / np.maximum(mu, SMALL_MU)
 
     @check(
-        "singular",
-        "|det(I - N Delta)| by the element equations",
+        title="singular",
+        statement="|det(I - N Delta)| by the element equations",
         at_most=SINGULARITY,
         where=AT_CASE,
         over="at the frequency of each peak",
@@ -259,8 +287,8 @@ class Analysis(Study):
         return peak_omega.copy(data=left)
 
     @check(
-        "size of Delta",
-        "times the lower bound, distance from 1",
+        title="size of Delta",
+        statement="times the lower bound, distance from 1",
         at_most=ORDER_SLACK,
         where=AT_CASE,
         over="at the frequency of each peak",
@@ -283,8 +311,10 @@ class Analysis(Study):
                 numbers[f"frequency_{kind}{after}_rad_s"] = float(one["peak_omega"])
         return numbers
 
-    nominal = metric("nominal_performance", lambda nominal_performance: nominal_performance)
-    rightmost_pole = metric("rightmost_pole_rad_s", lambda pole: pole.real)
+    nominal = metric(
+        template="nominal_performance", value=lambda nominal_performance: nominal_performance
+    )
+    rightmost_pole = metric("rightmost_pole_rad_s", value=lambda pole: pole.real)
 
     @figure
     def mu(self, answer: Dataset) -> Figure:

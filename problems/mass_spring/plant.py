@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from workbench.heavy_types import StateSpace, TransferFunction
+from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.structure import Complex
 from workbench.uncertainty import GeneralisedPlant, Parameter, generalised_plant, parametric
 
@@ -77,7 +77,7 @@ def two_mass_plant() -> GeneralisedPlant:
             (W["W_u"], "u", "z_u"),
         ],
         {"f1": "u + u_m", "y": "z2 + v"},
-        perturbation=[(Complex(1, "dynamics"), "y_m", "u_m")],
+        perturbation=[(Complex(1, name="dynamics"), "y_m", "u_m")],
         exogenous=("d", "n"),
         control="u",
         performance=("z_p", "z_u"),

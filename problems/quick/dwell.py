@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis import Mode, SwitchedStability
 
 SAMPLE = 0.1
@@ -33,13 +33,21 @@ def dwell(loop: Literal["oscillators", "cart"]) -> SwitchedStability:
     """
     if loop == "oscillators":
         return SwitchedStability(
-            tuple(Mode(name, _oscillator(*about), None) for name, about in OSCILLATORS.items())
+            tuple(
+                Mode(name, _oscillator(*about), shortest_samples=None)
+                for name, about in OSCILLATORS.items()
+            )
         )
     carts = [_cart(mass) for mass in MASSES]
     return SwitchedStability(
         (
-            Mode("measured", np.array([A - B @ FEEDBACK for A, B in carts]), None),
-            Mode("lost", np.array([A for A, _ in carts]), 1, LONGEST_LOSS),
+            Mode("measured", np.array([A - B @ FEEDBACK for A, B in carts]), shortest_samples=None),
+            Mode(
+                "lost",
+                np.array([A for A, _ in carts]),
+                shortest_samples=1,
+                longest_samples=LONGEST_LOSS,
+            ),
         )
     )
 

@@ -36,8 +36,11 @@ def fault_filter(plant: Literal["lag", "two-masses"]) -> FaultEstimation:
         slow = control.tf([0.1], [1.0, 0.1])
         weights = control.append(control.ss(slow), control.ss([], [], [], NOISE * np.eye(2)))
         fault = control.tf([1.0], [1.0, 1.0])
-    wanted = [Requirement("disturbances", disturbances, weights), Requirement("faults", "f", fault)]
-    return FaultEstimation(observed, "f", wanted)
+    wanted = [
+        Requirement("disturbances", disturbances, weight=weights),
+        Requirement("faults", "f", weight=fault),
+    ]
+    return FaultEstimation(observed, "f", requirements=wanted)
 
 
 def _lag() -> GeneralisedPlant:

@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
-from workbench.tables import markdown
 
 from .chain import Delivered, RefusedError, Way, delivered
 from .closed_loop import CController, Driven, driven, verdicts

@@ -31,4 +31,12 @@ def board(
     """
     scale = (10.0, 10.0) if precision == "fixed" else None
     plant = unstable_first_order()
-    return Implementation(design, plant, period, delay, precision, order=order, full_scale=scale)
+    return Implementation(
+        plant,
+        design,
+        period,
+        delay_samples=delay,
+        precision=precision,
+        order=order,
+        full_scale=scale,
+    )

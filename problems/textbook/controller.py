@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from workbench import Run, problem, ref
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis import MuSynthesis, approximated
 from workbench.systems.storage import restored
 from workbench.uncertainty import GeneralisedPlant

@@ -22,4 +22,4 @@ def demands(
 
     orders: numbers of states. fastest_pole: largest size of a pole [rad/s], None: any.
     """
-    return DemandCost(PLANTS[plant](), orders, fastest_pole)
+    return DemandCost(PLANTS[plant](), orders=orders, fastest_pole=fastest_pole)

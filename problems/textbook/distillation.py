@@ -44,7 +44,10 @@ def distillation_column() -> GeneralisedPlant:
             "m1": "- e1",
             "m2": "- e2",
         },
-        perturbation=[(Complex(1, "input 1"), "y1", "d1"), (Complex(1, "input 2"), "y2", "d2")],
+        perturbation=[
+            (Complex(1, name="input 1"), "y1", "d1"),
+            (Complex(1, name="input 2"), "y2", "d2"),
+        ],
         exogenous=["w1", "w2"],
         control=["u1", "u2"],
         performance=["z1", "z2"],

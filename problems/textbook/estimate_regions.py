@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.mu import performance_peak
 from workbench.study import Study, array, check, dim, figure, metric, part, system, table
@@ -76,7 +76,9 @@ class EstimateRegions(Study):
     def controllers(self) -> list[StateSpace]:
         return [self.designs[form].answer.K for form in FORMS]
 
-    @array((design, region, bound), "1", "certified peak of mu of a design on a set")
+    @array(
+        dims=(design, region, bound), unit="1", meaning="certified peak of mu of a design on a set"
+    )
     def peak(self, parts: dict[str, Any], controllers: Any, context: Context) -> RealArray:
         found = np.full((3, 3, 2), np.inf)
         plants = [weighted_loop(parts[form]) for form in FORMS]
@@ -97,28 +99,36 @@ class EstimateRegions(Study):
             for form in ("ball", "box")
         ]
 
-    @array((shape, bound, omega), "1", "least and largest magnitude of drawn plants")
+    @array(
+        dims=(shape, bound, omega), unit="1", meaning="least and largest magnitude of drawn plants"
+    )
     def magnitude(self, plants: list[ComplexArray]) -> RealArray:
         return np.array([[np.abs(of).min(axis=0), np.abs(of).max(axis=0)] for of in plants])
 
-    @array(omega, "1", "magnitude of the estimate")
+    @array(dims=omega, unit="1", meaning="magnitude of the estimate")
     def estimate(self, parts: dict[str, Any]) -> RealArray:
         return np.abs(response(parts["ball"].lti, FREQUENCY)[:, 0, 0])
 
-    @array(omega, "1", "radius of the discs that the weight covers with")
+    @array(dims=omega, unit="1", meaning="radius of the discs that the weight covers with")
     def radius(self, parts: dict[str, Any]) -> RealArray:
         return np.asarray(parts["discs"].sizes(FREQUENCY)[0])
 
-    @array((design, shape, member), "1", "weighted gain of the loop of a drawn plant")
+    @array(
+        dims=(design, shape, member), unit="1", meaning="weighted gain of the loop of a drawn plant"
+    )
     def gain(self, plants: list[ComplexArray], controllers: Any) -> RealArray:
         return np.array([_gains(K, np.array(plants)) for K in _listed(controllers)])
 
-    @array(design, "1", "weighted gain of the loop of the true plant")
+    @array(dims=design, unit="1", meaning="weighted gain of the loop of the true plant")
     def true_gain(self, controllers: Any) -> RealArray:
         truth = TRUE_PLANT.response(FREQUENCY)
         return np.array([_gains(K, truth) for K in _listed(controllers)])
 
-    @array((region, draw), "1", "size of the set about another estimate that holds the true plant")
+    @array(
+        dims=(region, draw),
+        unit="1",
+        meaning="size of the set about another estimate that holds the true plant",
+    )
     def needed(self, context: Context) -> RealArray:
         """In units of the set's own size: the set holds the true plant where it is at most 1."""
         truth = CommonPoleModel([[TRUE_PLANT]], np.zeros((1, 1)))
@@ -138,23 +148,27 @@ class EstimateRegions(Study):
     # --- checks -------------------------------------------------------------------------------
 
     proven = check(
-        "proofs of {design} on {region}",
-        "upper over lower bound of the peak, less 1",
-        lambda peak: peak.sel(bound="upper") / peak.sel(bound="lower") - 1.0,
+        title="proofs of {design} on {region}",
+        statement="upper over lower bound of the peak, less 1",
+        value=lambda peak: peak.sel(bound="upper") / peak.sel(bound="lower") - 1.0,
         at_most=PROOF_WIDTH,
         each=("design", "region"),
     )
 
-    @check("drawn loops", "gain of a drawn plant over the certified peak, less 1", at_most=ROUNDING)
+    @check(
+        title="drawn loops",
+        statement="gain of a drawn plant over the certified peak, less 1",
+        at_most=ROUNDING,
+    )
     def below(self, gain: DataArray, peak: DataArray) -> DataArray:
         """Sets whose peak is at most 1 are within what the main loop theorem speaks of."""
         upper = peak.sel(bound="upper", region=["ball", "box"]).rename(region="shape")
         return (gain / upper - 1.0).where(upper <= 1.0, -1.0)
 
     coverage = check(
-        "coverage of the {region}",
-        "least probability of so few, less that of sets that keep their promise",
-        lambda self, needed: LEAST_COVERAGE_P - coverage_p(needed <= 1.0, self.confidence),
+        title="coverage of the {region}",
+        statement="least probability of so few, less that of sets that keep their promise",
+        value=lambda self, needed: LEAST_COVERAGE_P - coverage_p(needed <= 1.0, self.confidence),
         at_most=0.0,
         each="region",
     )

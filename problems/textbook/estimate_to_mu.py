@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.fitting.rational import Rational
 from workbench.identification import ModelUncertainty, RationalModelFit
 from workbench.synthesis import MuSynthesis
@@ -45,7 +45,7 @@ def noisy_estimate(noise: float, draw: int) -> ModelUncertainty:
     deviation = noise * np.maximum(np.abs(truth), FLOOR * np.abs(truth).max())
     parts = np.random.default_rng(draw).standard_normal((2, *truth.shape))
     noisy: ComplexArray = truth + deviation * (parts[0] + 1j * parts[1]) / np.sqrt(2)
-    program = RationalModelFit(OMEGA, noisy, deviation**2, (2,), excess=2)
+    program = RationalModelFit(OMEGA, noisy, deviation**2, orders=(2,), excess=2)
     return program.uncertainty(solve(program).answer.model)
 
 
@@ -54,8 +54,8 @@ def region_of(
 ) -> EstimateRegion | UncertaintyModel:
     """One of the forms of an estimate's uncertainty."""
     if uncertainty == "discs":
-        return cover_of_estimate(estimate, COVER_ORDER, confidence, form="additive")
-    return EstimateRegion(estimate, confidence, uncertainty)
+        return cover_of_estimate(estimate, COVER_ORDER, confidence=confidence, form="additive")
+    return EstimateRegion(estimate, confidence=confidence, region=uncertainty)
 
 
 def weighted_loop(part: object) -> GeneralisedPlant:

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.identification import ExperimentDesign
 from workbench.synthesis import HinfSynthesis
 from workbench.systems.generalised_plant import response
@@ -70,5 +70,5 @@ def experiment_design(
         np.full(lines, VARIANCE),
         coefficient_slopes(TRUE_PLANT, WATCHED),
         error_cost(WATCHED),
-        uses,
+        uses=uses,
     )

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref, solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.identification import CrestFactor, ModelUncertainty, RationalModelFit
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.mu import performance_peak
@@ -54,13 +54,13 @@ class ExperimentTimes(Study):
     line = dim(lambda self: np.arange(1, len(self.design.answer.power) + 1))
     draw = dim(lambda self: np.arange(self.draws))
 
-    @array((spectrum, line), "1", "power of a line, all together 1")
+    @array(dims=(spectrum, line), unit="1", meaning="power of a line, all together 1")
     def shape(self) -> RealArray:
         power = self.design.answer.power
         even = np.full(len(power), 1.0 / len(power))
         return np.array([even, np.where(power > SILENT * power.max(), power, 0.0) / power.sum()])
 
-    @array((spectrum, limit, line), "rad", "phases, where the line has any power")
+    @array(dims=(spectrum, limit, line), unit="rad", meaning="phases, where the line has any power")
     def phase(self, shape: DataArray, context: Context) -> RealArray:
         found = np.zeros((len(SPECTRA), len(LIMITS), shape.sizes["line"]))
         for i, power in enumerate(shape.values):
@@ -71,7 +71,7 @@ class ExperimentTimes(Study):
             found[i, 2, used] = np.random.default_rng(0).uniform(0.0, 2 * np.pi, used.sum())
         return found
 
-    @array((spectrum, limit), "1", "factor of the powers that the limit leaves")
+    @array(dims=(spectrum, limit), unit="1", meaning="factor of the powers that the limit leaves")
     def factor(self, shape: DataArray, phase: DataArray) -> RealArray:
         found = np.ones((len(SPECTRA), len(LIMITS)))
         for i, power in enumerate(shape.values):
@@ -82,26 +82,34 @@ class ExperimentTimes(Study):
                 found[i, j] = (LARGEST_SIZE / size) ** 2
         return found
 
-    @array((spectrum, limit, periods, bound), "1", "certified peak of mu, infinite: not robust")
+    @array(
+        dims=(spectrum, limit, periods, bound),
+        unit="1",
+        meaning="certified peak of mu, infinite: not robust",
+    )
     def peak(self, shape: DataArray, factor: DataArray, context: Context) -> RealArray:
         found = np.full((len(SPECTRA), len(LIMITS), len(PERIODS), 2), np.inf)
         K = nominal_controller()
         places = list(np.ndindex(found.shape[:3]))
         for i, j, k in context.track(places, "experiments"):
             power = shape.values[i] * factor.values[i, j]
-            region = EstimateRegion(_expected(power, PERIODS[k]), self.confidence)
+            region = EstimateRegion(_expected(power, PERIODS[k]), confidence=self.confidence)
             certified = performance_peak(weighted_loop(region), K)
             if certified is not None:
                 found[i, j, k] = certified.lower, certified.upper
         return found
 
-    @array((spectrum, draw), "1", "size of the ball about a noisy estimate that holds the plant")
+    @array(
+        dims=(spectrum, draw),
+        unit="1",
+        meaning="size of the ball about a noisy estimate that holds the plant",
+    )
     def needed(self, shape: DataArray, context: Context) -> RealArray:
         truth, found = CommonPoleModel([[TRUE_PLANT]], np.zeros((1, 1))), []
         for power in shape.values:
             estimates = [_expected(power, PERIODS[-1], draw) for draw in range(self.draws)]
             sizes = [
-                np.linalg.norm(EstimateRegion(one, self.confidence).coordinates(truth))
+                np.linalg.norm(EstimateRegion(one, confidence=self.confidence).coordinates(truth))
                 for one in estimates
             ]
             found.append(sizes)
@@ -109,7 +117,7 @@ class ExperimentTimes(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("size", "largest |u| over its limit, less 1", at_most=SIZE_ROUNDING)
+    @check(title="size", statement="largest |u| over its limit, less 1", at_most=SIZE_ROUNDING)
     def limited(self, shape: DataArray, phase: DataArray, factor: DataArray) -> DataArray:
         """The inputs in time, on a grid of their own."""
         found = np.full((len(SPECTRA), len(LIMITS)), -1.0)
@@ -124,28 +132,28 @@ class ExperimentTimes(Study):
         return factor.copy(data=found)
 
     proven = check(
-        "proofs",
-        "upper over lower bound of a peak, less 1",
-        lambda peak: (peak.sel(bound="upper") / peak.sel(bound="lower") - 1.0).fillna(0.0),
+        title="proofs",
+        statement="upper over lower bound of a peak, less 1",
+        value=lambda peak: (peak.sel(bound="upper") / peak.sel(bound="lower") - 1.0).fillna(0.0),
         at_most=PROOF_WIDTH,
     )
     designed = check(
-        "designed {limit}",
-        "largest peak with designed over that with equal powers, less 1",
-        lambda peak: _ratio(peak) - 1.0,
+        title="designed {limit}",
+        statement="largest peak with designed over that with equal powers, less 1",
+        value=lambda peak: _ratio(peak) - 1.0,
         at_most=PROOF_WIDTH,
         each="limit",
     )
     falling = check(
-        "longer",
-        "peak after twice the time over that before, less 1",
-        lambda peak: _grown(peak),
+        title="longer",
+        statement="peak after twice the time over that before, less 1",
+        value=lambda peak: _grown(peak),
         at_most=PROOF_WIDTH,
     )
     coverage = check(
-        "coverage, {spectrum}",
-        "least probability of so few, less that of balls that keep their promise",
-        lambda self, needed: LEAST_COVERAGE_P - coverage_p(needed <= 1.0, self.confidence),
+        title="coverage, {spectrum}",
+        statement="least probability of so few, less that of balls that keep their promise",
+        value=lambda self, needed: LEAST_COVERAGE_P - coverage_p(needed <= 1.0, self.confidence),
         at_most=0.0,
         each="spectrum",
     )
@@ -200,11 +208,11 @@ def _expected(power: RealArray, periods: int, draw: int | None = None) -> ModelU
     response = TRUE_PLANT.response(omega)[:, None, None]
     variance = (VARIANCE / (periods * power[used]))[:, None, None]
     if draw is None:
-        program = RationalModelFit(omega, response, variance, (2,), excess=2)
+        program = RationalModelFit(omega, response, variance, orders=(2,), excess=2)
         return program.uncertainty(CommonPoleModel([[TRUE_PLANT]], np.zeros((1, 1))))
     parts = np.random.default_rng(draw).standard_normal((2, *response.shape))
     noisy = response + np.sqrt(variance / 2.0) * (parts[0] + 1j * parts[1])
-    program = RationalModelFit(omega, noisy, variance, (2,), excess=2)
+    program = RationalModelFit(omega, noisy, variance, orders=(2,), excess=2)
     return program.uncertainty(solve(program).answer.model)
 
 

@@ -10,7 +10,8 @@ from pydantic import Field
 from scipy.linalg import expm
 
 from workbench import Check, problem
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM
 from workbench.diagnosis import (
     FaultModel,
@@ -23,7 +24,6 @@ from workbench.diagnosis import (
     null_space_generator,
     transfer,
 )
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.systems.realisation import Matrices, realisation
 
@@ -119,24 +119,36 @@ class FaultDetection(Study):
     def example(self) -> StateSpace:
         return fault_detection(unstable_sensor(), -3.0, omega=0.0).Q
 
-    @array((generator, frequency), "1", "largest singular value of the matching error")
+    @array(
+        dims=(generator, frequency),
+        unit="1",
+        meaning="largest singular value of the matching error",
+    )
     def error(self, filters: Any, omega: Array) -> list[Array]:
         return [np.linalg.norm(self._error(Q, omega), 2, axis=(1, 2)) for Q in filters]
 
-    @array(frequency, "1", "no generator has less")
+    @array(dims=frequency, unit="1", meaning="no generator has less")
     def bound(self, omega: Array) -> Array:
         any_residual = null_space_generator(self.model, self.pole).Q
         return matching_bound(self.model, any_residual, self.reference, omega)
 
-    norm = array((), "1", "certified norm of the error", lambda match: match.norm)
+    norm = array(
+        dims=(), unit="1", meaning="certified norm of the error", value=lambda match: match.norm
+    )
 
-    @array((generator, curve, time, residual, input), "1", "residual after a unit step")
+    @array(
+        dims=(generator, curve, time, residual, input),
+        unit="1",
+        meaning="residual after a unit step",
+    )
     def step(self, filters: Any, time: DataArray) -> list[Array]:
         return [_envelope(Q, self.model, time.values) for Q in filters]
 
-    @array(kind, "1", "attainable rows of the structure matrix, Yuan et al.")
+    @array(dims=kind, unit="1", meaning="attainable rows of the structure matrix, Yuan et al.")
     def structures(self) -> list[int]:
-        return [len(attainable_structures(four_compartments(), at)) for at in (None, (0.0, 1.0))]
+        return [
+            len(attainable_structures(four_compartments(), omega=at)) for at in (None, (0.0, 1.0))
+        ]
 
     def _error(self, Q: StateSpace, omega: Array) -> Array:
         """R - [M_r 0] (F, 2, 4)."""
@@ -157,21 +169,23 @@ class FaultDetection(Study):
             where = f"at {CHECKED[np.argmax(gain)]:.4g} rad/s"
             found += [
                 Check(f"poles {name}", pole, slowest, -1e-9, over=THIS_SYSTEM),
-                Check(f"decoupling {name}", statement, float(gain.max()), LEAKAGE, where),
+                Check(f"decoupling {name}", statement, float(gain.max()), LEAKAGE, where=where),
             ]
         return found
 
-    @check("poles given", "distance of a pole from that asked", at_most=POLE_DISTANCE)
+    @check(
+        title="poles given", statement="distance of a pole from that asked", at_most=POLE_DISTANCE
+    )
     def poles(self, filters: dict[str, StateSpace]) -> float:
         poles: Array = np.linalg.eigvals(filters["exact"].A)
         return float(np.abs(poles / self.pole - 1.0).max())
 
-    @check("isolation", "largest gain from the other fault", at_most=LEAKAGE)
+    @check(title="isolation", statement="largest gain from the other fault", at_most=LEAKAGE)
     def isolation(self, filters: dict[str, StateSpace]) -> float:
         G_rf = self._through(filters["exact"], self.model.faults, np.append(0.0, CHECKED))
         return float(np.abs(G_rf[:, [0, 1], [1, 0]]).max())
 
-    @check("gain", "distance of the static gain from 1", at_most=LEAKAGE)
+    @check(title="gain", statement="distance of the static gain from 1", at_most=LEAKAGE)
     def gain(self, filters: dict[str, StateSpace]) -> float:
         G_rf = self._through(filters["exact"], self.model.faults, np.array([0.0]))
         return float(np.abs(G_rf[0] - np.eye(2)).max())
@@ -196,8 +210,8 @@ class FaultDetection(Study):
         ]
 
     @check(
-        "example 5.4",
-        "distance from the published residual generator, relative",
+        title="example 5.4",
+        statement="distance from the published residual generator, relative",
         at_most=GENERATOR_DISTANCE,
     )
     def published(self, example: StateSpace) -> float:
@@ -207,9 +221,9 @@ class FaultDetection(Study):
         return float(np.abs(ours - gain * published).max() / abs(gain))
 
     attained = check(
-        "structures {kind}",
-        "attainable rows, less those published",
-        lambda structures: abs(
+        title="structures {kind}",
+        statement="attainable rows, less those published",
+        value=lambda structures: abs(
             structures - [YUAN_ROWS[kind] for kind in structures["kind"].values]
         ),
         at_most=0.0,
@@ -228,8 +242,8 @@ class FaultDetection(Study):
 
     # --- metrics and figures --------------------------------------------------------------------
 
-    certified = metric("norm", lambda norm: norm)
-    least = metric("bound", lambda bound: bound.max())
+    certified = metric("norm", value=lambda norm: norm)
+    least = metric("bound", value=lambda bound: bound.max())
     norm_exact = metric(lambda error: error.sel(generator="exact").max())
     rows = metric(lambda structures: structures)
 

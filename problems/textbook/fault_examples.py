@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import FaultModel
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 
 YUAN_ROWS = {"weak": 18, "strong": 12}
@@ -34,7 +34,7 @@ def two_actuators() -> FaultModel:
         inputs=["u1", "u2", "w1", "w2"],
         outputs=["y1", "y2"],
     )
-    return FaultModel(system, ("u1", "u2"), noise=("w1", "w2")).with_actuator_faults()
+    return FaultModel(system, controls=("u1", "u2"), noise=("w1", "w2")).with_actuator_faults()
 
 
 def uncertain_dynamics(rho1: float, rho2: float) -> np.ndarray:
@@ -53,7 +53,11 @@ def unstable_sensor() -> FaultModel:
     C = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     D = np.array([[1.0, 1.0], [1.0, 0.0]])
     system = realisation((A, B, C, D), 0.0, inputs=["u", "d"], outputs=["y1", "y2"])
-    return FaultModel(system, ("u",), ("d",)).with_actuator_faults().with_sensor_faults("y2")
+    return (
+        FaultModel(system, controls=("u",), disturbances=("d",))
+        .with_actuator_faults()
+        .with_sensor_faults("y2")
+    )
 
 
 def unstable_sensor_residual(s: np.ndarray) -> np.ndarray:
@@ -77,4 +81,4 @@ def four_compartments() -> FaultModel:
         inputs=["u", *names],
         outputs=["y1", "y2", "y3"],
     )
-    return FaultModel(system, ("u",), faults=tuple(names))
+    return FaultModel(system, controls=("u",), faults=tuple(names))

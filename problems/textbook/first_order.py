@@ -21,7 +21,7 @@ def unstable_first_order() -> GeneralisedPlant:
             (control.tf([0.25, 0.6], [1.0, 0.006]), "e", "z"),
         ],
         {"v": "u + d", "e": "w + g", "m": "- e"},
-        perturbation=[(Complex(1, "dynamics"), "y", "d")],
+        perturbation=[(Complex(1, name="dynamics"), "y", "d")],
         exogenous="w",
         control="u",
         performance="z",

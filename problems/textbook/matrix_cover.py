@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.uncertainty import MatrixCover, MatrixResponses
 from workbench.uncertainty.matrix_covers.forms import MatrixForm
 from workbench.uncertainty.matrix_sets.shapes import Shape
@@ -74,5 +74,11 @@ def matrix_cover(
     omega = np.geomspace(*BAND, frequencies)
     known = MatrixResponses.of_systems(scattered(plants, np.random.default_rng(0)), omega)
     return MatrixCover(
-        known, NOMINAL.system, form, left=left, right=right, left_order=order, right_order=order
+        known,
+        NOMINAL.system,
+        form=form,
+        left=left,
+        right=right,
+        left_order=order,
+        right_order=order,
     )

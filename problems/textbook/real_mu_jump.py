@@ -22,9 +22,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.mu import branch_and_bound
 from workbench.structure import Complex, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
@@ -96,15 +96,17 @@ class RealMuJump(Study):
 
     def _bounds(self, p: float, share: float) -> tuple[float, float]:
         M = np.outer([1.0, 1.0], [1 + 1j * p, 1 - 3j * p])
-        structure = Structure([Real(1, "d_1"), Real(1, "d_2")])
+        structure = Structure([Real(1, name="d_1"), Real(1, name="d_2")])
         if share > 0.0:
             M = np.outer([1.0, 1.0, share, share], [*M[0], *M[0]])
             structure = Structure([*structure, Complex(1), Complex(1)])
-        one = branch_and_bound(M, structure, gap=self.apart)
+        one = branch_and_bound(M, structure, tolerance=self.apart)
         return one.lower, one.upper
 
-    bounds = array((complex_part, p, bound), "1", "certified bounds of mu")(lambda found: found)
-    exact = array((complex_part, p), "1", "mu by hand")(
+    bounds = array(dims=(complex_part, p, bound), unit="1", meaning="certified bounds of mu")(
+        lambda found: found
+    )
+    exact = array(dims=(complex_part, p), unit="1", meaning="mu by hand")(
         lambda complex_part, p: [
             [exact_mu(one, share) for one in p.values.tolist()] for share in complex_part.values
         ]

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
 from workbench.synthesis.records.inequalities import Criterion
 
@@ -62,4 +62,4 @@ def record_feedback(
     records = bounded_records(samples, radius, np.random.default_rng(draw))
     if criterion == "decay":
         return FeedbackFromRecords(records)
-    return FeedbackFromRecords(records, criterion, C, D)
+    return FeedbackFromRecords(records, criterion=criterion, C=C, D=D)

@@ -14,9 +14,9 @@ from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
 from workbench import figures, problem, solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.solvers import Outcome
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
@@ -59,7 +59,9 @@ class RecordLengths(Study):
     draw = dim(lambda self: np.arange(self.draws))
     entry, column = dim(lambda: np.arange(2)), dim(lambda: np.arange(3))
 
-    best = array((), "1", "least H2 norm of the known plant", known_plant_norm)
+    best = array(
+        dims=(), unit="1", meaning="least H2 norm of the known plant", value=known_plant_norm
+    )
 
     @part
     def found(self, context: Context) -> list[list[list[list[tuple[float, RealArray, int]]]]]:
@@ -88,7 +90,7 @@ class RecordLengths(Study):
             noise = records.following - plant
             energy = NoiseEnergy(ABOVE_ENERGY * noise @ noise.T)
             records = StateRecords(records.states, records.inputs, records.following, energy)
-        program = FeedbackFromRecords(records, "h2", C, D)
+        program = FeedbackFromRecords(records, criterion="h2", C=C, D=D)
         answer, _, _ = program.respond("riccati", context)
         if answer is not None and program.proven(answer):
             return answer.level, answer.K, STABLE
@@ -96,30 +98,37 @@ class RecordLengths(Study):
         return np.nan, np.full((2, 3), np.nan), NONE if none else OPEN
 
     places = (known, radius, experiments, draw)
-    verdict = array(places, "1", "1: proven gain, 0: proven that none is, -1: neither")(
-        lambda found: _each(found, 2)
+    verdict = array(
+        dims=places, unit="1", meaning="1: proven gain, 0: proven that none is, -1: neither"
+    )(lambda found: _each(found, 2))
+    level = array(dims=places, unit="1", meaning="proven H2 norm for every plant")(
+        lambda found: _each(found, 0)
     )
-    level = array(places, "1", "proven H2 norm for every plant")(lambda found: _each(found, 0))
-    gain = array((*places, entry, column), "1", "gain")(lambda found: _each(found, 1))
+    gain = array(dims=(*places, entry, column), unit="1", meaning="gain")(
+        lambda found: _each(found, 1)
+    )
 
-    @array(places, "1", "H2 norm of the loop of the true plant")
+    @array(dims=places, unit="1", meaning="H2 norm of the loop of the true plant")
     def true_norm(self, gain: DataArray) -> RealArray:
         flat = gain.values.reshape(-1, 2, 3)
         return np.array([_norm(K) for K in flat]).reshape(gain.shape[:-2])
 
     decided = check(
-        "decided", "1 for a record without a verdict", lambda verdict: verdict == OPEN, at_most=0.0
+        title="decided",
+        statement="1 for a record without a verdict",
+        value=lambda verdict: verdict == OPEN,
+        at_most=0.0,
     )
     below = check(
-        "true loops",
-        "norm of the loop of the true plant over the proven one, less 1",
-        lambda true_norm, level: (true_norm / level - 1.0).fillna(-1.0),
+        title="true loops",
+        statement="norm of the loop of the true plant over the proven one, less 1",
+        value=lambda true_norm, level: (true_norm / level - 1.0).fillna(-1.0),
         at_most=ROUNDING,
     )
     above = check(
-        "known plant",
-        "least norm of the known plant over the proven one, less 1",
-        lambda best, level: (best / level - 1.0).fillna(-1.0),
+        title="known plant",
+        statement="least norm of the known plant over the proven one, less 1",
+        value=lambda best, level: (best / level - 1.0).fillna(-1.0),
         at_most=ROUNDING,
     )
 

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
+from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.synthesis import MuSynthesis, reduce_order
 from workbench.uncertainty import GeneralisedPlant
@@ -73,20 +73,24 @@ class ReductionCurve(Study):
     @part
     def plain(self) -> Any:
         """Every order by balanced reduction alone."""
-        return reduce_order(self.full.answer.K, self.plant, target=self.target)
+        return reduce_order(self.plant, self.full.answer.K, target=self.target)
 
     @part
     def best(self, context: Context) -> Any:
         """Every order, refined where the reduced controller exceeds the target."""
         K = self.full.answer.K
-        return reduce_order(K, self.plant, target=self.target, refine=True, context=context)
+        return reduce_order(self.plant, K, target=self.target, refine=True, context=context)
 
     refined, bound = dim("reduced", "refined"), dim("lower", "upper")
     order = dim(
         lambda best: [each.order for each in best.tried], meaning="states of the controller"
     )
 
-    @array((refined, order, bound), "1", "certified bounds of the peak, infinite: unstable")
+    @array(
+        dims=(refined, order, bound),
+        unit="1",
+        meaning="certified bounds of the peak, infinite: unstable",
+    )
     def peak(self, plain: Any, best: Any) -> list[list[list[float]]]:
         curves = {each.order: [each.lower, each.upper] for each in plain.tried}
         return [
@@ -100,7 +104,10 @@ class ReductionCurve(Study):
         return None if best.smallest is None else best.smallest.K
 
     @check(
-        "refined", "refined over reduced peak, less 1", at_most=PEAK_SLACK, where="order {order}"
+        title="refined",
+        statement="refined over reduced peak, less 1",
+        at_most=PEAK_SLACK,
+        where="order {order}",
     )
     def not_worse(self, peak: DataArray) -> DataArray:
         upper = peak.sel(bound="upper")
@@ -108,8 +115,8 @@ class ReductionCurve(Study):
         return (upper.sel(refined="refined") / reduced).where(np.isfinite(reduced), 0.0) - 1
 
     @check(
-        "target",
-        "certified peak of the smallest controller",
+        title="target",
+        statement="certified peak of the smallest controller",
         at_most=lambda self: self.target * (1 + PEAK_SLACK),
     )
     def reached(self, controller: StateSpace | None) -> float | None:
@@ -120,8 +127,10 @@ class ReductionCurve(Study):
 
     order_full = metric(lambda order: order.max())
     least_order_reduced = metric(lambda self, peak: self.least_order(peak, "reduced"))
-    refined_order = metric("least_order", lambda self, peak: self.least_order(peak, "refined"))
-    peak_ = metric("peak", lambda peak: peak.sel(bound="upper").min())
+    refined_order = metric(
+        template="least_order", value=lambda self, peak: self.least_order(peak, "refined")
+    )
+    peak_ = metric("peak", value=lambda peak: peak.sel(bound="upper").min())
 
     def least_order(self, peak: DataArray, refined: str) -> float:
         """The least order whose certified peak is at most the target; NaN where none is."""

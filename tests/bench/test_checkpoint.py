@@ -29,20 +29,20 @@ def interrupted(after, **question):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        wb.run("toy/root", "newton", progress=stop, **question)
+        wb.run("toy/root", method="newton", progress=stop, **question)
 
 
 def resumed(**question):
     """The round at which the run begins, and the run."""
     told = []
-    run = wb.run("toy/root", "newton", progress=lambda *what: told.append(what), **question)
+    run = wb.run("toy/root", method="newton", progress=lambda *what: told.append(what), **question)
     return told[0][1], run
 
 
 def out_of_time(project, limit=0.5):
     """A run that meets its time limit after some of its twelve rounds."""
     project.edit("PAUSE = 0.0", "PAUSE = 0.2")
-    return wb.run("toy/root", "newton", time_limit=limit)
+    return wb.run("toy/root", method="newton", time_limit=limit)
 
 
 # --- interrupted ------------------------------------------------------------------------------
@@ -55,7 +55,7 @@ def test_an_interrupted_run_goes_on_where_it_was(project, after):
     assert len(left(project)) == 1 and wb.results() == []
     first, run = resumed()
     assert first == after
-    whole = wb.run("toy/root", "newton", fresh=True)
+    whole = wb.run("toy/root", method="newton", fresh=True)
     assert run.holds and run.data.identical(whole.data)
     assert run.metrics == whole.metrics
 
@@ -63,12 +63,12 @@ def test_an_interrupted_run_goes_on_where_it_was(project, after):
 def test_the_whole_iteration_is_told_and_logged(project):
     interrupted(5)
     told = []
-    run = wb.run("toy/root", "newton", watch=lambda rows: told.append(len(rows)))
+    run = wb.run("toy/root", method="newton", watch=lambda rows: told.append(len(rows)))
     assert told == list(range(1, 13))
     assert run.log.count("round ") == 12 and "round 3, excess 0.00" in run.log
     assert "went on where a run was stopped after" in run.note and run.note in run.log
     assert 0 < run.seconds["earlier"] < 60
-    assert "earlier" not in wb.run("toy/root", "newton", fresh=True).seconds
+    assert "earlier" not in wb.run("toy/root", method="newton", fresh=True).seconds
 
 
 def test_a_state_is_dropped_once_the_question_is_answered(project):
@@ -174,7 +174,7 @@ def test_more_time_goes_on_from_the_best_so_far(project):
 def test_the_same_question_goes_on_too_and_is_answered_in_the_end(project):
     short = out_of_time(project).path
     for _ in range(12):
-        run = wb.run("toy/root", "newton", time_limit=0.5)
+        run = wb.run("toy/root", method="newton", time_limit=0.5)
         assert not run.reused
         if run.holds:
             break
@@ -183,7 +183,7 @@ def test_the_same_question_goes_on_too_and_is_answered_in_the_end(project):
 
 
 def test_an_earlier_answer_is_not_replaced_by_the_best_so_far(project):
-    good = wb.run("toy/root", "newton", time_limit=0.5)
+    good = wb.run("toy/root", method="newton", time_limit=0.5)
     short = out_of_time(project)
     assert good.holds and short.best_so_far and short.key == good.key
     assert [run.path for run in wb.results()] == [good.path]
@@ -208,7 +208,7 @@ def test_the_report_shows_the_best_so_far(project):
 
 
 def test_before_the_first_answer_there_is_none(project):
-    run = wb.run("toy/root", "newton", time_limit=1e-9)
+    run = wb.run("toy/root", method="newton", time_limit=1e-9)
     assert run.outcome is Outcome.TIME_LIMIT and run.certificate is None
     assert "reached before any answer" in run.info["message"]
     assert not run.best_so_far and "goes on" not in run.note

@@ -55,7 +55,7 @@ def one(project):
 
     def compare(*methods, **options):
         options = {"accuracies": ["middle"], "executor": InProcess(), **options}
-        return wb.compare("toy/root", methods, **options)
+        return wb.compare("toy/root", methods=methods, **options)
 
     return compare
 
@@ -109,7 +109,7 @@ def hostile(project):
 
 @pytest.fixture(scope="module")
 def workers():
-    with Workers(2) as executor:
+    with Workers(count=2) as executor:
         yield executor
 
 
@@ -152,14 +152,14 @@ def test_every_method_of_a_problem_is_asked_where_none_is_named(project):
 
 @pytest.mark.cases(0)
 def test_a_study_has_nothing_to_compare(project):
-    run = wb.compare("toy/[rt]o*", ["exact"], accuracies=["low"], executor=InProcess())
+    run = wb.compare("toy/[rt]o*", methods=["exact"], accuracies=["low"], executor=InProcess())
     assert run.data["outcome"].values.ravel().tolist() == ["solved", "unfit"]
     assert cell(run, "exact", "message", problem=1) == "toy/total is a study: it has no methods"
 
 
 @pytest.mark.cases(0)
 def test_every_problem_method_level_and_repetition_is_a_cell(project):
-    run = wb.compare("toy/?/root", ["exact", "boastful"], repeat=2, executor=InProcess())
+    run = wb.compare("toy/?/root", methods=["exact", "boastful"], repeat=2, executor=InProcess())
     assert dict(run.data.sizes) == {
         "problem": 2,
         "by_method": 2,
@@ -216,7 +216,7 @@ def test_a_cell_is_a_results_folder_of_its_own_that_verifies(project, one):
 def test_the_needs_of_a_cell_are_found_when_it_is_verified(project):
     project.write("mine/p.py", NEEDY.format(folder=project.toy.parent))
     wb.add_problems("mine")
-    run = wb.compare("mine/fed", ["plain"], accuracies=["low"], executor=InProcess())
+    run = wb.compare("mine/fed", methods=["plain"], accuracies=["low"], executor=InProcess())
     place = project.results / "cells/mine/fed" / run.data["key"].item()
     assert wb.verify(place).holds
 
@@ -446,7 +446,9 @@ def test_any_executor_gives_the_same_cells(project, make):
     project.write("mine/targets.csv", "9")
     wb.add_problems("mine")
     with make() as executor:
-        run = wb.compare("mine/[br]*", ["exact", "lying"], accuracies=["low"], executor=executor)
+        run = wb.compare(
+            "mine/[br]*", methods=["exact", "lying"], accuracies=["low"], executor=executor
+        )
     assert run.data["problem"].values.tolist() == ["mine/broken", "mine/root"]
     assert [cell(run, method, problem=1) for method in ("exact", "lying")] == ["solved", "failed"]
     assert cell(run, "exact") == "failed"
@@ -457,7 +459,7 @@ def test_workers_elsewhere_know_the_folders_and_the_results(project, workers, mo
     monkeypatch.setenv("WORKBENCH_RESULTS", "kept")
     workers.submit(os.chdir, "/").result()
     workers.submit(os.chdir, "/").result()
-    run = wb.compare("toy/x/root", ["exact"], accuracies=["low"], executor=workers)
+    run = wb.compare("toy/x/root", methods=["exact"], accuracies=["low"], executor=workers)
     assert cell(run, "exact") == "solved"
     assert (project.root / "kept/cells/toy/x/root" / cell(run, "exact", "key")).is_dir()
 
@@ -467,7 +469,7 @@ def test_cells_run_in_an_order_drawn_with_the_seed(hostile, project):
     def order(seed):
         (project.root / "order.txt").unlink(missing_ok=True)
         settings = {"repeat": 8, "seed": seed, "fresh": True, "executor": InProcess()}
-        wb.compare("toy/?/root", ["noting"], accuracies=["low"], **settings)
+        wb.compare("toy/?/root", methods=["noting"], accuracies=["low"], **settings)
         return (project.root / "order.txt").read_text()
 
     order(0)  # a first call is made twice
@@ -513,11 +515,11 @@ def test_a_method_of_this_process_alone_is_no_unfit_method(project):
 
     @wb.method(SmallestCircle, "of here", optimal=False)
     def of_here(program, context):
-        return wb.solve(program, "exact").answer, wb.Outcome.SOLVED, ""
+        return wb.solve(program, method="exact").answer, wb.Outcome.SOLVED, ""
 
     with pytest.raises(InputError, match="'of here' of SmallestCircle is registered in this proc"):
-        wb.compare("mine/points", ["exact", "of here"], accuracies=["low"])
-    here = wb.compare("mine/points", ["of here"], accuracies=["low"], executor=InProcess())
+        wb.compare("mine/points", methods=["exact", "of here"], accuracies=["low"])
+    here = wb.compare("mine/points", methods=["of here"], accuracies=["low"], executor=InProcess())
     assert here.holds and here.metrics["certified_share"] == 1.0
 
 
@@ -539,7 +541,7 @@ def test_a_file_of_a_problems_folder_adds_a_method_to_a_problem_of_another(proje
     project.write("methods/own.py", OWN_METHOD)
     wb.add_problems("mine")
     wb.add_problems("methods")
-    run = wb.compare("mine/points", ["exact", "own"], accuracies=["low"])
+    run = wb.compare("mine/points", methods=["exact", "own"], accuracies=["low"])
     assert run.metrics["certified_share"] == 1.0
     assert wb.run("mine/points", method="own").holds
 
@@ -551,7 +553,7 @@ def test_a_file_of_methods_that_cannot_be_imported_costs_its_own_methods_only(pr
     wb.add_problems("methods")
     assert wb.run("mine/points").holds
     with pytest.raises(RegistryError, match=r"'own'; .*own\.py cannot be imported: ImportError"):
-        wb.compare("mine/points", ["own"], accuracies=["low"])
+        wb.compare("mine/points", methods=["own"], accuracies=["low"])
 
 
 @pytest.mark.cases(1)

@@ -48,7 +48,7 @@ def test_the_order_of_parameters_does_not_matter():
         {"needs": {**BASE["needs"], "many": ["2", "1"]}},
         {"method": "rough"},
         {"method": None},
-        {"options": asked(Options("high"))},
+        {"options": asked(Options(tolerance="high"))},
         {"options": asked(Options(time_limit=1.0))},
         {"options": asked(Options(seed=1))},
     ],
@@ -61,8 +61,8 @@ def test_whatever_may_change_the_answer_changes_the_key(change):
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        (Options("middle"), Options(1e-6)),
-        (Options("1e-4"), Options(1e-4)),
+        (Options(tolerance="middle"), Options(tolerance=1e-6)),
+        (Options(tolerance="1e-4"), Options(tolerance=1e-4)),
         (Options(verbose=True), Options()),
         (Options(time_limit=60), Options(time_limit=60.0)),
         (Options(seed=3), Options(seed=np.int64(3))),

@@ -43,7 +43,7 @@ def test_a_problem_may_have_a_default_method_of_its_own(project):
     project.toy.write_text(edited)
     run = wb.run("toy/root")
     assert run.method == "rough" and run.holds
-    assert wb.run("toy/root", "exact").method == "exact"
+    assert wb.run("toy/root", method="exact").method == "exact"
     assert describe(registry().find("toy/root")).methods["rough"].endswith("(default)")
     project.toy.write_text(edited.replace('method="rough"', 'method="ruff"'))
     with pytest.raises(UnknownNameError, match="no method of Root is called 'ruff'"):
@@ -63,7 +63,7 @@ def test_a_problem_may_have_a_default_method_of_its_own(project):
     ],
 )
 def test_only_a_certificate_that_holds_makes_a_result(project, method, outcome, certified):
-    run = wb.run("toy/root", method)
+    run = wb.run("toy/root", method=method)
     assert run.outcome is outcome
     assert (run.certificate is not None) is certified
     assert run.holds is (outcome is Outcome.SOLVED)
@@ -73,23 +73,23 @@ def test_only_a_certificate_that_holds_makes_a_result(project, method, outcome, 
 
 
 def test_a_failure_says_why_and_keeps_the_trace(project):
-    run = wb.run("toy/root", "raising")
+    run = wb.run("toy/root", method="raising")
     assert run.info["message"] == "ArithmeticError: the sky fell"
     assert "Traceback" in run.log
-    assert "reach: 4 exceeds" in "".join(wb.run("toy/root", "lying").certificate.failures)
+    assert "reach: 4 exceeds" in "".join(wb.run("toy/root", method="lying").certificate.failures)
 
 
 def test_a_failure_is_never_reused(project):
-    first = wb.run("toy/root", "lying")
+    first = wb.run("toy/root", method="lying")
     before = stamp(first)
-    again = wb.run("toy/root", "lying")
+    again = wb.run("toy/root", method="lying")
     assert again.path == first.path and not again.reused
     assert stamp(again) != before
 
 
 def test_an_interrupt_leaves_nothing(project):
     with pytest.raises(KeyboardInterrupt):
-        wb.run("toy/root", "interrupted")
+        wb.run("toy/root", method="interrupted")
     assert wb.results() == []
     assert {file.suffix for file in project.results.rglob("*") if file.is_file()} <= {".lock"}
 
@@ -97,9 +97,9 @@ def test_an_interrupt_leaves_nothing(project):
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", [0, 7])
 def test_the_seed_makes_random_answers_repeatable(project, seed):
-    one, two = (wb.run("toy/root", "random", seed=seed, fresh=True).data for _ in range(2))
+    one, two = (wb.run("toy/root", method="random", seed=seed, fresh=True).data for _ in range(2))
     assert one.identical(two)
-    assert not one.identical(wb.run("toy/root", "random", seed=seed + 1).data)
+    assert not one.identical(wb.run("toy/root", method="random", seed=seed + 1).data)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_a_figure_that_cannot_be_drawn_loses_no_answer(project):
 
 def test_the_same_question_is_answered_once(project):
     first = wb.run("toy/root", scale=2)
-    again = wb.run("toy/root", "exact", tolerance=1e-6, scale="2.0", copies=1, verbose=True)
+    again = wb.run("toy/root", method="exact", tolerance=1e-6, scale="2.0", copies=1, verbose=True)
     assert (first.reused, again.reused) == (False, True)
     assert again.path == first.path and again.note == ""
 
@@ -196,9 +196,9 @@ def test_other_code_answers_anew_compares_and_says_so(project):
 
 
 def test_an_answer_that_differs_under_other_code_is_told(project):
-    wb.run("toy/root", "rough")
+    wb.run("toy/root", method="rough")
     project.edit("OFFSET = 0.0", "OFFSET = 1.0")
-    note = wb.run("toy/root", "rough").note
+    note = wb.run("toy/root", method="rough").note
     assert note.startswith("recomputed; differs from the earlier answer: x differs by 0.")
 
 
@@ -211,7 +211,7 @@ def test_other_versions_answer_anew_under_the_same_key(project, monkeypatch):
 
 def test_fresh_answers_anew_but_not_its_needs(project):
     first = wb.run("toy/total")
-    (need,) = wb.results("toy/root")
+    (need,) = wb.results(pattern="toy/root")
     before = stamp(first), stamp(need)
     again = wb.run("toy/total", fresh=True)
     assert not again.reused and "agrees" in again.note
@@ -238,10 +238,10 @@ def test_a_damaged_answer_is_not_reused(project, file):
 
 
 def test_code_edited_in_a_long_session_is_what_runs_next(project):
-    before = wb.run("toy/root", "rough").data["x"].values.max()
+    before = wb.run("toy/root", method="rough").data["x"].values.max()
     text = project.toy.read_text()
     project.toy.write_text(text.replace("OFFSET = 0.0", "OFFSET = 1.0"))
-    again = wb.run("toy/root", "rough")
+    again = wb.run("toy/root", method="rough")
     assert not again.reused
     assert again.data["x"].values.max() == 4.5 == 1.5 * before
     (project.toy.parent / "more.py").write_text(
@@ -274,7 +274,7 @@ def test_a_module_imported_by_hand_and_edited_before_the_first_run_is_imported_a
 
 def test_a_need_is_run_first_and_reused_after(project):
     run = wb.run("toy/total")
-    (need,) = wb.results("toy/root")
+    (need,) = wb.results(pattern="toy/root")
     assert need.info["parameters"]["scale"] == 4.0
     assert run.metrics["total"] == pytest.approx(2 + 4 + 8**0.5)
     before = stamp(need)
@@ -293,13 +293,13 @@ def test_a_need_is_taken_where_it_is_there(project):
 def test_needs_fan_out_over_a_list(project):
     run = wb.run("toy/sum", count=3)
     keys = run.info["needs"]["parts"]
-    assert len(set(keys)) == 3 == len(wb.results("toy/root"))
+    assert len(set(keys)) == 3 == len(wb.results(pattern="toy/root"))
     assert [wb.run("toy/root", scale=i + 1.0).key for i in range(3)] == keys
 
 
 def test_needs_follow_the_axis_and_name_their_method(project):
     run = wb.run("toy/y/total")
-    (need,) = wb.results("toy/?/root")
+    (need,) = wb.results(pattern="toy/?/root")
     assert (need.problem, need.method) == ("toy/y/root", "rough")
     assert run.metrics["total"] == 4.5
 
@@ -383,7 +383,7 @@ def test_two_processes_asking_at_once_share_one_answer(project):
         answer += out.split()
     assert answers[0][:2] == answers[1][:2] == [answers[0][0], "True"]
     assert {answer[2] for answer in answers} == {"True", "False"}
-    assert len(wb.results("toy/sum")) == 1 and len(wb.results("toy/root")) == 2
+    assert len(wb.results(pattern="toy/sum")) == 1 and len(wb.results(pattern="toy/root")) == 2
 
 
 @pytest.mark.slow

@@ -78,7 +78,7 @@ def put(*path):
     ],
 )
 def test_a_good_folder_is_verified_without_a_solver(project, monkeypatch, name, method):
-    made = wb.run(name, method)
+    made = wb.run(name, method=method)
     project.restart()
 
     def solve(*arguments, **keywords):
@@ -107,7 +107,7 @@ def test_a_folder_is_verified_anywhere_it_is_copied_to(project, run):
 
 
 def test_a_failure_is_not_verified_as_an_answer(project):
-    failed = wb.run("toy/root", "lying")
+    failed = wb.run("toy/root", method="lying")
     found = wb.verify(failed.path)
     assert not found.holds
     assert any("reach: 4 exceeds" in text for text in found.problems)
@@ -397,7 +397,7 @@ def test_a_missing_need_says_what_to_run(project, name):
 
 def test_a_damaged_need_is_named(project):
     run = wb.run("toy/total")
-    (need,) = wb.results("toy/root")
+    (need,) = wb.results(pattern="toy/root")
     (need.path / "log.txt").write_text("")
     (found,) = wb.verify(run.path).problems
     assert f"{need.problem}/{need.key} is damaged: log.txt was changed" in found
@@ -419,7 +419,7 @@ def test_a_rerun_leaves_the_results_alone(project, run):
 
 
 def test_a_rerun_that_differs_is_found(project):
-    run = wb.run("toy/root", "rough")
+    run = wb.run("toy/root", method="rough")
     project.edit("OFFSET = 0.0", "OFFSET = 0.5")
     assert wb.verify(run.path).holds
     found = wb.verify(run.path, rerun=True)
@@ -486,7 +486,7 @@ def test_a_check_counts_as_the_same_within_a_part_of_its_distance_from_the_limit
 
 def test_finished_folders_at_or_below_a_path(project, run):
     other = wb.run("toy/x/root")
-    wb.run("toy/root", "lying")
+    wb.run("toy/root", method="lying")
     assert finished_folders(run.path) == [run.path]
     assert finished_folders(run.path.parent) == [run.path]
     assert finished_folders(project.results) == sorted([run.path, other.path])

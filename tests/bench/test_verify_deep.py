@@ -71,7 +71,9 @@ def dear(project):
 
 
 def compared(*methods, **options):
-    return wb.compare("toy/root", methods, accuracies=["middle"], executor=InProcess(), **options)
+    return wb.compare(
+        "toy/root", methods=methods, accuracies=["middle"], executor=InProcess(), **options
+    )
 
 
 def test_a_deep_verification_tries_more_and_names_its_checks():
@@ -85,7 +87,7 @@ def test_a_deep_verification_tries_more_and_names_its_checks():
 
 
 def test_what_only_more_draws_find_is_found():
-    run = wb.run("dear/root", "near")
+    run = wb.run("dear/root", method="near")
     assert run.certificate.holds and wb.verify(run.path).holds
     found = wb.verify(run.path, deep=True)
     assert not found.holds
@@ -115,7 +117,7 @@ def test_a_comparison_certifies_its_stored_cells_again():
 
 @pytest.mark.cases(0)
 def test_a_spoilt_answer_of_a_cell_is_found(project):
-    run = wb.compare("dear/root", ["near"], accuracies=["middle"], executor=InProcess())
+    run = wb.compare("dear/root", methods=["near"], accuracies=["middle"], executor=InProcess())
     assert wb.verify(run.path).holds
     found = wb.verify(run.path, deep=True)
     assert not found.holds and "deep: drawn: 1 exceeds 0" in found.problems[0]
@@ -137,7 +139,7 @@ def test_cells_without_an_answer_are_answered_anew(project):
 def test_certificates_that_exclude_each_other_are_found(project):
     """A bound that was certified then, and a better answer that is certified now."""
     options = {"accuracies": ["middle"], "executor": InProcess(), "light": True}
-    run = wb.compare("dear/root", ["near"], **options)
+    run = wb.compare("dear/root", methods=["near"], **options)
     assert wb.verify(run.path, deep=True).holds
     project.write("plants/dear/problems.py", DEAR.replace("1.415", "1.41"))
     project.restart()
@@ -149,7 +151,7 @@ def test_certificates_that_exclude_each_other_are_found(project):
 def test_a_sweep_certifies_its_points_again():
     done = wb.sweep("toy/root", {"scale": [1, 4]}, method="rough")
     assert wb.verify(done.path).holds
-    point = wb.run("toy/root", "rough", scale=4.0).path
+    point = wb.run("toy/root", method="rough", scale=4.0).path
     data = netcdf.read(point / "data.nc")
     (point / "data.nc").unlink()
     netcdf.write(data.assign(x=0.5 * data["x"]), point / "data.nc")

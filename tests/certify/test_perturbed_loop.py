@@ -69,7 +69,7 @@ def test_a_peak_is_never_below_what_is_proven(seed):
     B = rng.standard_normal((5, structure.rows))
     C = rng.standard_normal((structure.columns, 5))
     system = control.ss(A, B, C, np.zeros((structure.columns, structure.rows)))
-    found = peak(system, structure, 1e-2)
+    found = peak(system, structure, tolerance=1e-2)
     assert 0 < found.lower <= found.upper
     if found.Delta.imag.any() or any(isinstance(block, Real) for block in structure):
         assert np.linalg.norm(found.Delta, 2) <= (1 + 1e-12) / found.lower

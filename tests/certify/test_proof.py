@@ -29,7 +29,7 @@ def system():
 
 @pytest.fixture(scope="module")
 def found(system):
-    return peak(system, STRUCTURE, 1e-4)
+    return peak(system, STRUCTURE, tolerance=1e-4)
 
 
 def test_a_stored_proof_proves_again(system, found, tmp_path):
@@ -53,7 +53,7 @@ def test_linear_multipliers_prove_a_realisation_that_is_rounded_in_another_way(s
     )
     flat = ahead * middle * after
     structure = Structure([Complex(1), Complex(1)])
-    found = peak(control.ss(flat), structure, 1e-4)
+    found = peak(control.ss(flat), structure, tolerance=1e-4)
     assert any(one.slopes is not None for one in found.intervals)
     A, B, C, D = control.ssdata(flat)
     T = np.diag(scale ** np.arange(len(A)))
@@ -179,7 +179,7 @@ def test_linear_multipliers_that_rounding_hides_prove_their_interval_held_fixed(
     ahead, after = control.append(one, lag / fast), control.append(one, fast / lag)
     flat = control.ss(ahead * middle * after)
     structure = Structure([Complex(1), Complex(1)])
-    found = peak(flat, structure, 1e-2)
+    found = peak(flat, structure, tolerance=1e-2)
     linear = [one for one in found.proof.intervals if one.slopes is not None]
     hidden = max(linear, key=lambda one: one.omega)
     in_doubles, certified = peak_proof.proven_in_doubles, peak_proof.certified_interval

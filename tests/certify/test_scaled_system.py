@@ -158,7 +158,7 @@ def test_intervals_cover_what_scalings_leave_open(system, proof):
     """A proof by both: scalings on their interval, multipliers on the rest."""
     from workbench.mu.frequency.peak import peak
 
-    whole = peak(system, STRUCTURE, 1e-2)
+    whole = peak(system, STRUCTURE, tolerance=1e-2)
     assert whole.upper < 0.99 * proof.beta  # these scalings are not the best ones
     ends = scaled_interval(stable_system(system), STRUCTURE, proof.scalings, whole.upper)
     inside = (

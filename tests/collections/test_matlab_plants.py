@@ -66,7 +66,7 @@ def test_a_file_that_holds_no_plant(tmp_path, change, numbers, message):
     file = tmp_path / "plant.mat"
     savemat(file, {n: v for n, v in (PARTS | change).items() if v is not None})
     with pytest.raises(InputError, match=message):
-        read_plant(file, *numbers)
+        read_plant(file, measurements=numbers[0], controls=numbers[1])
 
 
 def test_files_that_are_no_mat_files(tmp_path):

@@ -56,7 +56,7 @@ def test_a_small_program_by_every_solver(tmp_path, solver):
         ConeKind.SEMIDEFINITE,
         ConeKind.NONNEGATIVE,
     ]
-    solution = wb.solve(program, solver)
+    solution = wb.solve(program, method=solver)
     assert solution.outcome == "solved"
     assert solution.answer["x"].values == pytest.approx([2.5], abs=1e-6)
 

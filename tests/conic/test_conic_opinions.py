@@ -30,17 +30,17 @@ def optimal():
         [-2.0, 5.0, 0.0, 0.0, 1.0],
         (*NONNEGATIVE, ConeFactor(ConeKind.SECOND_ORDER, 3)),
     )
-    return wb.solve(ConicProgram(form), "clarabel")
+    return wb.solve(ConicProgram(form), method="clarabel")
 
 
 def infeasible():
     form = ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 1.0], NONNEGATIVE)
-    return wb.solve(ConicProgram(form), "clarabel")
+    return wb.solve(ConicProgram(form), method="clarabel")
 
 
 def unbounded():
     form = ConicForm([-1.0], [[-1.0], [0.0]], [0.0, 1.0], NONNEGATIVE)
-    return wb.solve(ConicProgram(form), "clarabel")
+    return wb.solve(ConicProgram(form), method="clarabel")
 
 
 @pytest.mark.parametrize("case", [optimal, infeasible, unbounded])

@@ -118,7 +118,7 @@ def test_value_and_bound_are_those_of_other_mathematics(name):
 @pytest.mark.parametrize("make", [linear, lyapunov, largest_of_a_ball])
 def test_any_solver_is_asked_by_its_name(make, solver):
     problem, value = make()
-    solution = wb.solve(problem, solver)
+    solution = wb.solve(problem, method=solver)
     assert solution.outcome is Outcome.SOLVED and solver in solution.message
     assert solution.value == pytest.approx(value, rel=1e-5)
 
@@ -133,9 +133,9 @@ def test_a_solver_of_quadratic_programs_takes_one(monkeypatch):
     monkeypatch.setattr(program, "_METHODS", known)
     conic_solver("osqp")
     problem, value = bounded_least_squares()
-    assert wb.solve(problem, "osqp").value == pytest.approx(value, rel=1e-5)
+    assert wb.solve(problem, method="osqp").value == pytest.approx(value, rel=1e-5)
     with pytest.raises(InputError, match="osqp takes linear cones only, it has second-order ones"):
-        wb.solve(largest_of_a_ball()[0], "osqp")
+        wb.solve(largest_of_a_ball()[0], method="osqp")
 
 
 # --- what the user's problem holds behind it ------------------------------------------------------
@@ -186,7 +186,7 @@ def test_without_a_certificate_nothing_is_kept():
     x.value = 7.0
     problem = cp.Problem(cp.Minimize(0), [cp.bmat([[x, 1], [1, 0]]) >> 0])
     for solver in SOLVERS:
-        solution = wb.solve(problem, solver)
+        solution = wb.solve(problem, method=solver)
         assert not solution.holds and solution.outcome in ("failed", "no solution up to R")
         assert "no solution has max |x| < R = " in solution.message
         assert (problem.status, problem.value, x.value) == (None, None, None)

@@ -56,9 +56,9 @@ def test_a_free_solver_serves_what_it_takes_and_is_unfit_for_the_rest(name, cone
         with pytest.raises(
             InputError, match=f"{name} takes {FREE[name]} cones only, it has {cones}"
         ):
-            wb.solve(task, name)
+            wb.solve(task, method=name)
         return
-    solution = wb.solve(task, name)
+    solution = wb.solve(task, method=name)
     assert solution.outcome == "solved", solution.message
     assert solution.answer["x"].values == pytest.approx([3.0], abs=1e-5)
 
@@ -66,7 +66,7 @@ def test_a_free_solver_serves_what_it_takes_and_is_unfit_for_the_rest(name, cone
 def test_a_solver_is_a_method_of_every_program_that_was_stated_before():
     conic_solver("qoco")
     conic_solver("osqp")
-    solution = wb.solve(SmallestCircle(POINTS), "qoco")
+    solution = wb.solve(SmallestCircle(POINTS), method="qoco")
     assert solution.certificate.holds
     assert methods(SmallestCircle)["qoco"].packages == ("qoco",)
     assert "takes linear cones only" in methods(SmallestCircle)["osqp"].unfit(
@@ -86,9 +86,9 @@ def test_a_solver_with_other_settings_is_another_one():
         return {"eps_abs": 1e-2, "eps_rel": 1e-2, "max_iters": 1}
 
     add_conic_solver(ConicSolver("scs-hasty", "scs", hasty, of_cvxpy="scs"))
-    solution = wb.solve(SmallestCircle(POINTS), "scs-hasty")
+    solution = wb.solve(SmallestCircle(POINTS), method="scs-hasty")
     assert solution.outcome == "inaccurate" and not solution.certificate.holds
-    assert wb.solve(SmallestCircle(POINTS), "scs").certificate.holds
+    assert wb.solve(SmallestCircle(POINTS), method="scs").certificate.holds
 
 
 def test_a_solver_that_is_not_there_says_what_to_install():
@@ -103,7 +103,7 @@ def test_a_solver_that_is_not_there_says_what_to_install():
 @pytest.mark.parametrize("name", _SETTINGS)
 def test_accuracy_is_told(name):
     def numbers(accuracy):
-        found = _SETTINGS[name](Options(accuracy, time_limit=7.0))
+        found = _SETTINGS[name](Options(tolerance=accuracy, time_limit=7.0))
         return {k: v for k, v in found.items() if isinstance(v, float) and v < 1}
 
     fine, coarse = numbers(1e-6), numbers(1e-3)

@@ -42,7 +42,7 @@ def claimed(form, claim, options=None):
 
     method(Claimed, "claim", optimal=True)(answer)
     assert "claim" in methods(Claimed)
-    return solve(Claimed(form), "claim", options)
+    return solve(Claimed(form), method="claim", options=options)
 
 
 # --- claims of being infeasible -----------------------------------------------------------------
@@ -62,7 +62,7 @@ def test_an_infeasible_program_has_an_exact_ray(form):
 @pytest.mark.parametrize("name", SOLVERS)
 @cases(known.INFEASIBLE)
 def test_every_solver_that_claims_it_gets_the_certificate(form, name):
-    solution = solve(ConicProgram(form), name)
+    solution = solve(ConicProgram(form), method=name)
     if name == "cvxopt" and form is known.INFEASIBLE["badly scaled"]:
         assert solution.claim is Outcome.UNBOUNDED  # which is false
         assert solution.outcome is Outcome.NO_CLAIM
@@ -143,7 +143,7 @@ def test_a_ray_without_a_solution_is_no_proof():
 @pytest.mark.parametrize("name", SOLVERS)
 @cases(known.SOLVABLE)
 def test_a_solvable_program_has_an_exact_bound(form, name):
-    solution = solve(ConicProgram(form), name)
+    solution = solve(ConicProgram(form), method=name)
     assert solution.outcome is Outcome.SOLVED and solution.proof is None
     assert abs(solution.certificate.gap.value) < 1e-6
 

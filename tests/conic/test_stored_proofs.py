@@ -68,7 +68,7 @@ def test_a_proof_is_stored_found_again_verified_and_made_again(cones, kind):
 
 
 def test_a_lie_about_a_solvable_program_is_a_failure_that_says_what_is_true(cones):
-    run = wb.run("cone/solvable", "liar")
+    run = wb.run("cone/solvable", method="liar")
     assert run.outcome == "no solution up to R" and not run.holds
     assert run.path.name.endswith(".failed") and run.metrics["radius"] <= 1.0
     assert "max |x| < R" in run.info["message"]
@@ -101,7 +101,7 @@ def test_what_has_no_solution_feeds_nothing(cones):
 
 @pytest.mark.cases(0)
 def test_in_a_comparison_only_what_is_proven_counts(cones):
-    run = wb.compare("cone/*", ["clarabel", "liar"], accuracies=["middle"])
+    run = wb.compare("cone/*", methods=["clarabel", "liar"], accuracies=["middle"])
     names = run.data["problem"].values.tolist()
     cell = {
         (name, method): tuple(
@@ -121,7 +121,7 @@ def test_in_a_comparison_only_what_is_proven_counts(cones):
 
 def test_the_report_shows_proofs(cones):
     wb.run("cone/infeasible")
-    wb.run("cone/solvable", "liar")
+    wb.run("cone/solvable", method="liar")
     page = wb.report().read_text(encoding="utf-8")
     assert "cone/infeasible" in page and "no solution up to R" in page
 

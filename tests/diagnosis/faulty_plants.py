@@ -28,7 +28,7 @@ def random_model(seed, states=4, outputs=3, controls=1, disturbances=1, faults=2
         inputs=inputs,
         outputs=[f"y{k}" for k in range(outputs)],
     )
-    return FaultModel(system, names["u"], names["d"], names["f"])
+    return FaultModel(system, controls=names["u"], disturbances=names["d"], faults=names["f"])
 
 
 def response_at(system, s, columns=None):

@@ -16,7 +16,7 @@ seeds = st.integers(0, 2**32 - 1)
 @given(seeds, st.floats(0.0, 1.0), st.floats(-1.0, 1.0), st.integers(1, 80))
 def test_cusum_is_the_height_above_the_lowest_point(seed, drift, mean, samples):
     r = np.random.default_rng(seed).standard_normal(samples)
-    up, down = play(cusum(drift, mean), r[:, None]).T
+    up, down = play(cusum(drift, mean=mean), r[:, None]).T
     for found, sign in ((up, 1.0), (down, -1.0)):
         walk = np.concatenate([[0.0], np.cumsum(sign * (r - mean) - drift)])
         assert found == pytest.approx((walk - np.minimum.accumulate(walk))[1:], abs=1e-10)
@@ -24,7 +24,9 @@ def test_cusum_is_the_height_above_the_lowest_point(seed, drift, mean, samples):
 
 def test_a_ceiling_lets_the_sum_fall_back():
     r = np.concatenate([np.ones(100), np.zeros(30)])
-    free, capped = (play(cusum(0.1, 0.0, top), r[:, None])[:, 0] for top in (np.inf, 2.0))
+    free, capped = (
+        play(cusum(0.1, mean=0.0, ceiling=top), r[:, None])[:, 0] for top in (np.inf, 2.0)
+    )
     assert free[-1] > 80.0
     assert capped.max() == 2.0
     assert capped[-1] == 0.0

@@ -48,7 +48,7 @@ def test_no_row_vanishes_at_a_zero_of_the_disturbance():
     )
     weighted = plant * control.ss([[-2.0]], [[1.0]], [[-3.0]], [[1.0]])
     weighted.set_inputs(["d"])
-    parity = Parity(FaultModel(weighted, (), ("d",)), ("d",))
+    parity = Parity(FaultModel(weighted, controls=(), disturbances=("d",)), ("d",))
     assert np.abs(response_at(weighted, 1.0)).max() < 1e-12
     sizes = np.linalg.svd(polynomial_at(parity, 1.0), compute_uv=False)
     assert len(sizes) == 2
@@ -60,6 +60,6 @@ def test_states_that_only_faults_reach_are_not_decoupled():
     system = control.ss(
         [[-1.0]], [[0.0, 1.0]], [[1.0], [0.0]], [[1.0, 0.0], [1.0, 0.0]], inputs=["u", "f"]
     )
-    parity = Parity(FaultModel(system, ("u",), (), ("f",)), ())
+    parity = Parity(FaultModel(system, controls=("u",), disturbances=(), faults=("f",)), ())
     assert sorted(len(v) for v in parity.basis) == [1, 1]
     assert parity.rest[0] == pytest.approx(np.array([[-1.0]]))

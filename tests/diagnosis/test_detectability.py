@@ -62,7 +62,7 @@ def test_structures_are_those_of_ranks_at_random_points(seed, outputs, disturban
 def test_the_published_structures_of_a_cascade():
     model = four_compartments()
     assert as_words(attainable_structures(model)) == set(YUAN_WEAK.split())
-    assert as_words(attainable_structures(model, [0.0, 1.0])) == set(YUAN_STRONG.split())
+    assert as_words(attainable_structures(model, omega=[0.0, 1.0])) == set(YUAN_STRONG.split())
 
 
 def test_the_published_structures_of_an_aircraft():
@@ -80,12 +80,12 @@ def test_the_published_structures_of_an_aircraft():
     B[2] = [-0.0071, -0.0071, -0.0074, -0.0074, -0.0676, -4e-4, -4e-4, -4e-4, -4e-4]
     C = np.vstack([np.eye(5)[2], A[1], np.eye(5)[3], np.eye(5)[0], A[4], np.eye(5)[4]])
     names = tuple(f"u{k}" for k in range(9))
-    plant = FaultModel(control.ss(A, B, C, D, inputs=list(names)), names)
+    plant = FaultModel(control.ss(A, B, C, D, inputs=list(names)), controls=names)
     model = plant.with_actuator_faults(*names[:5])
     weak = "00001 00110 00111 11000 11001 11110 11111"
     assert as_words(attainable_structures(model)) == set(weak.split())
     strong = "00111 11001 11110 11111"
-    assert as_words(attainable_structures(model, [0.0, 1.0])) == set(strong.split())
+    assert as_words(attainable_structures(model, omega=[0.0, 1.0])) == set(strong.split())
 
 
 def test_a_pole_at_the_frequency_and_a_zero_at_it():
@@ -93,7 +93,7 @@ def test_a_pole_at_the_frequency_and_a_zero_at_it():
     integrator = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["f"])
     assert detectability(FaultModel(integrator, faults=("f",))).strong.all()
     high_pass = control.ss([[-1.0]], [[-1.0]], [[1.0]], [[1.0]], inputs=["f"])
-    found = detectability(FaultModel(high_pass, faults=("f",)), [0.0, 1.0])
+    found = detectability(FaultModel(high_pass, faults=("f",)), omega=[0.0, 1.0])
     assert found.weak.all()
     assert found.strong.tolist() == [[False, True]]
 
@@ -108,7 +108,9 @@ def test_a_zero_of_the_disturbance_at_the_frequency():
         [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]],
         inputs=["u", "d", "f"],
     )
-    found = detectability(FaultModel(system, ("u",), ("d",), ("f",)), [0.0, 1.0])
+    found = detectability(
+        FaultModel(system, controls=("u",), disturbances=("d",), faults=("f",)), omega=[0.0, 1.0]
+    )
     assert found.weak.all()
     assert found.strong.tolist() == [[False, True]]
 
@@ -122,7 +124,9 @@ def test_a_zero_of_the_disturbance_that_costs_nothing():
         [[1.0, 0.0], [1.0, 1.0]],
         inputs=["d", "f"],
     )
-    found = detectability(FaultModel(system, (), ("d",), ("f",)), 0.0)
+    found = detectability(
+        FaultModel(system, controls=(), disturbances=("d",), faults=("f",)), omega=0.0
+    )
     assert found.strong.all()
 
 
@@ -135,7 +139,7 @@ def test_a_mode_that_only_faults_reach_makes_a_zero_of_the_residual():
         np.zeros((2, 2)),
         inputs=["u", "f"],
     )
-    assert detectability(FaultModel(system, ("u",), faults=("f",))).strong.all()
+    assert detectability(FaultModel(system, controls=("u",), faults=("f",))).strong.all()
 
 
 def test_what_masks_a_fault():
@@ -144,7 +148,7 @@ def test_what_masks_a_fault():
     system = control.ss(
         -np.diag([1.0, 2.0, 3.0]), B, np.eye(3), np.zeros((3, 4)), inputs=["d1", "d2", "f1", "f2"]
     )
-    model = FaultModel(system, (), ("d1", "d2"), ("f1", "f2"))
+    model = FaultModel(system, controls=(), disturbances=("d1", "d2"), faults=("f1", "f2"))
     found = detectability(model)
     assert found.weak.tolist() == [False, True]
     assert found.masked_by == (("d1",), ())
@@ -163,16 +167,16 @@ def test_isolability_of_an_actuator_and_a_sensor():
 def test_bad_questions():
     model = unstable_sensor()
     with pytest.raises(InputError, match="from 0 on"):
-        detectability(model, -1.0)
+        detectability(model, omega=-1.0)
     with pytest.raises(InputError, match="from 0 on"):
-        detectability(model, np.nan)
+        detectability(model, omega=np.nan)
     with pytest.raises(UnknownNameError):
         detectability(model, decoupled=["f_x"])
     with pytest.raises(InputError, match="every fault is decoupled"):
         detectability(model, decoupled=model.faults)
     with pytest.raises(InputError, match="no fault"):
-        isolability(FaultModel(model.system, ("u",), ("d", "f_u", "f_y2")))
+        isolability(FaultModel(model.system, controls=("u",), disturbances=("d", "f_u", "f_y2")))
     with pytest.raises(InputError, match="must be a FaultModel"):
         attainable_structures(model.system)
     with pytest.raises(InputError, match="frequencies up to"):
-        detectability(random_model(1, dt=0.1), 40.0)
+        detectability(random_model(1, dt=0.1), omega=40.0)

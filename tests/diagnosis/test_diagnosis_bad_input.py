@@ -75,20 +75,20 @@ def system(dt=0.0):
     )
 
 
-MODEL = FaultModel(system(), "u", faults="f")
+MODEL = FaultModel(system(), controls="u", faults="f")
 TWO, UNSTABLE = two_actuators(), unstable_sensor()
 REFERENCE = control.ss(-10 * np.eye(2), np.eye(2), 10 * np.eye(2), np.zeros((2, 2)))
 
 
 @refused(
     {
-        "name": (lambda: FaultModel(system(), "u", faults=(1,)), "no input is called 1"),
-        "names": (lambda: FaultModel(system(), "u", faults=1), "faults are 1"),
-        "no names": (lambda: FaultModel(system(), None, faults="f"), "controls are None"),
+        "name": (lambda: FaultModel(system(), controls="u", faults=(1,)), "no input is called 1"),
+        "names": (lambda: FaultModel(system(), controls="u", faults=1), "faults are 1"),
+        "no names": (lambda: FaultModel(system(), controls=None, faults="f"), "controls are None"),
         "R1 text": (lambda: MODEL.with_fault("a", "x"), "R1 of fault 'a' is 'x'"),
         "R1 complex": (lambda: MODEL.with_fault("a", [1j, 1]), "real numbers"),
         "R1 ragged": (lambda: MODEL.with_fault("a", RAGGED), "rows of one length"),
-        "R2 text": (lambda: MODEL.with_fault("a", [1, 1], "q"), "R2 of fault 'a' is 'q'"),
+        "R2 text": (lambda: MODEL.with_fault("a", [1, 1], R2="q"), "R2 of fault 'a' is 'q'"),
         "no string": (lambda: MODEL.with_fault(3, [1, 1]), "it must be a string"),
         "actuator": (lambda: MODEL.with_actuator_faults(3), "no control is called 3"),
         "sensor": (lambda: MODEL.with_sensor_faults(0), "no output is called 0"),
@@ -96,14 +96,14 @@ REFERENCE = control.ss(-10 * np.eye(2), np.eye(2), 10 * np.eye(2), np.zeros((2, 
         "omega": (lambda: MODEL.response(["f"], "a"), "omega is 'a'"),
         "omega NaN": (lambda: MODEL.response(["f"], NAN), "finite frequencies"),
         "string": (lambda: MODEL.response("f", [1.0]), "a list of names"),
-        "test at text": (lambda: detectability(MODEL, "a"), "omega is 'a'"),
-        "test at complex": (lambda: detectability(MODEL, 1j), "real numbers"),
+        "test at text": (lambda: detectability(MODEL, omega="a"), "omega is 'a'"),
+        "test at complex": (lambda: detectability(MODEL, omega=1j), "real numbers"),
         "decoupled": (lambda: detectability(MODEL, decoupled=[0]), "no input is called 0"),
         "decoupled None": (lambda: detectability(MODEL, decoupled=None), "names are None"),
         "masking": (lambda: masking(None, "f", ()), "must be a FaultModel"),
         "row short": (lambda: unattainable(TWO, (True,)), r"row is \(True,\); it must be \(k,\)"),
         "row of 2": (lambda: unattainable(TWO, (2, 3)), "0 or 1 for each"),
-        "structures at": (lambda: attainable_structures(TWO, "a"), "omega is 'a'"),
+        "structures at": (lambda: attainable_structures(TWO, omega="a"), "omega is 'a'"),
     }
 )
 def test_fault_models_and_detectability(call, words):
@@ -126,7 +126,7 @@ def test_fault_models_and_detectability(call, words):
         "no model": (lambda: transfer(REFERENCE, None, [], [1.0]), "must be a FaultModel"),
         "basis of None": (lambda: null_space_generator(None, -1), "must be a FaultModel"),
         "basis, no fault": (
-            lambda: null_space_generator(FaultModel(system(), ("u", "f")), -1),
+            lambda: null_space_generator(FaultModel(system(), controls=("u", "f")), -1),
             "the model has no fault",
         ),
         "bound at": (lambda: matching_bound(TWO, REFERENCE, REFERENCE, "a"), "omega is 'a'"),
@@ -158,7 +158,7 @@ SAMPLED = GeneralisedPlant(
 
 
 def wanted(*requirements):
-    return FaultEstimation(PLANT, "f", list(requirements))
+    return FaultEstimation(PLANT, "f", requirements=list(requirements))
 
 
 @refused(
@@ -169,12 +169,15 @@ def wanted(*requirements):
             for band in (None, (1,), (1, 2, 3), "ab", 3.0, (1j, 2), ("a", "b"), (NAN, 1))
         },
         "faults": (lambda: FaultEstimation(PLANT, 1.5), r"inputs 1\.5: give names, or numbers"),
-        "one": (lambda: FaultEstimation(PLANT, "f", Requirement("a", "f")), "a list of Req"),
+        "one": (
+            lambda: FaultEstimation(PLANT, "f", requirements=Requirement("a", "f")),
+            "a list of Req",
+        ),
         "tuple": (lambda: wanted(("a", "f")), "is no Requirement"),
         "names": (lambda: wanted(Requirement("a", "f"), Requirement("a", "d")), "of its own"),
         "taken": (lambda: wanted(Requirement("all together", "f")), "not 'all together'"),
         "integrator": (
-            lambda: wanted(Requirement("a", "f", control.tf([1.0], [1.0, 0.0]))),
+            lambda: wanted(Requirement("a", "f", weight=control.tf([1.0], [1.0, 0.0]))),
             "the weight of 'a' is not stable",
         ),
         "sampled plant": (lambda: FaultEstimation(SAMPLED, "f"), r"sampled at 0\.1 s"),
@@ -203,24 +206,27 @@ KALMAN = KalmanEstimator(BELIEVED, Noise(0.1, 0.1, 0.1, 1.0))
     {
         "model": (lambda: Estimator(None, np.zeros(3)), "must be a DisturbedPlant"),
         "gain": (lambda: Estimator(BELIEVED, RAGGED), "gain is"),
-        "quality": (lambda: KALMAN.settled.poles(2.0), "quality is 2"),
+        "quality": (lambda: KALMAN.settled.poles(quality=2.0), "quality is 2"),
         "no plant": (lambda: DisturbedPlant(None, Rotation(5.0)), "the plant must be a StateSp"),
         "tf": (
             lambda: DisturbedPlant(control.tf([1], [1, 0.5], 0.1), Rotation(5.0)),
             "not TransferFunction",
         ),
         "rotation": (lambda: DisturbedPlant(DISC, 5.0), "must be a Rotation, not float"),
-        "colour": (lambda: DisturbedPlant(DISC, Rotation(5.0), "a"), "the colour must be"),
+        "colour": (lambda: DisturbedPlant(DISC, Rotation(5.0), colour="a"), "the colour must be"),
         "no number": (lambda: Rotation("a"), "frequency is 'a'"),
-        "harmonics": (lambda: Rotation(5.0, 1), "harmonics are 1"),
-        "range": (lambda: Rotation(5.0, (1,), 1.0, (1,)), "give two numbers"),
-        "rate": (lambda: Rotation(5.0, (1,), "a"), "adaptation is 'a'"),
-        "period": (lambda: Rotation(5.0).oscillators(0.0), "period is 0"),
+        "harmonics": (lambda: Rotation(5.0, harmonics=1), "harmonics are 1"),
+        "range": (
+            lambda: Rotation(5.0, harmonics=(1,), adaptation=1.0, range_hz=(1,)),
+            "give two numbers",
+        ),
+        "rate": (lambda: Rotation(5.0, harmonics=(1,), adaptation="a"), "adaptation is 'a'"),
+        "period": (lambda: Rotation(5.0).oscillators(0.0), "dt is 0"),
         "period NaN": (lambda: Rotation(5.0).poles(NAN, 1.0), "period is nan"),
         "placed": (lambda: placed(None, [0.5]), "must be a DisturbedPlant"),
         "A": (lambda: observer_gain("a", [[1.0]], [-1.0]), "A is 'a'"),
         "poles": (lambda: observer_gain([[1.0]], [[1.0]], "a"), "poles is 'a'"),
-        "sampling": (lambda: observer_gain([[1.0]], [[1.0]], [0.5], "a"), "period is 'a'"),
+        "sampling": (lambda: observer_gain([[1.0]], [[1.0]], [0.5], dt="a"), "dt is 'a'"),
         "noise": (lambda: KalmanEstimator(BELIEVED, 1.0), "noise must be a Noise"),
         "deviation": (lambda: Noise("a", 1, 1, 1), "known is 'a'"),
         "variance": (lambda: Noise(1e200, 1, 1, 1), "variances must be finite"),
@@ -246,7 +252,7 @@ CLUSTERS = Clusters.fit(NOISE[:40].reshape(20, 2), [0] * 10 + [1] * 10, ["a", "b
         "complex": (lambda: quantile_threshold(1j * NOISE, 0.1), "real numbers"),
         "rate": (lambda: quantile_threshold(NOISE, "a"), "false_alarm_rate is 'a'"),
         "block": (lambda: quantile_threshold(NOISE, 0.1, block=2.5), r"block is 2\.5"),
-        "noise": (lambda: bounded_threshold([1], [1], "a"), "noise is 'a'"),
+        "noise": (lambda: bounded_threshold([1], [1], noise="a"), "noise is 'a'"),
         "base": (lambda: adaptive_alarm("a", 1, 0.5), "base is 'a'"),
         "place": (lambda: adaptive_alarm(1, 1, 0.5, residual=-1), "residual is -1"),
         "on": (lambda: hysteresis("a", 0), "on is 'a'"),
@@ -255,22 +261,22 @@ CLUSTERS = Clusters.fit(NOISE[:40].reshape(20, 2), [0] * 10 + [1] * 10, ["a", "b
         "run length": (lambda: cusum_threshold(math.inf, 1, 1), "run_length inf"),
         "huge drift": (lambda: cusum_threshold(1e6, 1e300, 1), "below that of a threshold of 0"),
         "window": (lambda: glr(2.5, 1), r"window is 2\.5"),
-        "mean": (lambda: glr(3, 1, NAN), "mean is nan"),
-        "rms": (lambda: moving_rms(3, 0), "signals are 0"),
+        "mean": (lambda: glr(3, 1, mean=NAN), "mean is nan"),
+        "rms": (lambda: moving_rms(3, signals=0), "signals are 0"),
         "features": (lambda: CLUSTERS.distances("a"), "features is 'a'"),
         "names": (lambda: Clusters.fit([[1.0]], [0], None), "names are None"),
-        "reject": (lambda: CLUSTERS.classify([[0.0, 0.0]], "a"), "reject is 'a'"),
+        "reject": (lambda: CLUSTERS.classify([[0.0, 0.0]], reject="a"), "reject is 'a'"),
         "kinds": (lambda: confusion([0], [0], "a"), "kinds is 'a'"),
         "found": (lambda: confusion([0], [0.5], 1), "whole numbers"),
         "fired": (lambda: isolate(np.eye(2, dtype=bool), [[True], [True, False]]), "one length"),
         "faults": (lambda: detection([0, 1], [(0, 1, 2)], 0.1), "first, one after the last"),
         "no pairs": (lambda: detection([0, 1], [0], 0.1), "first, one after the last"),
-        "period": (lambda: detection([0, 1], [], "a"), "period is 'a'"),
-        "tail": (lambda: detection([0, 1], [(0, 1)], 0.1, 0.5), r"tail is 0\.5"),
+        "period": (lambda: detection([0, 1], [], "a"), "dt is 'a'"),
+        "tail": (lambda: detection([0, 1], [(0, 1)], 0.1, tail=0.5), r"tail is 0\.5"),
         "level": (lambda: quality_signal(None, 0.1, 0.5), "level is None"),
         "dist": (lambda: quality_signal(1.0, "a", 0.5), "dist_min is 'a'"),
         "clean": (lambda: clean_level("a"), "the record is 'a'"),
-        "binary": (lambda: drop_detector(1.0, "a"), "below is 'a'"),
+        "binary": (lambda: drop_detector(1.0, below="a"), "below is 'a'"),
     }
 )
 def test_evaluation(call, words):
@@ -284,7 +290,7 @@ def test_evaluation(call, words):
         cusum(0.1, signal=4),
         glr(3, 1.0, signal=4),
         hysteresis(1.0, 0.0, signal=4),
-        moving_rms(3, (0, 4)),
+        moving_rms(3, signals=(0, 4)),
         adaptive_alarm(1.0, 1.0, 0.5, residual=4),
         quality_signal(1.0, 0.1, 0.5, signals=(1, 4)),
         KALMAN.controller,

@@ -42,7 +42,7 @@ def reference(model, gain, y, u, quality):
 @settings(derandomize=True, deadline=None, max_examples=15)
 def test_streaming_is_the_recursion_with_whole_matrices(seed, coloured, beside, harmonics):
     rng = np.random.default_rng(seed)
-    model = disturbed(Rotation(5.0, tuple(range(1, harmonics + 1))), coloured, beside)
+    model = disturbed(Rotation(5.0, harmonics=tuple(range(1, harmonics + 1))), coloured, beside)
     gain = 1e-3 * rng.standard_normal(model.seen)
     try:
         estimator = Estimator(model, gain)
@@ -56,14 +56,14 @@ def test_streaming_is_the_recursion_with_whole_matrices(seed, coloured, beside, 
     outputs, disturbance = reference(estimator.model, estimator.gain, y, u, quality)
     np.testing.assert_allclose(found.outputs, outputs, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(found.disturbance, disturbance, rtol=1e-9, atol=1e-12)
-    assert (found.frequency == 5.0).all()
+    assert (found.frequency_hz == 5.0).all()
 
 
 @given(st.floats(3.0, 30.0), st.floats(3.0, 30.0))
 @settings(derandomize=True, deadline=None, max_examples=10)
 def test_an_internal_model_leaves_no_error(frequency, decay):
     y, u, position, d = record(frequency, harmonics=(1.0, 0.4))
-    estimator = designed(Rotation(frequency, (1, 2)), decay)
+    estimator = designed(Rotation(frequency, harmonics=(1, 2)), decay)
     found = estimate(estimator.controller, y, u, np.ones(len(y)))
     late = slice(-200, None)
     assert abs(found.disturbance - d)[late].max() < 1e-3
@@ -94,7 +94,7 @@ def test_poles_at_a_quality_are_those_of_the_recursion():
 
 @pytest.mark.parametrize("quality", [0.0, 0.4, 1.0])
 def test_the_system_at_a_quality_is_what_streams(quality):
-    estimator = designed(Rotation(5.0, (1, 2)), coloured=True, beside=True)
+    estimator = designed(Rotation(5.0, harmonics=(1, 2)), coloured=True, beside=True)
     y, u = np.random.default_rng(3).standard_normal((2, 80))
     found = estimate(estimator.controller, y, u, np.full(80, quality))
     told = respond(estimator.system(quality), np.column_stack([y, u]))
@@ -118,7 +118,7 @@ def test_the_rotation_is_found_from_far(start):
     y, u, _, d = record(samples=12_000)
     rotation = Rotation(start, adaptation=1.5, floor=0.01)
     found = estimate(designed(rotation).controller, y, u, np.ones(len(y)))
-    assert found.frequency[-1] == pytest.approx(5.0, rel=1e-4)
+    assert found.frequency_hz[-1] == pytest.approx(5.0, rel=1e-4)
     assert abs(found.disturbance - d)[-500:].max() < 5e-3
     fixed = estimate(designed(Rotation(start)).controller, y, u, np.ones(len(y)))
     assert abs(fixed.disturbance - d)[-500:].max() > 0.05
@@ -131,7 +131,7 @@ def test_the_rotation_settles_at_the_stated_rate(rate):
     y, u, _, _ = record(samples=16_000)
     rotation = Rotation(5.02, adaptation=rate)
     found = estimate(designed(rotation, decay).controller, y, u, np.ones(len(y)))
-    off = found.frequency - 5.0
+    off = found.frequency_hz - 5.0
     per_turn = off[: 200 * (len(off) // 200)].reshape(-1, 200).mean(axis=1)
     late = slice(8, 25)
     fitted = -np.polyfit(0.2 * np.arange(len(per_turn))[late], np.log(abs(per_turn[late])), 1)[0]
@@ -143,17 +143,17 @@ def test_noise_hardly_moves_the_rotation_and_its_range_holds_it():
     y, u, _, _ = record(samples=12_000, noise=0.05)
     rotation = Rotation(4.5, adaptation=0.5, floor=0.01)
     found = estimate(designed(rotation).controller, y, u, np.ones(len(y)))
-    assert found.frequency[-4000:].mean() == pytest.approx(5.0, rel=3e-3)
-    narrow = Rotation(4.5, adaptation=0.5, range=(4.0, 4.8))
+    assert found.frequency_hz[-4000:].mean() == pytest.approx(5.0, rel=3e-3)
+    narrow = Rotation(4.5, adaptation=0.5, range_hz=(4.0, 4.8))
     held = estimate(designed(narrow).controller, y, u, np.ones(len(y)))
-    assert held.frequency.max() <= 4.8 and held.frequency.min() >= 4.0
-    assert held.frequency[-1] == pytest.approx(4.8, abs=0.1)
+    assert held.frequency_hz.max() <= 4.8 and held.frequency_hz.min() >= 4.0
+    assert held.frequency_hz[-1] == pytest.approx(4.8, abs=0.1)
 
 
 def test_nothing_that_turns_leaves_the_rotation_where_it_is():
     rotation = Rotation(5.0, adaptation=1.0, floor=0.1)
     found = estimate(designed(rotation).controller, *np.zeros((2, 500)), np.ones(500))
-    assert (found.frequency == 5.0).all()
+    assert (found.frequency_hz == 5.0).all()
 
 
 def test_fifty_times_real_time_at_35_khz():
@@ -194,15 +194,15 @@ def test_estimators_that_are_none():
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"frequency": 0.0}, "rotation frequency is 0"),
-        ({"frequency": np.nan}, "rotation frequency is nan"),
-        ({"frequency": 5.0, "harmonics": ()}, "harmonics"),
-        ({"frequency": 5.0, "harmonics": (1, 1)}, "harmonics"),
-        ({"frequency": 5.0, "harmonics": (1.5,)}, "harmonics"),
-        ({"frequency": 5.0, "harmonics": (2, 1), "adaptation": 1.0}, "put 1 in front"),
-        ({"frequency": 5.0, "adaptation": -1.0}, "adaptation is -1"),
-        ({"frequency": 5.0, "adaptation": 1.0, "range": (6.0, 8.0)}, "range of the rotation"),
-        ({"frequency": 5.0, "floor": np.inf}, "floor inf"),
+        ({"frequency_hz": 0.0}, "rotation frequency_hz is 0"),
+        ({"frequency_hz": np.nan}, "rotation frequency_hz is nan"),
+        ({"frequency_hz": 5.0, "harmonics": ()}, "harmonics"),
+        ({"frequency_hz": 5.0, "harmonics": (1, 1)}, "harmonics"),
+        ({"frequency_hz": 5.0, "harmonics": (1.5,)}, "harmonics"),
+        ({"frequency_hz": 5.0, "harmonics": (2, 1), "adaptation": 1.0}, "put 1 in front"),
+        ({"frequency_hz": 5.0, "adaptation": -1.0}, "adaptation is -1"),
+        ({"frequency_hz": 5.0, "adaptation": 1.0, "range_hz": (6.0, 8.0)}, "range of the rotation"),
+        ({"frequency_hz": 5.0, "floor": np.inf}, "floor inf"),
     ],
 )
 def test_rotations_that_are_none(options, message):
@@ -212,18 +212,20 @@ def test_rotations_that_are_none(options, message):
 
 def test_models_that_are_none():
     with pytest.raises(InputError, match="harmonic 3 of up to 200"):
-        disturbed(Rotation(200.0, (1, 2, 3)))
+        disturbed(Rotation(200.0, harmonics=(1, 2, 3)))
     with pytest.raises(InputError, match="decay"):
         Rotation(5.0).poles(PERIOD, 0.0)
     plant = lens()
     with pytest.raises(InputError, match="plant is continuous"):
         DisturbedPlant(control.ss(-1.0, [[1.0, 1.0]], 1.0, 0.0), Rotation(5.0))
     with pytest.raises(InputError, match=r"colour has the sample time 0\.002 s, the plant 0\.001"):
-        DisturbedPlant(plant, Rotation(5.0), control.ss(0.5, 1.0, 1.0, 0.0, 2e-3))
+        DisturbedPlant(plant, Rotation(5.0), colour=control.ss(0.5, 1.0, 1.0, 0.0, 2e-3))
     with pytest.raises(InputError, match="feedthrough"):
-        DisturbedPlant(plant, Rotation(5.0), control.ss(0.5, 1.0, 1.0, 1.0, PERIOD))
+        DisturbedPlant(plant, Rotation(5.0), colour=control.ss(0.5, 1.0, 1.0, 1.0, PERIOD))
     with pytest.raises(InputError, match="beside must be stable"):
-        DisturbedPlant(plant, Rotation(5.0), None, control.ss(1.0, 1.0, 1.0, 0.0, PERIOD))
+        DisturbedPlant(
+            plant, Rotation(5.0), colour=None, beside=control.ss(1.0, 1.0, 1.0, 0.0, PERIOD)
+        )
     with pytest.raises(InputError, match="needs 2"):
         DisturbedPlant(plant[:, 0], Rotation(5.0))
     blind = control.ss(plant.A, plant.B * [[1.0, 0.0]], plant.C, 0.0, PERIOD)

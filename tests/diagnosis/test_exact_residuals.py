@@ -66,9 +66,9 @@ def test_every_attainable_structure_is_attained():
 
 def test_strong_structures_react_at_their_frequencies():
     model = four_compartments()
-    S = attainable_structures(model, [0.0, 1.0])[::4]
+    S = attainable_structures(model, omega=[0.0, 1.0])[::4]
     found = fault_isolation(model, S, -3.0, omega=[0.0, 1.0])
-    np.testing.assert_array_equal(structure_matrix(found.Q, model, [0.0, 1.0]), S)
+    np.testing.assert_array_equal(structure_matrix(found.Q, model, omega=[0.0, 1.0]), S)
 
 
 def test_the_published_residual_of_an_unstable_plant():
@@ -102,7 +102,9 @@ def test_published_least_orders(row, order):
     system = control.ss(
         A, np.hstack([B_u, B_d]), C, np.zeros((4, 4)), inputs=["u1", "u2", "d1", "d2"]
     )
-    model = FaultModel(system, ("u1", "u2"), ("d1", "d2")).with_actuator_faults("u1")
+    model = FaultModel(
+        system, controls=("u1", "u2"), disturbances=("d1", "d2")
+    ).with_actuator_faults("u1")
     model = model.with_sensor_faults("y[2]")
     assert fault_isolation(model, [row], -1.0).Q.nstates == order
 
@@ -113,7 +115,7 @@ def test_triplex_sensors_need_no_dynamics():
     A, B = rng.standard_normal((3, 3)), rng.standard_normal((3, 2))
     C = np.ones((3, 1)) * rng.standard_normal((1, 3))
     system = control.ss(A, B, C, np.zeros((3, 2)), inputs=["u", "d"])
-    model = FaultModel(system, ("u",), ("d",)).with_sensor_faults()
+    model = FaultModel(system, controls=("u",), disturbances=("d",)).with_sensor_faults()
     S = [[0, 1, 1], [1, 0, 1], [1, 1, 0]]
     found = fault_isolation(model, S, -1.0, omega=0.0)
     assert found.Q.nstates == 0
@@ -149,14 +151,14 @@ def test_poles_that_are_none(poles, words):
 def test_what_cannot_be_detected_is_named():
     B = np.array([[1.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
     system = control.ss(-np.eye(2), B, np.eye(2), np.zeros((2, 3)), inputs=["d", "f1", "f2"])
-    model = FaultModel(system, (), ("d",), ("f1", "f2"))
+    model = FaultModel(system, controls=(), disturbances=("d",), faults=("f1", "f2"))
     with pytest.raises(InputError, match="f1 cannot be told from the disturbance d"):
         fault_detection(model, -1.0)
     with pytest.raises(InputError, match=r"row 1 .* not attainable: f_u cannot be told .* f_y2"):
         fault_isolation(unstable_sensor(), np.eye(2), -1.0)
     blind = FaultModel(
         control.ss(-np.eye(2), np.eye(2), [[1.0, 0.0]], [[0.0, 0.0]], inputs=["u", "f"]),
-        ("u",),
+        controls=("u",),
         faults=("f",),
     )
     with pytest.raises(InputError, match="f moves no output"):
@@ -195,6 +197,6 @@ def test_many_states_with_enough_outputs():
     model = random_model(30, 30, 6, 1, 2, 2)
     found = fault_detection(model, -2.0, omega=0.0)
     assert found.Q.nstates == 7
-    assert structure_matrix(found.Q, model, 0.0).all()
+    assert structure_matrix(found.Q, model, omega=0.0).all()
     leak = [np.abs(residual_at(found.Q, model, name, 1j)).max() for name in ("u0", "d0", "d1")]
     assert max(leak) < 1e-10

@@ -36,20 +36,20 @@ def plant(block=None, exogenous=("d", "n", "f")):
 def requirements(**options):
     noise = control.ss([], [], [], [[0.05]])
     return [
-        Requirement("disturbances", ["d", "n"], control.append(control.ss(SLOW), noise)),
-        Requirement("faults", "f", FAST, **options),
+        Requirement("disturbances", ["d", "n"], weight=control.append(control.ss(SLOW), noise)),
+        Requirement("faults", "f", weight=FAST, **options),
     ]
 
 
 def program(block=None, **options):
-    return FaultEstimation(plant(block), "f", requirements(), **options)
+    return FaultEstimation(plant(block), "f", requirements=requirements(), **options)
 
 
 @pytest.mark.slow
 def test_riccati_and_every_lmi_agree_on_the_least_stacked_norm():
     least = {}
     for method in ("riccati", "clarabel", "cvxopt", "scs"):
-        solution = wb.solve(program(), method)
+        solution = wb.solve(program(), method=method)
         assert solution.certificate.valid, solution.certificate
         answer = solution.answer
         least[method] = answer.least
@@ -72,8 +72,8 @@ def test_riccati_and_every_lmi_agree_on_the_least_stacked_norm():
 )
 def test_a_robust_filter_is_better_than_the_nominal_one_on_members_of_the_set(block, method):
     robust = program(block)
-    nominal = wb.solve(robust, "riccati").answer
-    solution = wb.solve(robust, method)
+    nominal = wb.solve(robust, method="riccati").answer
+    solution = wb.solve(robust, method=method)
     assert solution.certificate.valid, solution.certificate
     answer = solution.answer
     assert answer.upper < nominal.upper
@@ -95,8 +95,8 @@ def test_a_robust_filter_is_better_than_the_nominal_one_on_members_of_the_set(bl
 
 @pytest.mark.slow
 def test_the_basis_balances_its_requirements_and_keeps_its_poles():
-    start = wb.solve(program(), "riccati").answer
-    answer = wb.solve(program(start=start.K), "basis").answer
+    start = wb.solve(program(), method="riccati").answer
+    answer = wb.solve(program(start=start.K), method="basis").answer
     assert answer.upper < 0.97 * start.upper
     assert answer.peaks[0, 1] == pytest.approx(answer.peaks[1, 1], rel=5e-3)
     np.testing.assert_allclose(np.sort(answer.K.poles()), np.sort(start.K.poles()), rtol=1e-6)
@@ -105,8 +105,8 @@ def test_the_basis_balances_its_requirements_and_keeps_its_poles():
 
 @pytest.mark.slow
 def test_a_requirement_of_a_band_says_nothing_of_other_frequencies():
-    low = FaultEstimation(plant(), "f", requirements(band=(5.0, np.inf)))
-    answer = wb.solve(low, "basis").answer
+    low = FaultEstimation(plant(), "f", requirements=requirements(band=(5.0, np.inf)))
+    answer = wb.solve(low, method="basis").answer
     omega = np.geomspace(1e-3, 1e3, 2000)
     error = abs(1 - response(answer.K, omega)[:, 0, 0]) * abs(FAST(1j * omega))
     assert error[omega >= 5.0].max() <= answer.peaks[1, 1] * (1 + 1e-9)
@@ -116,7 +116,7 @@ def test_a_requirement_of_a_band_says_nothing_of_other_frequencies():
 @pytest.mark.cases(0)
 def test_an_answer_survives_its_dataset():
     one = program(Complex(1))
-    answer = wb.solve(one, "riccati").answer
+    answer = wb.solve(one, method="riccati").answer
     again = one.from_dataset(one.to_dataset(answer))
     np.testing.assert_array_equal(again.peaks, answer.peaks)
     assert all(check.holds for check in one.checks(again, 1e-6))
@@ -126,7 +126,7 @@ def test_an_answer_survives_its_dataset():
 @pytest.mark.cases(0)
 def test_a_claim_too_good_is_found_out():
     one = program(Complex(1))
-    answer = wb.solve(one, "riccati").answer
+    answer = wb.solve(one, method="riccati").answer
     from dataclasses import replace
 
     failed = [c.name for c in one.checks(replace(answer, peaks=0.9 * answer.peaks), 1e-6)
@@ -137,9 +137,12 @@ def test_a_claim_too_good_is_found_out():
 def test_a_filter_of_no_use_is_said_to_be_one():
     blind = FaultEstimation(
         plant(), "f",
-        [Requirement("n", ["n", "d"], 100.0), Requirement("f", "f", control.tf([1.0], [1.0, 1.0]))],
+        requirements=[
+            Requirement("n", ["n", "d"], weight=100.0),
+            Requirement("f", "f", weight=control.tf([1.0], [1.0, 1.0])),
+        ],
     )  # fmt: skip
-    assert "cannot be told from disturbances" in wb.solve(blind, "riccati").message
+    assert "cannot be told from disturbances" in wb.solve(blind, method="riccati").message
 
 
 def test_what_the_measurement_does_not_show_is_named():
@@ -159,13 +162,15 @@ def test_what_the_measurement_does_not_show_is_named():
         (lambda: FaultEstimation(plant(), ["f", "n"]), "cannot be told from each other"),
         (lambda: FaultEstimation(plant(), "g"), "no exogenous input is called 'g'"),
         (
-            lambda: FaultEstimation(plant(), "f", [Requirement("d", "d")]),
+            lambda: FaultEstimation(plant(), "f", requirements=[Requirement("d", "d")]),
             "no requirement is about the faults",
         ),
         (lambda: Requirement("f", "f", bound=0.0), "the bound of 'f' is 0.0"),
         (lambda: Requirement("f", "f", band=(2.0, 1.0)), "the lower one first"),
         (
-            lambda: FaultEstimation(plant(), "f", [Requirement("f", "f", control.tf(1, [1, -1]))]),
+            lambda: FaultEstimation(
+                plant(), "f", requirements=[Requirement("f", "f", weight=control.tf(1, [1, -1]))]
+            ),
             "the weight of 'f' is not stable",
         ),
         (lambda: FaultEstimation(control.ss(LAG), "f"), "plant must be a GeneralisedPlant"),
@@ -197,4 +202,4 @@ def test_wrong_input_is_named(make, match):
 
 def test_mu_iterations_need_uncertainty():
     with pytest.raises(InputError, match="no uncertainty; take riccati"):
-        wb.solve(program(), "dgk")
+        wb.solve(program(), method="dgk")

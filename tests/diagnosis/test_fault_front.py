@@ -32,12 +32,12 @@ def rational(pole, gain):
 
 
 DEMANDS = EstimationDemands(
-    error_above=0.5,
-    leakage_below=0.05,
+    error_above_hz=0.5,
+    leakage_below_hz=0.05,
     gain=2.0,
     disturbance=control.ss(-0.1, 0.1, 3e-3, 0.0),
     noise=1e-4,
-    noise_band=1.0,
+    noise_band_hz=1.0,
     unit=1e-3,
 )
 """Of a thermometer's fault; leakage of a room's temperature up to 0.05 Hz [K]."""
@@ -50,7 +50,7 @@ def loop(request):
     H = control.ss(-30.0, 30.0, 1.0, 0.0)
     if request.param == "continuous":
         return FaultLoop(model, K, H, DEMANDS)
-    return FaultLoop(model, K, H, DEMANDS, period=0.02, delay=1.0)
+    return FaultLoop(model, K, H, DEMANDS, dt=0.02, delay_samples=1.0)
 
 
 def test_the_boundary_holds_every_member(loop):
@@ -80,7 +80,7 @@ def test_a_filter_of_the_basis_has_the_response_of_its_coefficients(loop):
     front, basis = FaultFront(loop, GRID), LaguerreBasis(loop, CORNER)
     F = basis.filter(x)
     assert (F.poles().real < 0).all()
-    expected = basis.response(5, front.omega) @ x
+    expected = basis.response(front.omega, 5) @ x
     np.testing.assert_allclose(front.estimate(F), expected, atol=1e-9)
 
 
@@ -97,16 +97,16 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
     basis = LaguerreBasis(loop, CORNER)
     totals = {}
     for nominal in (True, False):
-        front = FaultFront(loop, GRID, nominal)
+        front = FaultFront(loop, GRID, nominal=nominal)
         for error in (0.3, 0.5):
-            point = front.least(basis.response(8, front.omega), error)
+            point = front.least(basis.response(front.omega, 8), error)
             assert point.error <= error
             again = front.judged(front.estimate(basis.filter(point.coefficients)))
             assert again == pytest.approx((point.error, point.leakage, point.noise), rel=1e-6)
             totals[nominal, error] = point.total
     assert totals[True, 0.5] < totals[True, 0.3] < totals[False, 0.3]
-    if loop.period is None:
-        bounds = [least_total(DEMANDS, 0.3, HZ * 0.15, n) for n in (8, 24)]
+    if loop.dt is None:
+        bounds = [least_total(DEMANDS, 0.3, HZ * 0.15, coefficients=n) for n in (8, 24)]
         assert 0.0 < bounds[0] <= bounds[1] * (1 + 1e-3)
         assert 0.2 * totals[True, 0.3] < bounds[1] < totals[True, 0.3]
 
@@ -137,7 +137,7 @@ def test_the_plant_of_a_removal_has_the_loop_of_what_is_left(loop):
 def test_a_bounded_sensitivity_holds_on_members_and_costs_leakage(loop):
     """On members of the set by formula, and against the least filter without the bound."""
     front, basis = FaultFront(loop, GRID), LaguerreBasis(loop, CORNER)
-    functions = basis.response(8, front.omega)
+    functions = basis.response(front.omega, 8)
     free = front.least(functions, 0.5)
     peak = 0.99 * front.removed_peak(functions @ free.coefficients)
     bounded = front.least(functions, 0.5, peak=peak)
@@ -184,8 +184,8 @@ def test_grids_are_finer_about_lightly_damped_poles(loop):
 def test_wrong_input_is_named(loop):
     front = FaultFront(loop, GRID)
     with pytest.raises(SolverError, match="no filter of this basis has a relative error of 0"):
-        front.least(LaguerreBasis(loop, CORNER).response(3, front.omega), 0.01)
-    functions = LaguerreBasis(loop, CORNER).response(8, front.omega)
+        front.least(LaguerreBasis(loop, CORNER).response(front.omega, 3), 0.01)
+    functions = LaguerreBasis(loop, CORNER).response(front.omega, 8)
     with pytest.raises(InputError, match="peak"):
         front.least(functions, 0.5, peak=-1.0)
     with pytest.raises(SolverError, match="no filter of this basis"):
@@ -197,7 +197,14 @@ def test_wrong_input_is_named(loop):
     with pytest.raises(InputError, match="corner"):
         LaguerreBasis(loop, 0.0)
     with pytest.raises(InputError, match="noise_band"):
-        EstimationDemands(1.0, 0.1, 2.0, control.ss(-1.0, 1.0, 1.0, 0.0), 0.1, 0.0)
+        EstimationDemands(
+            error_above_hz=1.0,
+            leakage_below_hz=0.1,
+            gain=2.0,
+            disturbance=control.ss(-1.0, 1.0, 1.0, 0.0),
+            noise=0.1,
+            noise_band_hz=0.0,
+        )
 
 
 def test_a_measurement_filter_that_is_not_stable_is_refused():

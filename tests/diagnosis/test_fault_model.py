@@ -13,7 +13,7 @@ B = np.array([[0.0], [2.0]])
 C = np.array([[1.0, 0.0], [0.0, 3.0]])
 D = np.array([[0.0], [0.5]])
 SYSTEM = control.ss(A, B, C, D, inputs=["u"], outputs=["x", "v"])
-MODEL = FaultModel(SYSTEM, ("u",))
+MODEL = FaultModel(SYSTEM, controls=("u",))
 
 
 def test_actuator_and_sensor_faults_enter_at_their_signals():
@@ -26,7 +26,7 @@ def test_actuator_and_sensor_faults_enter_at_their_signals():
 
 
 def test_a_process_fault_is_equation_7_5():
-    model = MODEL.with_fault("f", [1.0, -2.0], [0.0, 0.7])
+    model = MODEL.with_fault("f", [1.0, -2.0], R2=[0.0, 0.7])
     s = 0.2 + 0.9j
     expected = C @ np.linalg.solve(s * np.eye(2) - A, [1.0, -2.0]) + [0.0, 0.7]
     np.testing.assert_allclose(response_at(model.system, s)[:, 1], expected)
@@ -35,7 +35,7 @@ def test_a_process_fault_is_equation_7_5():
 def test_a_parameter_of_one_entry_is_equation_7_2():
     """A change of a_21 enters by I_2: with f = delta x_1 the model moves like the changed model."""
     dA = np.array([[0.0, 0.0], [1.0, 0.0]])
-    model = MODEL.with_multiplicative_fault("stiffness", dA)
+    model = MODEL.with_multiplicative_fault("stiffness", dA=dA)
     assert model.faults == ("stiffness",)
     entry, through = model.matrices(["stiffness"])
     np.testing.assert_allclose(entry[:, 0], [0.0, 1.0])
@@ -49,7 +49,7 @@ def test_a_parameter_of_one_entry_is_equation_7_2():
 
 def test_a_parameter_of_rank_two_has_two_inputs_and_one_repeated_block():
     dA, dB = np.array([[0.0, 0.0], [1.0, 0.2]]), np.array([[0.7], [0.0]])
-    model = MODEL.with_multiplicative_fault("mass", dA, dB)
+    model = MODEL.with_multiplicative_fault("mass", dA=dA, dB=dB)
     assert model.faults == ("mass_1", "mass_2")
     plant = multiplicative_lft(MODEL, {"mass": (dA, dB, None, None)})
     assert plant.structure.to_pairs() == [(-2, 0)]
@@ -63,9 +63,9 @@ def test_a_parameter_of_rank_two_has_two_inputs_and_one_repeated_block():
 
 def test_names_that_do_not_fit():
     with pytest.raises(UnknownNameError, match="did you mean"):
-        FaultModel(control.ss(A, B, C, D, inputs=["motor"]), ("moter",))
+        FaultModel(control.ss(A, B, C, D, inputs=["motor"]), controls=("moter",))
     with pytest.raises(InputError, match="stands in controls and in faults"):
-        FaultModel(SYSTEM, ("u",), faults=("u",))
+        FaultModel(SYSTEM, controls=("u",), faults=("u",))
     with pytest.raises(InputError, match="neither controls nor"):
         FaultModel(SYSTEM)
     with pytest.raises(InputError, match="already has an input"):
@@ -89,16 +89,16 @@ def test_entries_that_do_not_fit(entry, words):
 
 def test_systems_that_are_none():
     with pytest.raises(InputError, match="converts a TransferFunction"):
-        FaultModel(control.tf(1, [1, 1]), ("u",))
+        FaultModel(control.tf(1, [1, 1]), controls=("u",))
     spoilt = control.ss(A, B, C, D, inputs=["u"])
     spoilt.A[0, 0] = np.nan
     with pytest.raises(InputError, match="A of the system"):
-        FaultModel(spoilt, ("u",))
+        FaultModel(spoilt, controls=("u",))
     with pytest.raises(InputError, match="dt True"):
-        FaultModel(control.ss(A, B, C, D, True, inputs=["u"]), ("u",))
+        FaultModel(control.ss(A, B, C, D, True, inputs=["u"]), controls=("u",))
     with pytest.raises(InputError, match="changes nothing"):
-        MODEL.with_multiplicative_fault("p", np.zeros((2, 2)))
+        MODEL.with_multiplicative_fault("p", dA=np.zeros((2, 2)))
     with pytest.raises(InputError, match=r"dA of fault 'p' has shape \(3, 3\)"):
-        MODEL.with_multiplicative_fault("p", np.eye(3))
+        MODEL.with_multiplicative_fault("p", dA=np.eye(3))
     with pytest.raises(InputError, match="changes is empty"):
         multiplicative_lft(MODEL, {})

@@ -59,7 +59,9 @@ def simulated(kalman, samples, seed, quality):
 @settings(derandomize=True, deadline=None, max_examples=12)
 def test_streaming_is_the_textbooks_recursion(seed, coloured, harmonics):
     rng = np.random.default_rng(seed)
-    kalman = filtering(rotation=Rotation(5.0, tuple(range(1, harmonics + 1))), coloured=coloured)
+    kalman = filtering(
+        rotation=Rotation(5.0, harmonics=tuple(range(1, harmonics + 1))), coloured=coloured
+    )
     y, u = rng.standard_normal((2, 400))
     quality = np.ones(400)
     quality[50:90] = rng.uniform(0.0, 1.0, 40)

@@ -69,7 +69,7 @@ def test_a_published_model_with_two_faults_and_noise():
         [[1.0, 1.0, 0.0, 0.0], [1.0, 0.0, 1.0, 0.0]],
         inputs=["u", "f1", "f2", "w"],
     )
-    model = FaultModel(system, ("u",), (), ("f1", "f2"), ("w",))
+    model = FaultModel(system, controls=("u",), disturbances=(), faults=("f1", "f2"), noise=("w",))
     M_r = realisation((np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), np.ones((1, 2))), 0.0)
     found = model_matching(model, M_r, -3.0)
     Q_1 = null_space_generator(model, -3.0).Q
@@ -95,7 +95,7 @@ def test_sampled():
     A, B, C, D, _ = scipy.signal.cont2discrete(parts, dt)
     sampled = FaultModel(
         control.ss(A, B, C, D, dt, inputs=model.system.input_labels, outputs=model.outputs),
-        model.controls,
+        controls=model.controls,
         faults=model.faults,
         noise=model.noise,
     )
@@ -126,6 +126,6 @@ def test_references_that_do_not_fit():
 
 def test_disturbances_that_leave_no_residual():
     system = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["d", "f"])
-    model = FaultModel(system, (), ("d",), ("f",))
+    model = FaultModel(system, controls=(), disturbances=("d",), faults=("f",))
     with pytest.raises(InputError, match="d can imitate every fault"):
         model_matching(model, control.tf(1, [1, 1]), -1.0)

@@ -32,11 +32,11 @@ def test_poles_are_where_they_were_wanted(n, seed, discrete):
         period = 0.1
         A, poles = expm(A * period), np.exp(poles * period)
     scale = 10.0 ** rng.uniform(-6, 6, n)  # micrometres, volts, anything
-    gain = observer_gain(A * scale[:, None] / scale, C / scale, poles, period)
+    gain = observer_gain(A * scale[:, None] / scale, C / scale, poles, dt=period)
     plain = gain / scale[:, None]
     placed = np.linalg.eigvals(A - plain @ C)
     assert abs(placed[:, None] - poles).min(axis=0).max() < 1e-6
-    np.testing.assert_allclose(plain, observer_gain(A, C, poles, period), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(plain, observer_gain(A, C, poles, dt=period), rtol=1e-6, atol=1e-9)
 
 
 def test_against_another_method():
@@ -63,7 +63,7 @@ def test_sampled_fast_all_poles_crowd_about_one():
     A[2:, 2:] = [[0.0, -35.0], [35.0, 0.0]]
     wanted = np.exp(np.array([-900 + 900j, -900 - 900j, -60 + 35j, -60 - 35j]) * PERIOD)
     phi = expm(A * PERIOD)
-    gain = observer_gain(phi, [[1.0, 0, 0, 0]], wanted, PERIOD)
+    gain = observer_gain(phi, [[1.0, 0, 0, 0]], wanted, dt=PERIOD)
     placed = np.log(np.linalg.eigvals(phi - gain @ [[1.0, 0, 0, 0]])) / PERIOD
     assert abs(placed[:, None] - np.log(wanted) / PERIOD).min(axis=0).max() < 1e-3
 
@@ -77,7 +77,7 @@ def test_a_mode_that_does_not_show_is_named():
     phi[:2, :2] = expm(turning * PERIOD)
     phi[2, 2] = 0.5
     with pytest.raises(InputError, match=r"5\.5 Hz\) does not show"):
-        observer_gain(phi, [[0.0, 0.0, 1.0]], [0.1, 0.2, 0.3], PERIOD)
+        observer_gain(phi, [[0.0, 0.0, 1.0]], [0.1, 0.2, 0.3], dt=PERIOD)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_mode_that_does_not_show_is_named():
 )
 def test_poles_that_are_none(poles, period, message):
     with pytest.raises(InputError, match=message):
-        observer_gain([[0.0, 1.0], [-1.0, 0.0]], [[1.0, 0.0]], poles, period)
+        observer_gain([[0.0, 1.0], [-1.0, 0.0]], [[1.0, 0.0]], poles, dt=period)
 
 
 def test_matrices_that_do_not_fit():

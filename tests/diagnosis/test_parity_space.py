@@ -108,4 +108,4 @@ def test_bad_questions():
     with pytest.raises(InputError, match="whole number"):
         parity_relation(model, 1.5)
     with pytest.raises(InputError, match="no fault"):
-        parity_relation(FaultModel(model.system, ("u0",), ("f0",)), 2)
+        parity_relation(FaultModel(model.system, controls=("u0",), disturbances=("f0",)), 2)

@@ -15,7 +15,7 @@ scores = st.lists(st.integers(-5, 5), min_size=1, max_size=30)
 def test_an_alarm_by_hand():
     alarm = np.zeros(100)
     alarm[[10, 11, 40, 41, 42, 63, 90]] = 1.0
-    found = detection(alarm, [(38, 45), (60, 62), (80, 85)], period=0.1, tail=2)
+    found = detection(alarm, [(38, 45), (60, 62), (80, 85)], dt=0.1, tail=2)
     assert found.delays == pytest.approx([0.2, 0.3, np.nan], nan_ok=True)
     assert found.missed == pytest.approx(1 / 3)
     assert found.false_alarms == 2  # at 10 and at 90

@@ -24,7 +24,7 @@ PASS = realisation((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye
 def test_by_hand():
     """d / (s + 1) over s / (s + 1) f is 1 / omega: largest where the range begins."""
     system = control.ss([[-1.0]], [[1.0, -1.0]], [[1.0]], [[0.0, 1.0]], inputs=["d", "f"])
-    model = FaultModel(system, (), ("d",), ("f",))
+    model = FaultModel(system, controls=(), disturbances=("d",), faults=("f",))
     found = performance_index(PASS, model, (0.5, 10.0))
     assert found.lower[0] == pytest.approx(2.0)
     assert found.upper[0] == pytest.approx(2.0, rel=2e-3)
@@ -36,7 +36,9 @@ def test_a_narrow_peak_between_grid_points_is_found():
     w, z = 3.3217, 1e-5
     A = np.array([[0.0, 1.0], [-(w**2), -2 * z * w]])
     system = control.ss(A, [[0.0, 0.0], [w**2, 0.0]], [[1.0, 0.0]], [[0.0, 1.0]], inputs=["d", "f"])
-    found = performance_index(PASS, FaultModel(system, (), ("d",), ("f",)), (0.1, 100.0))
+    found = performance_index(
+        PASS, FaultModel(system, controls=(), disturbances=("d",), faults=("f",)), (0.1, 100.0)
+    )
     assert found.lower[0] <= 1 / (2 * z) * (1 + 1e-6) <= found.upper[0] * (1 + 2e-6)
     assert found.omega[0] == pytest.approx(w, rel=1e-4)
 
@@ -45,7 +47,9 @@ def test_a_narrow_peak_between_grid_points_is_found():
 @given(seed=st.integers(0, 10**6), dt=st.sampled_from([0.0, 0.1]))
 def test_no_frequency_exceeds_the_bound(seed, dt):
     model = random_model(seed, 3, 2, 1, 0, 3, dt)
-    model = FaultModel(model.system, model.controls, (), ("f0",), ("f1", "f2"))
+    model = FaultModel(
+        model.system, controls=model.controls, disturbances=(), faults=("f0",), noise=("f1", "f2")
+    )
     found = fault_detection(model, 0.5 if dt else -2.0)
     omega = np.geomspace(1e-2, 30.0, 4000)
     top, base = (
@@ -72,7 +76,9 @@ def test_faults_that_vanish_in_the_range_make_it_infinite():
     """The fault enters by (s^2 + 4) / (s + 1)^2, which is 0 at 2 rad/s."""
     s = control.tf("s")
     row = control.combine_tf([[1 / (s + 1), (s**2 + 4) / (s + 1) ** 2]])
-    model = FaultModel(control.ss(row, inputs=["d", "f"]), (), ("d",), ("f",))
+    model = FaultModel(
+        control.ss(row, inputs=["d", "f"]), controls=(), disturbances=("d",), faults=("f",)
+    )
     assert performance_index(PASS, model, (1.0, 2.0 * 2.0)).upper[0] == np.inf
     assert performance_index(PASS, model, (2.5, 10.0)).upper[0] < 10.0
 

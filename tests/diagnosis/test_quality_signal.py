@@ -159,7 +159,7 @@ def test_events_are_stretches_of_the_alarm_joined(values, apart):
     for start, end in intervals(~alarm):
         if start > 0 and end < len(values) and end - start < apart:
             alarm[start:end] = True
-    assert events(values, 0.7, 0.3, apart) == intervals(alarm)
+    assert events(values, 0.7, 0.3, apart=apart) == intervals(alarm)
 
 
 @settings(max_examples=50, deadline=None)
@@ -173,14 +173,14 @@ def test_faults_are_matched_with_the_first_event_that_touches_them(seed, tail):
         next((i for i, (a, b) in enumerate(found) if set(range(a, b)) & set(range(*fault))), -1)
         for fault in [(start, end + tail) for start, end in faults]
     ]
-    assert matched_events(found, faults, tail) == expected
+    assert matched_events(found, faults, tail=tail) == expected
 
 
 def test_wrong_events_are_named():
     with pytest.raises(InputError, match="apart is -1"):
-        events([1.0], 0.5, 0.2, -1)
+        events([1.0], 0.5, 0.2, apart=-1)
     with pytest.raises(InputError, match="tail is -2"):
-        matched_events([], [], -2)
+        matched_events([], [], tail=-2)
     with pytest.raises(InputError, match="need off <= on"):
         events([1.0], 0.2, 0.5)
     with pytest.raises(InputError, match="extinct is 1"):

@@ -29,12 +29,12 @@ LIMITS = 0.5, 2e-3
 TIGHT = 0.1, 1e-5
 """A demand that it does not allow."""
 DEMANDS = EstimationDemands(
-    error_above=0.5,
-    leakage_below=0.05,
+    error_above_hz=0.5,
+    leakage_below_hz=0.05,
     gain=2.0,
     disturbance=control.ss(-0.1, 0.1, 3e-3, 0.0),
     noise=1e-4,
-    noise_band=1.0,
+    noise_band_hz=1.0,
     unit=1e-3,
 )
 
@@ -53,27 +53,27 @@ def heater(wider=1.0, real=True):
 
 def front_of(loop):
     front = FaultFront(loop, GRID)
-    return front, LaguerreBasis(loop, HZ * 0.2).response(COUNT, front.omega)
+    return front, LaguerreBasis(loop, HZ * 0.2).response(front.omega, COUNT)
 
 
 def reached_by(loop, error, leakage, peak=None, order=None):
     """The best filter of full order, or of few states, for a demand."""
 
     def limits(reached):
-        every = (error, leakage, peak or 0.0)
-        return [reached.factor * one or None for one in every]
+        named = {"error": error, "leakage": leakage, "peak": peak or 0.0}
+        return {name: reached.factor * one or None for name, one in named.items()}
 
     def least_factor(reached):
         front, basis = front_of(loop.within(reached.share))
-        return front.least_factor(basis, *limits(reached))
+        return front.least_factor(basis, **limits(reached))
 
     def designed(reached):
         smaller = loop.within(reached.share)
         try:
             basis = LaguerreBasis(smaller, HZ * 0.2)
-            found = full_order(smaller, GRID, basis, COUNT, *limits(reached))
+            found = full_order(smaller, GRID, basis, COUNT, **limits(reached))
             if order is not None:
-                found = few_states(smaller, GRID, found.F, order, *limits(reached))
+                found = few_states(smaller, GRID, found.F, order, **limits(reached))
         except SolverError:
             return None
         return found if found.meets else None
@@ -86,16 +86,17 @@ def reached_by(loop, error, leakage, peak=None, order=None):
 def test_the_least_factor_parts_what_can_be_had_from_what_cannot(peak):
     """By another program: `least` finds a filter above the factor, and none below it."""
     front, basis = front_of(heater())
-    asked = (*TIGHT, peak)
-    factor = front.least_factor(basis, *asked)
+    asked = {"error": TIGHT[0], "leakage": TIGHT[1], "peak": peak}
+    factor = front.least_factor(basis, **asked)
     assert factor > 1.0
     above, below = (
-        [one and share * factor * one for one in asked] for share in (1 + 1e-4, 1 - 1e-4)
+        {name: one and share * factor * one for name, one in asked.items()}
+        for share in (1 + 1e-4, 1 - 1e-4)
     )
-    point = front.least(basis, *above)
-    assert point.error <= above[0] and point.leakage <= above[1]
+    point = front.least(basis, **above)
+    assert point.error <= above["error"] and point.leakage <= above["leakage"]
     with pytest.raises(SolverError, match="no filter of this basis"):
-        front.least(basis, *below)
+        front.least(basis, **below)
 
 
 def test_the_least_factor_is_of_the_limits_and_falls_with_the_set():
@@ -115,7 +116,7 @@ def test_no_leakage_at_all_ends_in_no_filter(peak):
     front, basis = front_of(heater())
     alone = front.removed_peak(np.zeros(len(GRID), complex))
     expected = max(1 / 0.5, 0.0 if peak is None else alone / peak) / (1 - GRID_MARGIN)
-    factor = front.least_factor(basis, 0.5, 1e-22, peak)
+    factor = front.least_factor(basis, 0.5, 1e-22, peak=peak)
     assert factor == pytest.approx(expected, rel=1e-6)
     reached, found = reached_by(heater(), 0.5, 1e-22, peak, order=3)
     assert (reached.share, found.F.nstates, found.point.leakage) == (1.0, 0, 0.0)
@@ -151,7 +152,7 @@ def test_a_set_that_the_loop_does_not_bear_is_made_smaller(real):
     loop = heater(60.0, real)
     front, basis = front_of(loop)
     with pytest.raises(SolverError, match=r"near .* Hz the set has plants .* not stable"):
-        front.least(basis, *LIMITS)
+        front.least(basis, LIMITS[0], leakage=LIMITS[1])
     with pytest.raises(SolverError, match="not stable"):
         front.least_factor(basis, *LIMITS)
     reached, found = reached_by(loop, *LIMITS)
@@ -195,8 +196,13 @@ def test_what_is_never_met_is_named():
 
 def test_wrong_input_is_named():
     front, basis = front_of(heater())
-    for wrong in ((0.0, 1e-3), (0.5, -1.0), (0.5, 1e-3, 0.0), (np.nan, 1e-3)):
+    for *wrong, peak in (
+        (0.0, 1e-3, None),
+        (0.5, -1.0, None),
+        (0.5, 1e-3, 0.0),
+        (np.nan, 1e-3, None),
+    ):
         with pytest.raises(InputError, match="must be a number, positive and finite"):
-            front.least_factor(basis, *wrong)
+            front.least_factor(basis, *wrong, peak=peak)
     with pytest.raises(InputError, match="share"):
         heater().within(0.0)

@@ -27,8 +27,16 @@ def noisy(seed, dt=0.0):
     """A model with two outputs, a control, two faults and three noises, two at the outputs."""
     model = random_model(seed, 3, 2, 1, 0, 3, dt)
     faults, noise = model.faults[:2], model.faults[2:]
-    model = FaultModel(model.system, model.controls, (), faults, noise).with_sensor_faults()
-    return FaultModel(model.system, model.controls, (), faults, (*noise, *model.faults[2:]))
+    model = FaultModel(
+        model.system, controls=model.controls, disturbances=(), faults=faults, noise=noise
+    ).with_sensor_faults()
+    return FaultModel(
+        model.system,
+        controls=model.controls,
+        disturbances=(),
+        faults=faults,
+        noise=(*noise, *model.faults[2:]),
+    )
 
 
 @pytest.mark.parametrize(("zero", "gap"), [(3.0, 1.0), (0.5, 2.0), (-0.5, 2.0)])

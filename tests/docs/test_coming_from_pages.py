@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.coming_from import guides
+from workbench._core.coming_from import guides
 
 DOCS = Path(__file__).parents[2] / "docs"
 

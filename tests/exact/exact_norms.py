@@ -221,7 +221,7 @@ def mu_case(rng):
     truth = truth * seen
 
     def ask():
-        found = peak(system, Structure(blocks), 0.01)
+        found = peak(system, Structure(blocks), tolerance=0.01)
         return found, [Claim("mu", found.lower, found.upper, truth)]
 
     return Case(f"rank one, {name}", "peak", ask)
@@ -253,7 +253,7 @@ def mixed_case(rng):
     system = control.ss(A, B, C, np.zeros((copies + 1, copies + 1)))
 
     def ask():
-        found = peak(system, structure, 0.01)
+        found = peak(system, structure, tolerance=0.01)
         return found, [Claim("mu", found.lower, found.upper, 1 / size)]
 
     return Case("mixed, repeated" if copies > 1 else "mixed", "peak", ask)
@@ -275,7 +275,7 @@ def worst_of_no_set(rng):
     )
 
     def ask():
-        found = worst_case_gain(N, Structure([Complex(1)]))
+        found = worst_case_gain(N, Structure([Complex(1)]), tolerance=1e-2)
         return found, [Claim("gain", found.lower, found.upper, truth)]
 
     return Case(f"no effect, {name}{', units' * units}", "worst_case_gain", ask)

@@ -121,7 +121,7 @@ def margin_case(rng):
     family, system, truth = MARGINS[int(rng.integers(len(MARGINS)))](rng)
 
     def ask():
-        found = robust_stability(system, 0.02, parts=300)
+        found = robust_stability(system, tolerance=0.02, parts=300)
         return found, [Claim("margin", found.lower, found.upper, truth)]
 
     return Case(family, "robust_stability", ask)
@@ -150,7 +150,7 @@ def performance_case(rng):
         truth, family = larger((ball(c0) - lightest) / ball(r), 0), "light"
 
     def ask():
-        found = robust_performance(system, level, 0.01)
+        found = robust_performance(system, gain=level, tolerance=0.01)
         return found, [Claim("margin", found.lower, found.upper, truth)]
 
     return Case(f"{family}{', units' * (time != 1)}", "robust_performance", ask)
@@ -252,7 +252,7 @@ def probability_case(rng):
         name += ", sampled"  # the pole 1/2 - p lies above -1 where p < 3 / 2
 
     def ask():
-        found = guaranteed_probability(system, gain, distributions=laws, tolerance=0.02, parts=60)
+        found = guaranteed_probability(system, gain=gain, distributions=laws, width=0.02, parts=60)
         return found, [Claim("probability", found.lower, found.upper, truth)]
 
     return Case(name, "guaranteed_probability", ask)
@@ -268,7 +268,7 @@ def curved_case(rng):
     system = tf([1], [1, x, y, z])
 
     def ask():
-        found = guaranteed_probability(system, tolerance=0.1, parts=40)
+        found = guaranteed_probability(system, width=0.1, parts=40)
         return found, [Claim("probability", found.lower, found.upper, truth)]
 
     return Case("curved", "guaranteed_probability", ask)

@@ -42,7 +42,7 @@ def switching_case(rng):
         return 1 + a_ ** (4 * n) < a_ ** (2 * n) * (2 + m * m)
 
     def ask():
-        modes = tuple(Mode(f"m{k}", one, shortest=None) for k, one in enumerate(matrices))
+        modes = tuple(Mode(f"m{k}", one, shortest_samples=None) for k, one in enumerate(matrices))
         found = solved(SwitchedStability(modes))
         shortest = max((n for n in range(1, 200) if grows(n)), default=0) + 1
         # Below `shortest` some periodic switching is unstable.
@@ -57,7 +57,10 @@ def unstable_switching_case(rng):
     above = float(rng.choice([0.0, *np.ldexp(1.0, -np.arange(5, 45, 5))]))
     A = np.array([[1.0 + above, 1.0], [0.0, 0.5]])
     A, _, _ = mixed(rng, A, np.zeros((2, 1)), np.zeros((1, 2)), 8, 9)
-    modes = Mode("grows", A, shortest=None), Mode("falls", np.eye(2) / 4, shortest=1)
+    modes = (
+        Mode("grows", A, shortest_samples=None),
+        Mode("falls", np.eye(2) / 4, shortest_samples=1),
+    )
 
     def ask():
         found = solved(SwitchedStability(modes))
@@ -91,7 +94,7 @@ def containment_case(rng):
     room = CONTAINED * 10
 
     def ask():
-        found = contains(model, Responses(omega, values))
+        found = contains(model, Responses(omega=omega, values=values))
         inside = Claim("inside", 0.0, 1.0 if found.holds else 2.0, arb(0))
         claims = [Claim("worst", found.worst - room, found.worst + room, truth), inside]
         if bool(truth < -room) or bool(truth > room):

@@ -60,7 +60,7 @@ def test_best_constant():
 def test_ipopt_goes_on_to_nothing_better(seed, order):
     program = ResponseFit(OMEGA, noisy(seed), order, minimum_phase=bool(seed % 2))
     own, peer = (
-        program.metrics(solve(program, name).answer)["error_worst"]
+        program.metrics(solve(program, method=name).answer)["error_worst"]
         for name in ("vector-fitting", "ipopt")
     )
     assert own * (1 - 1e-2) <= peer <= own
@@ -85,7 +85,7 @@ HOSTILE = {
 @pytest.mark.parametrize("case", HOSTILE)
 def test_hostile_data_make_nothing_worse(case, off):
     omega, response, weight = HOSTILE[case]
-    program = ResponseFit(omega, response, 3, weight)
+    program = ResponseFit(omega, response, 3, weight=weight)
     start = started(program, off=off)
     found = least_peak(start)
     assert np.isfinite(found.vector).all()
@@ -104,4 +104,4 @@ def test_an_extreme_optimum_gives_way_to_one_that_doubles_realise():
     omega = np.unique(10 ** rng.uniform(-2, 3, 40))
     response = rng.normal(size=omega.size) + 1j * rng.normal(size=omega.size)
     program = ResponseFit(omega, response, 3, minimum_phase=True)
-    assert solve(program, "vector-fitting").certificate.valid
+    assert solve(program, method="vector-fitting").certificate.valid

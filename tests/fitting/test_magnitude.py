@@ -73,7 +73,7 @@ def size_of(system, omega):
 @pytest.mark.parametrize("name", thinned(BATTERY, 2))
 def test_the_default_is_optimal_and_no_worse_than_sb10yd(name, order):
     program = MagnitudeFit(*battery(name), order)
-    best, peer = solve(program), solve(program, "sb10yd")
+    best, peer = solve(program), solve(program, method="sb10yd")
     assert best.outcome is Outcome.SOLVED, best.certificate
     assert best.message == "minimax, proven optimal"
     assert program.error(best.answer) <= program.error(peer.answer) * (1 + 1e-9)
@@ -98,7 +98,7 @@ def test_rational_magnitudes_are_recovered(order, seed):
     solution = solve(program)
     assert solution.outcome is Outcome.SOLVED
     assert program.error(solution.answer) < 1e-9
-    system = fit_magnitude(omega, magnitude, order)
+    system = fit_magnitude(omega, magnitude, order=order)
     assert system.nstates <= order
     # a state-space model holds some 13 digits of dynamic range, not the 29 of these data
     rounding = 1e-13 * magnitude.max()
@@ -111,7 +111,7 @@ def test_rational_magnitudes_are_recovered(order, seed):
 def test_covers_cover_between_the_data_too(name, method):
     omega, magnitude = battery(name)
     program = MagnitudeFit(omega, magnitude, 3, cover=True)
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     assert solution.certificate.valid, solution.certificate
     assert solution.outcome is Outcome.SOLVED
     fine = np.geomspace(omega[0], omega[-1], 20001)
@@ -166,7 +166,7 @@ def test_the_inverse_magnitude_has_the_inverse_fit(seed, order):
 
 def test_weights_share_the_error_out():
     weight = np.where(LEVEL < 0, 10.0, 1.0)
-    program = MagnitudeFit(OMEGA, V, 3, weight)
+    program = MagnitudeFit(OMEGA, V, 3, weight=weight)
     solution = solve(program)
     assert solution.outcome is Outcome.SOLVED, solution.certificate
     relative = program.errors(solution.answer) / weight
@@ -218,7 +218,7 @@ def test_order_or_error_is_needed(given):
 
 def test_datasets_come_back():
     program = MagnitudeFit(OMEGA, V, 3, cover=True)
-    answer = solve(program, "sb10yd").answer
+    answer = solve(program, method="sb10yd").answer
     data = program.to_dataset(answer)
     assert data["omega"].attrs["units"] == "rad/s"
     back = program.from_dataset(data)

@@ -28,7 +28,7 @@ def test_the_best_constant_is_known():
 
 
 def test_the_best_constant_of_weighted_data_is_known():
-    program = MagnitudeFit([1.0, 2.0], [1.0, 2.0], 0, [3.0, 1.0])
+    program = MagnitudeFit([1.0, 2.0], [1.0, 2.0], 0, weight=[3.0, 1.0])
     answer = solve(program).answer
     assert answer.gain == pytest.approx(8 / 7)  # 3 (g - 1) = 1 - g / 2
     assert program.gap(answer)[1] == pytest.approx(0, abs=1e-12)
@@ -55,7 +55,7 @@ def test_bounds_of_any_fit_are_below_the_optimum():
         fit = Rational(-(10 ** rng.uniform(0, 4, 3)), -(10 ** rng.uniform(0, 4, 3)), 1.0)
         assert program.bound(fit) <= least * (1 + 1e-9)
     for method in ("sk", "sb10yd", "ipopt"):
-        assert program.bound(solve(program, method).answer) <= least * (1 + 1e-9)
+        assert program.bound(solve(program, method=method).answer) <= least * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_coverage_margins_are_tight():
 
 def test_order_more_than_the_data_need_is_matched():
     magnitude = np.abs(Rational([-10.0], [-1000.0], 1.0).response(OMEGA))
-    solution = solve(MagnitudeFit(OMEGA, magnitude, 3), options=Options("high"))
+    solution = solve(MagnitudeFit(OMEGA, magnitude, 3), options=Options(tolerance="high"))
     assert solution.outcome is Outcome.SOLVED
     assert solution.certificate.gap.value == 0
 
@@ -110,9 +110,9 @@ def test_order_more_than_the_data_need_is_matched():
 def test_a_degenerate_optimum_is_proven(order):
     """A symmetric V has no use for an odd order: whether a root more is kept is for rounding."""
     program, lower = (MagnitudeFit(OMEGA, V, each) for each in (order, order - 1))
-    solution = solve(program, "minimax")
+    solution = solve(program, method="minimax")
     assert solution.outcome is Outcome.SOLVED, solution.certificate
-    least = lower.error(solve(lower, "minimax").answer)
+    least = lower.error(solve(lower, method="minimax").answer)
     assert program.error(solution.answer) == pytest.approx(least, rel=1e-4)
 
 
@@ -126,13 +126,13 @@ def test_an_optimum_at_infinity_is_proven():
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
 def test_clarabel_is_proven_optimal(order):
-    solution = solve(MagnitudeFit(OMEGA, V, order), "clarabel")
+    solution = solve(MagnitudeFit(OMEGA, V, order), method="clarabel")
     assert solution.outcome is Outcome.SOLVED, solution.certificate
 
 
 def test_large_orders_are_no_conic_programs():
     with pytest.raises(InputError, match="Gram matrices"):
-        solve(MagnitudeFit(OMEGA, V, 9), "clarabel")
+        solve(MagnitudeFit(OMEGA, V, 9), method="clarabel")
 
 
 def test_the_minimum_phase_is_that_of_a_rational_function():

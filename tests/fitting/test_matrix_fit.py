@@ -49,7 +49,7 @@ def test_a_lower_order_is_nearly_as_good_as_balanced_truncation():
     weight = np.ones_like(given.real)
     errors = [
         np.linalg.norm(response(each) - given)
-        for each in (fit_matrix_response(OMEGA, given, 4, weight), reduced)
+        for each in (fit_matrix_response(OMEGA, given, 4, weight=weight), reduced)
     ]
     assert errors[0] <= 1.05 * errors[1]
 
@@ -59,7 +59,7 @@ def test_noise_is_averaged():
     given = response(drawn(4, 2, 2, 5))
     size = 0.01 * np.abs(given).max()
     noise = size * (rng.normal(size=given.shape) + 1j * rng.normal(size=given.shape))
-    found = fit_matrix_response(OMEGA, given + noise, 4, np.ones(given.shape))
+    found = fit_matrix_response(OMEGA, given + noise, 4, weight=np.ones(given.shape))
     assert np.sqrt(np.mean(np.abs(response(found) - given) ** 2)) <= 0.6 * size
 
 

@@ -101,7 +101,7 @@ def test_an_error_asked_for_is_checked():
 
 def test_error_is_weighted_as_documented():
     weight = np.linspace(0, 2, OMEGA.size)
-    program = ResponseFit(OMEGA, RESPONSE, 3, weight)
+    program = ResponseFit(OMEGA, RESPONSE, 3, weight=weight)
     off = TRUTH.scaled(1.01)
     assert program.metrics(off)["error_worst"] == pytest.approx(
         np.max(weight * 0.01 * np.abs(RESPONSE))
@@ -125,7 +125,7 @@ def test_dataset_round_trip(tmp_path):
 @pytest.mark.parametrize("answer", [TRUTH, TRUTH.scaled(-1.1)])
 def test_figures(answer):
     weight = np.where(OMEGA > 1, 1.0, 0.0)
-    drawn = ResponseFit(OMEGA, RESPONSE, 3, weight).figures(answer)
+    drawn = ResponseFit(OMEGA, RESPONSE, 3, weight=weight).figures(answer)
     assert set(drawn) == {"bode", "nyquist"}
     panels = drawn["bode"].axes
     assert [panel.get_ylabel() for panel in panels] == [
@@ -141,7 +141,7 @@ def test_figures(answer):
 
 
 def test_fit_response_is_a_state_space_system():
-    system = fit_response(OMEGA, RESPONSE, 3, zeros=1)
+    system = fit_response(OMEGA, RESPONSE, order=3, zeros=1)
     assert system.nstates == 3
     assert np.allclose(system(1j * OMEGA), RESPONSE, rtol=1e-9)
 
@@ -154,7 +154,7 @@ def test_fit_response_finds_the_order():
 
 def test_fit_response_says_what_it_reached():
     with pytest.raises(SolverError, match=r"error: .* exceeds 1e-06.*; best: .* at order 2"):
-        fit_response(OMEGA, RESPONSE, 2, error=1e-6)
+        fit_response(OMEGA, RESPONSE, order=2, error=1e-6)
     omega = OMEGA[:4]  # not enough data for more than order 3
     delayed = np.exp(-1j * np.array([0.0, 3.0, 1.0, 2.0]))
     with pytest.raises(SolverError, match=r"best: .* at order [0-3]"):
@@ -173,6 +173,6 @@ def test_time_limit_is_kept():
 
 def test_zeros_at_infinity_leave_an_accurate_system():
     slow = Rational([], [-2 + 30j, -2 - 30j, -5.0, -400.0], 7.0)
-    system = fit_response(OMEGA, slow.response(OMEGA), 4, minimum_phase=True)
+    system = fit_response(OMEGA, slow.response(OMEGA), order=4, minimum_phase=True)
     assert np.allclose(system(1j * OMEGA), slow.response(OMEGA), rtol=1e-6)
     assert system.poles().real.max() < 0

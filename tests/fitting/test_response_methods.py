@@ -57,7 +57,7 @@ def drive_responses(axis):
 
 def error(program, method=None):
     """Worst error of a valid answer."""
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     assert solution.certificate is not None, solution.message + solution.trace
     assert solution.certificate.failures == ()
     return program.metrics(solution.answer)["error_worst"]
@@ -65,7 +65,7 @@ def error(program, method=None):
 
 def peer_error(program):
     """Worst error of SB10YD's answer, valid or not."""
-    return program.metrics(solve(program, "sb10yd").answer)["error_worst"]
+    return program.metrics(solve(program, method="sb10yd").answer)["error_worst"]
 
 
 # --- data that a rational function of the order made ----------------------------------------------
@@ -113,7 +113,7 @@ def test_unstable_functions_are_recovered_only_where_allowed():
 
 def test_constants():
     assert error(ResponseFit(OMEGA, np.full(OMEGA.size, -3.0), 0)) < 1e-15
-    zero = ResponseFit(OMEGA, np.zeros(OMEGA.size), 2, np.ones(OMEGA.size))
+    zero = ResponseFit(OMEGA, np.zeros(OMEGA.size), 2, weight=np.ones(OMEGA.size))
     assert error(zero) == 0
 
 
@@ -181,7 +181,7 @@ def test_minimum_phase_of_data_that_are_not():
 def test_absolute_errors_of_data_with_zeros():
     response = 1 / (1 + 1j * OMEGA / 300)
     response[20] = response[90:95] = 0
-    program = ResponseFit(OMEGA, response, 3, np.ones(OMEGA.size))
+    program = ResponseFit(OMEGA, response, 3, weight=np.ones(OMEGA.size))
     assert "the response is zero at" in solve(program).message
     assert error(program) < 0.6
 
@@ -190,10 +190,10 @@ def test_weights_choose_where_the_error_is_small():
     truth = random_rational(5, 5)
     response = truth.response(OMEGA)
     low = OMEGA < 1e3
-    ignored = ResponseFit(OMEGA, np.where(low, response, 1e9), 5, low / np.abs(response))
+    ignored = ResponseFit(OMEGA, np.where(low, response, 1e9), 5, weight=low / np.abs(response))
     assert error(ignored) < 1e-6  # what has no weight is not looked at
     spread = np.where(low, 1e4, 1e-4) / np.abs(response)
-    program = ResponseFit(OMEGA, response, 3, spread)
+    program = ResponseFit(OMEGA, response, 3, weight=spread)
     answer = solve(program).answer
     errors = np.abs(answer.response(OMEGA) / response - 1)
     assert errors[low].max() < 1e-3 * errors[~low].max()

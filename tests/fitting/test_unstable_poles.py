@@ -24,7 +24,7 @@ def test_an_unstable_plant_is_found_again(name, method):
     plant, count = PLANTS[name]
     data = plant.response(OMEGA)
     fit = ResponseFit(OMEGA, data, plant.order, zeros=plant.zeros.size, unstable_poles=count)
-    solution = solve(fit, method)
+    solution = solve(fit, method=method)
     assert solution.certificate.valid
     np.testing.assert_allclose(solution.answer.response(OMEGA), data, rtol=1e-6)
     assert (solution.answer.poles.real > 0).sum() == count
@@ -72,4 +72,4 @@ def test_what_misfits_is_named():
     with pytest.raises(InputError, match="unstable_poles"):
         ResponseFit(OMEGA, data, 3, unstable_poles=-1)
     with pytest.raises(InputError, match="SB10YD holds no poles right of the axis"):
-        solve(ResponseFit(OMEGA, data, 3, unstable_poles=1), "sb10yd")
+        solve(ResponseFit(OMEGA, data, 3, unstable_poles=1), method="sb10yd")

@@ -178,7 +178,7 @@ def test_radius_bound_holds_wherever_the_answer_is(kind, place, centered):
         points = random_set(rng, kind, place, count)
         spread = float(np.abs(points - points[0]).max()) or float(np.abs(points).max())
         given = points[0] + 3 * spread * 1j if centered else None
-        program = NarrowestStadium(points, given)
+        program = NarrowestStadium(points, center=given)
         least = half_width(points, given)
         for away in (0.0, 1.0, 1e3, 1e7):
             center = points[0] + away * spread * np.exp(1j * rng.uniform(0, 7))

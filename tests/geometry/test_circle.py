@@ -50,7 +50,9 @@ def holds(points, answer, tolerance=HIGH):
 
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_exact_is_certified_for_degenerate_sets(name):
-    solution = solve(SmallestCircle(DEGENERATE[name]), "exact", Options("high"))
+    solution = solve(
+        SmallestCircle(DEGENERATE[name]), method="exact", options=Options(tolerance="high")
+    )
     assert solution.certificate.failures == ()
     assert solution.outcome is Outcome.SOLVED
 
@@ -168,13 +170,13 @@ KNOWN = {
 @pytest.mark.parametrize("tolerance", ["low", "middle"])
 def test_known_circles(name, method, tolerance):
     points, center, radius = KNOWN[name]
-    options = Options(tolerance)
+    options = Options(tolerance=tolerance)
     points = np.array(points, dtype=complex)
-    solution = solve(SmallestCircle(points), method, options)
+    solution = solve(SmallestCircle(points), method=method, options=options)
     assert solution.outcome is Outcome.SOLVED
     assert solution.answer.radius == pytest.approx(radius, rel=options.accuracy, abs=1e-15)
     assert abs(solution.answer.center - center) <= np.sqrt(2 * options.accuracy) * radius
-    public = smallest_circle(points, method, options)
+    public = smallest_circle(points, method=method, options=options)
     assert public.radius == solution.answer.radius
 
 
@@ -204,7 +206,7 @@ def test_a_method_that_loses_a_set_has_failed(monkeypatch):
         "workbench.geometry.circle.thesis_circle",
         lambda points: (np.array([0, np.nan + 0j]), np.array([9.0, np.nan])),
     )
-    solution = solve(SmallestCircle(random_sets(5, 2, 6)), "thesis")
+    solution = solve(SmallestCircle(random_sets(5, 2, 6)), method="thesis")
     assert solution.outcome is Outcome.FAILED
     assert "1 of the sets" in solution.message
     assert not solution.certificate.valid
@@ -214,5 +216,5 @@ def test_an_answer_of_another_shape_does_not_leak_an_exception(monkeypatch):
     monkeypatch.setattr(
         "workbench.geometry.circle.exact_circle", lambda points: (np.zeros(3, complex), np.ones(3))
     )
-    solution = solve(SmallestCircle(random_sets(5, 2, 6)), "exact")
+    solution = solve(SmallestCircle(random_sets(5, 2, 6)), method="exact")
     assert solution.outcome is Outcome.FAILED

@@ -52,9 +52,9 @@ def judged(solution, exact, tolerance):
 @pytest.mark.parametrize("sets", SETS)
 @pytest.mark.parametrize("level", ["low", "middle"])
 def test_circles(solver, sets, level):
-    options = Options(level)
+    options = Options(tolerance=level)
     program = SmallestCircle(SETS[sets])
-    solution = solve(program, solver, options)
+    solution = solve(program, method=solver, options=options)
     exact = smallest_circle(SETS[sets])
     judged(solution, exact, options.accuracy)
     assert solution.outcome is Outcome.SOLVED
@@ -68,12 +68,12 @@ def test_circles(solver, sets, level):
 @pytest.mark.parametrize("sets", SETS)
 @pytest.mark.parametrize("level", thinned(["middle", "low"], 2))
 def test_stadiums_of_a_given_angle(solver, case, sets, level):
-    options = Options(level)
+    options = Options(tolerance=level)
     points, chosen = SETS[sets], dict(GIVEN[case])
     if "center" in chosen:
         size = np.abs(points - points[:, :1]).max()
         chosen["center"] = points[:, 0] + chosen["center"] * size
-    solution = solve(NarrowestStadium(points, **chosen), solver, options)
+    solution = solve(NarrowestStadium(points, **chosen), method=solver, options=options)
     exact = narrowest_stadium(points, **chosen)
     if solution.claim is Outcome.FAILED and level != "low":  # CVXOPT gives up on some sets
         assert solver == "cvxopt"
@@ -96,7 +96,7 @@ def test_a_free_angle_does_not_fit(solver, chosen):
     points = SETS["normal"]
     words = f"'{solver}' cannot take this NarrowestStadium: with a free angle it is not convex"
     with pytest.raises(InputError, match=words):
-        solve(NarrowestStadium(points, **chosen), solver)
+        solve(NarrowestStadium(points, **chosen), method=solver)
     with pytest.raises(InputError, match="give an angle"):
         narrowest_stadium(points, **chosen, method=solver)
 
@@ -106,8 +106,15 @@ def test_a_free_angle_does_not_fit(solver, chosen):
 @pytest.mark.parametrize("chosen", [{}, {"center": 2 + 1j}])
 def test_coincident_points(solver, points, chosen):
     points = np.array(points)
-    assert solve(SmallestCircle(points), solver, Options("low")).outcome is Outcome.SOLVED
-    stadium = solve(NarrowestStadium(points, **chosen, angle=1.0), solver, Options("low"))
+    assert (
+        solve(SmallestCircle(points), method=solver, options=Options(tolerance="low")).outcome
+        is Outcome.SOLVED
+    )
+    stadium = solve(
+        NarrowestStadium(points, **chosen, angle=1.0),
+        method=solver,
+        options=Options(tolerance="low"),
+    )
     assert stadium.outcome is Outcome.SOLVED
 
 
@@ -126,7 +133,7 @@ def test_a_set_that_is_refused_is_named_and_lost_alone(monkeypatch):
         dims=("frequency", "drive"),
         coords={"frequency": ("frequency", [10.0, 31.25, 400.0], {"units": "Hz"})},
     )
-    solution = solve(SmallestCircle(points), "clarabel")
+    solution = solve(SmallestCircle(points), method="clarabel")
     assert solution.claim is Outcome.INFEASIBLE
     assert solution.message == "clarabel: infeasible at frequency 31.25 Hz"
     assert solution.outcome is Outcome.FAILED
@@ -140,10 +147,10 @@ def test_a_set_that_is_refused_is_named_and_lost_alone(monkeypatch):
 @pytest.mark.parametrize("level", ["low", "middle"])
 def test_batches(level):
     points = SETS["normal"].reshape(2, 2, 8)
-    solution = solve(SmallestCircle(points), "clarabel", Options(level))
+    solution = solve(SmallestCircle(points), method="clarabel", options=Options(tolerance=level))
     assert solution.answer.radius.shape == (2, 2)
     assert solution.outcome is Outcome.SOLVED
-    single = smallest_circle(points[0, 1], "clarabel", Options(level))
+    single = smallest_circle(points[0, 1], method="clarabel", options=Options(tolerance=level))
     assert single.radius.shape == ()
     assert single.radius == pytest.approx(solution.answer.radius[0, 1], rel=1e-9)
 
@@ -154,7 +161,7 @@ def test_the_data_of_the_conic_program_are_those_of_the_circle():
     by_data = solve(ConicProgram(program.conic_form()))
     assert by_data.outcome is Outcome.SOLVED
     found = by_data.answer["x"].values.reshape(3, 3)
-    exact = solve(program, "exact").answer
+    exact = solve(program, method="exact").answer
     np.testing.assert_allclose(found[:, 2], exact.radius, rtol=1e-6)
     np.testing.assert_allclose(found[:, :2] @ [1.0, 1j], exact.center, atol=1e-3)
 
@@ -170,7 +177,7 @@ def test_no_claim_that_a_circle_does_not_exist_is_proven(claim):
     def denial(program, context):
         return None, claim, "none"
 
-    solution = solve(Denied(points), "denial")
+    solution = solve(Denied(points), method="denial")
     assert solution.outcome in (Outcome.NO_CLAIM, Outcome.NONE_UP_TO_R)
     if solution.proof is not None and solution.certificate is not None:
         assert solution.proof.metrics(solution.answer)["radius"] <= abs(points).max()

@@ -327,7 +327,7 @@ def test_metrics():
 def test_a_million_points_are_certified_within_seconds():
     points = random_sets(1, 1_000_000)
     for program in PROGRAMS:
-        solution = solve(program(points), options=Options("high"))
+        solution = solve(program(points), options=Options(tolerance="high"))
         assert solution.certificate.holds
         assert solution.seconds["check"] < 10
 
@@ -335,6 +335,6 @@ def test_a_million_points_are_certified_within_seconds():
 def test_a_thousand_sets_are_certified_within_seconds():
     points = random_sets(1000, 12)
     for program in PROGRAMS:
-        solution = solve(program(points), options=Options("high"))
+        solution = solve(program(points), options=Options(tolerance="high"))
         assert solution.certificate.holds
         assert solution.seconds["check"] < 10

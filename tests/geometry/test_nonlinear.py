@@ -40,8 +40,8 @@ def test_what_it_claims():
 @pytest.mark.parametrize("sets", SETS)
 @pytest.mark.parametrize("level", ["low", "middle"])
 def test_circles(sets, level):
-    options = Options(level)
-    solution = solve(SmallestCircle(SETS[sets]), "ipopt", options)
+    options = Options(tolerance=level)
+    solution = solve(SmallestCircle(SETS[sets]), method="ipopt", options=options)
     exact = smallest_circle(SETS[sets])
     assert solution.outcome is Outcome.SOLVED
     assert np.all(solution.answer.radius >= exact.radius * (1 - 1e-9))
@@ -52,12 +52,12 @@ def test_circles(sets, level):
 @pytest.mark.parametrize("sets", SETS)
 @pytest.mark.parametrize("level", thinned(["middle", "low"], 2))
 def test_stadiums(case, sets, level):
-    options = Options(level)
+    options = Options(tolerance=level)
     points, chosen = SETS[sets], dict(CASES[case])
     if "center" in chosen:
         size = np.abs(points - points[:, :1]).max()
         chosen["center"] = points[:, 0] + chosen["center"] * size
-    solution = solve(NarrowestStadium(points, **chosen), "ipopt", options)
+    solution = solve(NarrowestStadium(points, **chosen), method="ipopt", options=options)
     exact = narrowest_stadium(points, **chosen)
     assert solution.certificate.valid
     assert np.all(solution.answer.radius >= exact.radius * (1 - 1e-9) - 1e-14)
@@ -69,7 +69,8 @@ def test_stadiums(case, sets, level):
 def test_starts_are_those_of_the_seed():
     program = NarrowestStadium(SETS["normal"])
     first, again, other = (
-        solve(program, "ipopt", Options("low", seed=seed)).answer for seed in (1, 1, 2)
+        solve(program, method="ipopt", options=Options(tolerance="low", seed=seed)).answer
+        for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first.angle, again.angle)
     np.testing.assert_array_equal(first.radius, again.radius)
@@ -88,7 +89,7 @@ def test_a_set_that_is_refused_is_named(monkeypatch, program):
         dims=("frequency", "drive"),
         coords={"frequency": ("frequency", [10.0, 31.25], {"units": "Hz"})},
     )
-    solution = solve(program(points), "ipopt")
+    solution = solve(program(points), method="ipopt")
     assert solution.outcome is Outcome.FAILED
     words = "ipopt: Maximum_Iterations_Exceeded at frequency 10 Hz (and 1 more sets)"
     assert solution.message == words

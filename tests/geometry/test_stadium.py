@@ -55,7 +55,9 @@ def certify(points, given, answer, tolerance=HIGH):
 
 
 def solved(points, given):
-    return solve(NarrowestStadium(points, **given), "exact", Options("high"))
+    return solve(
+        NarrowestStadium(points, **given), method="exact", options=Options(tolerance="high")
+    )
 
 
 # --- the exact answer is certified ------------------------------------------------------------
@@ -213,7 +215,7 @@ def test_turned_stadiums_are_rejected_unless_as_narrow(points, case, turn):
     """The best stadium of another angle is certified only if its radius is least, too."""
     best = narrowest_stadium(points, **CASES[case])
     center = CASES[case].get("center")
-    other = narrowest_stadium(points, center, best.angle + turn)
+    other = narrowest_stadium(points, center=center, angle=best.angle + turn)
     size = np.abs(points).max() + abs(center or 0)
     if other.radius > best.radius * (1 + 1e-6) + 1e-12 * size:
         certificate = certify(points, CASES[case], other)
@@ -278,8 +280,8 @@ DIAGONAL = np.array([-1.5 + 0j, 1.5, 2j, -1.8j])
 
 def test_the_printed_second_set_misses_the_optimum():
     """Truth.md: the midpoints of all pairs of corners are needed, the print has the sides'."""
-    solution = solve(NarrowestStadium(DIAGONAL, 4 + 0.1j), "thesis")
-    exact = narrowest_stadium(DIAGONAL, 4 + 0.1j)
+    solution = solve(NarrowestStadium(DIAGONAL, center=4 + 0.1j), method="thesis")
+    exact = narrowest_stadium(DIAGONAL, center=4 + 0.1j)
     # the midpoint of the opposite corners 2j and -1.8j is level with the centre
     assert np.sin(exact.angle) == pytest.approx(0, abs=1e-14)
     assert exact.radius == pytest.approx(1.9)
@@ -296,9 +298,9 @@ def test_the_printed_second_set_misses_the_optimum():
 )
 def test_the_printed_second_set_misses_often_and_by_large_factors(away, missed, factor):
     points = random_sets(12, 400, 12)
-    program = NarrowestStadium(points, away)
+    program = NarrowestStadium(points, center=away)
     answer, claim, message = find_method(program, "thesis").answer(program, None)
-    exact = narrowest_stadium(points, away)
+    exact = narrowest_stadium(points, center=away)
     found = np.isfinite(answer.radius)
     ratio = answer.radius[found] / exact.radius[found]
     assert ratio.min() >= 1 - 1e-12
@@ -308,7 +310,7 @@ def test_the_printed_second_set_misses_often_and_by_large_factors(away, missed, 
     if not found.all():
         assert f"{np.sum(~found)} of the sets" in message
     part = Stadium(*(getattr(answer, name)[found] for name in NarrowestStadium.answer_names))
-    certificate = NarrowestStadium(points[found], away).certify(part, HIGH)
+    certificate = NarrowestStadium(points[found], center=away).certify(part, HIGH)
     assert certificate.valid
     assert certificate.gap.value == pytest.approx(1 - 1 / ratio.max(), rel=1e-6)
 
@@ -329,7 +331,7 @@ def test_thesis_is_never_narrower_than_exact(case):
 @pytest.mark.parametrize("case", ["free", "centre"])
 def test_thesis_without_a_candidate_has_failed(case):
     points = np.stack([np.full(4, 1 + 1j), np.array([0j, 1, 1j, 2])])
-    solution = solve(NarrowestStadium(points, **CASES[case]), "thesis")
+    solution = solve(NarrowestStadium(points, **CASES[case]), method="thesis")
     assert solution.outcome is Outcome.FAILED
     assert "no candidate" in solution.message
     assert not solution.certificate.valid
@@ -355,9 +357,9 @@ KNOWN = [
 def test_known_stadiums(points, chosen, expected, method, tolerance):
     if method in ("clarabel", "cvxopt") and "angle" not in chosen:
         pytest.skip("not convex")
-    options = Options(tolerance)
+    options = Options(tolerance=tolerance)
     points = np.array(points, dtype=complex)
-    solution = solve(NarrowestStadium(points, **chosen), method, options)
+    solution = solve(NarrowestStadium(points, **chosen), method=method, options=options)
     if solution.claim is Outcome.FAILED and method == "cvxopt":
         pytest.skip(f"an honest refusal: {solution.message}")
     assert solution.certificate.valid

@@ -133,7 +133,7 @@ def test_delays(size):
     y = dlsim((A, np.eye(2), C, np.zeros((1, 2)), 1.0), late)[1][20:]
     u = u[20:]
     program, solution = modelled(u, y + noise(y, size), delay="estimate")
-    assert program.delays == (8, 4)  # one sample of which is that of the plant, without D
+    assert program.delays_samples == (8, 4)  # one sample of which is that of the plant, without D
     system = solution.answer.simulator.system()
     assert system.nstates == solution.answer.simulator.order + 12
     f = np.array([0.03, 0.2])
@@ -141,8 +141,8 @@ def test_delays(size):
     np.testing.assert_allclose(
         np.moveaxis(system(np.exp(2j * np.pi * f)), 2, 0), own, rtol=1e-9, atol=1e-9
     )
-    stated = StateSpaceFit(u, y, delay=(7, 3))
-    assert stated.delays == (7, 3)
+    stated = StateSpaceFit(u, y, delay_samples=(7, 3))
+    assert stated.delays_samples == (7, 3)
 
 
 @pytest.mark.cases(0)
@@ -204,16 +204,16 @@ def test_shapes_and_labels_are_recognised():
         np.testing.assert_array_equal(found.y, expected.y)
     for given in ((labelled, None), tables):
         program = StateSpaceFit(*given, orders=(2,))
-        system = solve(program, "subspace").answer.lti
+        system = solve(program, method="subspace").answer.lti
         assert system.dt == pytest.approx(0.01)
         assert system.input_labels == ["force"] and system.output_labels == ["x", "phi"]
-        model = solve(program, "subspace").answer.predictor.system()
+        model = solve(program, method="subspace").answer.predictor.system()
         assert model.dt == pytest.approx(0.01)
     assert as_experiments(labelled, None).input_units == ("V",)
     times = pd.date_range("2024-01-01", periods=400, freq="10ms")
-    assert as_experiments(
-        pd.Series(u[:, 0], times), pd.DataFrame(both, times)
-    ).sample_time == pytest.approx(0.01)
+    assert as_experiments(pd.Series(u[:, 0], times), pd.DataFrame(both, times)).dt == pytest.approx(
+        0.01
+    )
     square = np.random.default_rng(0).standard_normal((2, 8, 8))
     with pytest.raises(InputError, match='samples="rows"'):
         as_experiments(*square)

@@ -95,7 +95,7 @@ def noisy(seed, samples=300):
 @pytest.mark.cases(0)
 def test_the_average_is_certified_and_stored():
     program = StateSpaceFit(*noisy(0), orders=(1, 2, 3))
-    solution = solve(program, "averaged")
+    solution = solve(program, method="averaged")
     assert solution.certificate.holds, solution.certificate.failures
     assert len(solution.answer.predictor.members) > 1
     back = program.from_dataset(program.to_dataset(solution.answer))
@@ -118,7 +118,7 @@ def _shifted(model):
 
 def test_an_average_errs_less_than_its_members_do_in_the_mean():
     program = StateSpaceFit(*noisy(3), orders=(1, 2, 3))
-    answer = solve(program, "averaged").answer
+    answer = solve(program, method="averaged").answer
     u, y = program.rest.u, program.rest.y
     for use, model in enumerate((answer.predictor, answer.simulator)):
         own = program.fits(answer.predictor, answer.simulator, u, y)[use]
@@ -130,7 +130,7 @@ def test_an_average_errs_less_than_its_members_do_in_the_mean():
 def test_a_member_that_fails_on_the_whole_part_is_left_out(monkeypatch):
     """A candidate that validates well, and is spoilt when it is fitted to the whole part."""
     program = StateSpaceFit(*noisy(4), orders=(1, 2, 3))
-    plain = solve(program, "averaged").answer
+    plain = solve(program, method="averaged").answer
     original = choice.sparse_arx_fits
 
     def spoilt(program, apart=False):
@@ -142,7 +142,7 @@ def test_a_member_that_fails_on_the_whole_part_is_left_out(monkeypatch):
         return lambda lags: lambda record: fitted(record, lags)
 
     monkeypatch.setattr(choice, "sparse_arx_fits", spoilt)
-    answer = solve(program, "averaged").answer
+    answer = solve(program, method="averaged").answer
     labels = [answer.candidates.labels[k] for k in answer.candidates.members(0)]
     few = sum(label.startswith("sparse") for label in labels)
     assert 0 < few < len(labels) / 2

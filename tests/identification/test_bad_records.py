@@ -91,7 +91,7 @@ def records():
         ragged[4] = ragged[4][:-1]
         yield f"ragged-{name}", given(name, ragged), f"{name} must hold real numbers in rows"
     for value in (0, -1, -0.1, np.nan, np.inf, "1", [1.0], True):
-        yield f"time-{value}", given(sample_time=value), "sample_time is .*positive"
+        yield f"time-{value}", given(dt=value), "dt is .*positive"
     for value in (0, -3, 2.5, "all", N, N - 1, N + 5, 3, 40):
         yield (
             f"estimation-{value}",

@@ -27,7 +27,7 @@ def solved():
         xr.DataArray(y, name="speed", attrs={"units": "m/s"}, **labels),
         orders=[2],
     )
-    return program, wb.solve(program, "subspace").answer
+    return program, wb.solve(program, method="subspace").answer
 
 
 def test_the_model_has_the_units_of_its_record(solved):
@@ -53,7 +53,7 @@ def test_a_band_holds_the_true_magnitude_as_often_as_it_says():
     held = []
     for seed in range(60):
         program = StateSpaceFit(*recorded(seed), orders=[2], estimation=300)
-        model = wb.solve(program, "output-error").answer.simulator
+        model = wb.solve(program, method="output-error").answer.simulator
         spread = magnitude_deviations(model, program.used, AT)[:, 0, 0]
         held.append(np.abs(np.abs(model.response(AT)[:, 0, 0]) - exact) < 1.96 * spread)
     assert 0.88 < np.mean(held) < 0.99
@@ -62,7 +62,7 @@ def test_a_band_holds_the_true_magnitude_as_often_as_it_says():
 def test_what_is_known_does_not_vary():
     record = as_experiments(*recorded(1))
     program = StateSpaceFit(*recorded(1), orders=[2], static_gain=1.0)
-    model = wb.solve(program, "output-error").answer.simulator
+    model = wb.solve(program, method="output-error").answer.simulator
     spread = magnitude_deviations(model, record, [1e-6, 0.1], known=program.known)[:, 0, 0]
     assert spread[0] < 1e-6 < spread[1]
 
@@ -75,6 +75,6 @@ def test_a_loop_by_instruments_has_the_units_of_its_record():
         for one, unit in ((r - y, "V"), (y, "rad/s"))
     )
     loop = ClosedLoopFit(u, y, orders=[1], direct=False, excitation=r)
-    model = wb.solve(loop, "instrumental-variables").answer.simulator
+    model = wb.solve(loop, method="instrumental-variables").answer.simulator
     assert (model.input_units, model.output_units) == (("V",), ("rad/s",))
     assert model.A[0, 0] == pytest.approx(0.8, abs=1e-6)

@@ -25,7 +25,7 @@ def fit(poles="stable"):
     u, noise = RNG.standard_normal((300, 1)), RNG.standard_normal((300, 2))
     y = np.cumsum(0.1 * np.hstack([u, -u]), axis=0) * 0.9 ** np.arange(300)[:, None] + noise
     named = {} if poles == "stable" else {"poles": poles}
-    return StateSpaceFit(u, y, 200, (1,), washout=5, **named)
+    return StateSpaceFit(u, y, estimation=200, orders=(1,), washout=5, **named)
 
 
 def models(radius=0.9, predictor_radius=0.8):
@@ -80,7 +80,7 @@ def test_errors_of_a_predictor_decay(monkeypatch):
 
 OMEGA = np.geomspace(0.1, 100.0, 40)
 TRUTH = CommonPoleModel(
-    [[Rational([], np.array([-1 + 3j, -1 - 3j]), 10.0)]], np.zeros((1, 1)), None
+    [[Rational([], np.array([-1 + 3j, -1 - 3j]), 10.0)]], np.zeros((1, 1)), dt=None
 )
 VARIANCE = np.full((40, 1, 1), 1e-4)
 DEVIATION = np.sqrt(1e-4 / 2)
@@ -94,7 +94,7 @@ def rational(orders=(1, 2), response=None, **options):
 
 def scaled(model, factor):
     (entry,) = model.entries[0]
-    return CommonPoleModel([[entry.scaled(factor)]], model.delay, model.sample_time)
+    return CommonPoleModel([[entry.scaled(factor)]], model.delay, dt=model.dt)
 
 
 def test_the_optimum_does_not_move_and_others_do():
@@ -108,7 +108,7 @@ def test_the_optimum_does_not_move_and_others_do():
 
 def test_delays_turn_the_directions():
     """The gain of a delayed model is 1 % off: the step along it is the whole distance."""
-    late = CommonPoleModel(TRUTH.entries, np.full((1, 1), 0.03), None)
+    late = CommonPoleModel(TRUTH.entries, np.full((1, 1), 0.03), dt=None)
     program = rational((2,), late.response(OMEGA), delay=np.full((1, 1), 0.03))
     assert movement(program.structure, late) < 1e-6
     off = scaled(late, 1.01)
@@ -125,9 +125,9 @@ def test_a_fall_nearby_is_found():
 
 def test_costs_fall_with_the_order():
     """Of the orders 1, 2 and 3 the last one is worse than the second."""
-    lag = CommonPoleModel([[Rational([], np.array([-3.0 + 0j]), 3.0)]], np.zeros((1, 1)), None)
+    lag = CommonPoleModel([[Rational([], np.array([-3.0 + 0j]), 3.0)]], np.zeros((1, 1)), dt=None)
     poles = np.array([-1 + 3j, -1 - 3j, -50.0 + 0j])
-    third = CommonPoleModel([[Rational([], poles, 500.0 * 1.2)]], np.zeros((1, 1)), None)
+    third = CommonPoleModel([[Rational([], poles, 500.0 * 1.2)]], np.zeros((1, 1)), dt=None)
     program = rational((1, 2, 3))
     answer = RationalModels((lag, TRUTH, third), 2)
     found = {check.name: check for check in program.checks(answer, 1e-6)}
@@ -141,7 +141,7 @@ def test_a_model_of_another_structure_is_refused():
 
     def with_zeros(zeros, delay=0.0):
         one = Rational(np.array(zeros, complex), entry.poles, entry.gain)
-        return CommonPoleModel([[one]], np.full((1, 1), delay), None)
+        return CommonPoleModel([[one]], np.full((1, 1), delay), dt=None)
 
     assert program._misshapen(with_zeros([]), 2) == 0
     assert program._misshapen(with_zeros([-2.0]), 2) == 0
@@ -157,7 +157,7 @@ def test_a_bound_holds_a_delay_that_would_go_beyond_it(true, held):
     """The model's delay is at the bound, 0.02; the data's is beyond it, or within. Without zeros,
     which would take its place."""
     at = {
-        delay: CommonPoleModel(TRUTH.entries, np.full((1, 1), delay), None)
+        delay: CommonPoleModel(TRUTH.entries, np.full((1, 1), delay), dt=None)
         for delay in (true, 0.02)
     }
     data = at[true].response(OMEGA)

@@ -48,13 +48,15 @@ def program():
 @pytest.mark.cases(0)
 @pytest.mark.parametrize("name", ["direct", "two-stage", "instrumental-variables", "indirect"])
 def test_each_method_finds_the_plant(program, name):
-    solution = solve(program, name)
+    solution = solve(program, method=name)
     assert solution.certificate.valid, solution.certificate.failures
     assert distance(solution.answer.simulator) < 0.065
 
 
 def test_a_method_for_open_loops_is_biased(program):
-    plain = solve(StateSpaceFit(program.u, program.y, orders=(2,), assume="open loop"), "arx")
+    plain = solve(
+        StateSpaceFit(program.u, program.y, orders=(2,), assume="open loop"), method="arx"
+    )
     assert distance(plain.answer.simulator) > 0.08
 
 
@@ -62,7 +64,7 @@ def test_what_is_missing_is_said(program):
     assert "indirect" in methods(program)
     without = ClosedLoopFit(program.u, program.y, excitation=program.excitation, orders=(2,))
     with pytest.raises(InputError, match="controller"):
-        solve(without, "indirect")
+        solve(without, method="indirect")
     with pytest.raises(InputError, match="excitation is missing"):
         ClosedLoopFit(program.u, program.y)
     with pytest.raises(InputError, match="controller has 2 inputs"):

@@ -51,13 +51,13 @@ def test_errors_far_from_the_bandwidth_do_not_count():
 @pytest.mark.cases(0)
 def test_the_simulator_is_chosen_for_the_bandwidth_and_its_runner_up_named():
     u, y = record()
-    slow = StateSpaceFit(u, y, orders=(1,), bandwidth=0.19)
-    both = StateSpaceFit(u, y, orders=(1, 3), bandwidth=0.19)
-    low, high = (solve(each, "best") for each in (slow, both))
+    slow = StateSpaceFit(u, y, orders=(1,), bandwidth_hz=0.19)
+    both = StateSpaceFit(u, y, orders=(1, 3), bandwidth_hz=0.19)
+    low, high = (solve(each, method="best") for each in (slow, both))
     assert high.certificate.holds, high.certificate.failures
     assert high.answer.simulator.order >= 3
     own = both.metrics(high.answer)["fit_control_y1"]
-    assert own > slow.metrics(solve(slow, "prediction-error").answer)["fit_control_y1"] + 20
+    assert own > slow.metrics(solve(slow, method="prediction-error").answer)["fit_control_y1"] + 20
     facts = " ".join(high.certificate.facts)
     assert "design a loop of 0.19 Hz" in facts and "runner-up" in facts and "+-" in facts
     assert "fit_control_y1" not in StateSpaceFit(u, y, orders=(1,)).metrics(low.answer)
@@ -65,8 +65,8 @@ def test_the_simulator_is_chosen_for_the_bandwidth_and_its_runner_up_named():
 
 def test_orders_of_one_kind_are_chosen_for_the_bandwidth_too():
     u, y = record()
-    program = StateSpaceFit(u, y, orders=(1, 3), bandwidth=0.19)
-    answer = solve(program, "prediction-error").answer
+    program = StateSpaceFit(u, y, orders=(1, 3), bandwidth_hz=0.19)
+    answer = solve(program, method="prediction-error").answer
     assert answer.simulator.order == 3
     np.testing.assert_allclose(
         answer.scores[1, 1],
@@ -87,4 +87,4 @@ def _fitted(program, used):
 def test_a_bandwidth_that_is_none_is_refused(bandwidth):
     u, y = record(300)
     with pytest.raises(InputError, match="bandwidth"):
-        StateSpaceFit(u, y, orders=(1,), bandwidth=bandwidth)
+        StateSpaceFit(u, y, orders=(1,), bandwidth_hz=bandwidth)

@@ -30,7 +30,7 @@ def share_held(kind, records):
         u, e = np.random.default_rng(seed).standard_normal((2, 1000))
         y = lfilter(B, A, u) + 0.3 * lfilter(*NOISE[kind], e)
         program = StateSpaceFit(u, y, orders=[2])
-        answer = wb.solve(program, kind).answer
+        answer = wb.solve(program, method=kind).answer
         found = np.abs(answer.simulator.response(AT)[:, 0, 0])
         held.append(np.abs(found - exact) < 1.96 * program.deviations(answer, AT)[:, 0, 0])
     return np.mean(held)

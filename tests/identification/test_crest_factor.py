@@ -24,7 +24,7 @@ PROBLEMS = {
 @pytest.mark.parametrize("method", ["schroeder", "clipping", "ipopt"])
 def test_every_method_is_certified(name, method):
     program = PROBLEMS[name]
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     assert solution.certificate.failures == ()
     assert solution.outcome is Outcome.SOLVED
     metrics = program.metrics(solution.answer)
@@ -46,7 +46,7 @@ def test_one_line_is_a_sine():
 def test_optimised_phases_beat_the_formula():
     program = PROBLEMS["fifteen lines"]
     factors = [
-        program.metrics(solve(program, name).answer)["crest_factor"]
+        program.metrics(solve(program, method=name).answer)["crest_factor"]
         for name in ("schroeder", "clipping", "ipopt")
     ]
     assert factors[0] > 1.7
@@ -65,7 +65,7 @@ def test_schroeder_phases_of_a_flat_spectrum():
 def test_nothing_between_the_instants_exceeds_the_bound(phases, size):
     program = CrestFactor([size, 1, 2, 1, 1], [1, 2, 4, 5, 9], 64)
     grid, bound = program.peak(np.array(phases))
-    dense = np.abs(program.multisine(phases).period(9 * 64 * 7)).max()
+    dense = np.abs(program.multisine(phases).period(points=9 * 64 * 7)).max()
     assert dense <= bound * (1 + 1e-12)
     assert grid <= bound <= 1.0013 * grid
 
@@ -81,7 +81,7 @@ def test_wrong_answers_are_refused():
 
 def test_answers_are_stored_and_drawn():
     program = PROBLEMS["odd lines"]
-    phases = solve(program, "schroeder").answer
+    phases = solve(program, method="schroeder").answer
     data = program.to_dataset(phases)
     np.testing.assert_array_equal(program.from_dataset(data), phases)
     np.testing.assert_array_equal(data["line"], program.lines)

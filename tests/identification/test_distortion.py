@@ -24,7 +24,7 @@ def test_known_harmonics():
 def test_clipped_cubic():
     """x - x^3 / 3 of a unit cosine is 3/4 of it less 1/12 of its third harmonic."""
     x = np.cos(2 * np.pi * 0.0101 * np.arange(1000))
-    amplitudes = sine_fit(x - x**3 / 3, 1.0, 0.0101, harmonics=5).mean(axis=0)
+    amplitudes = sine_fit(x - x**3 / 3, 1 / 1.0, 0.0101, harmonics=5).mean(axis=0)
     assert total_harmonic_distortion(amplitudes) == pytest.approx(1 / 9)
 
 
@@ -77,7 +77,7 @@ def harmonics(nonlinearity, seed=0, size=1e-2):
     for frequency in (0.01, 0.02, 0.04):
         x = np.cos(2 * np.pi * frequency * np.arange(round(10 / frequency)))
         noisy = nonlinearity(x) + size * rng.normal(size=len(x))
-        found.append(sine_fit(noisy, 1.0, frequency, harmonics=5)[:10])
+        found.append(sine_fit(noisy, 1 / 1.0, frequency, harmonics=5)[:10])
     return np.array(found)
 
 
@@ -97,7 +97,7 @@ def test_squares_are_unbiased():
     squares = np.array([one.odd_square for one in found])
     assert abs(squares.mean()) < 3 * squares.std() / np.sqrt(len(squares))
     assert np.mean(squares < 0) == pytest.approx(0.5, abs=0.15)
-    assert sum(one.detected(0.05) for one in found) <= 30  # of 15 expected
+    assert sum(one.detected(level=0.05) for one in found) <= 30  # of 15 expected
     lines = [measured(lambda x: x, seed).odd_square for seed in range(100)]
     assert abs(np.mean(lines)) < 3 * np.std(lines) / 10
 
@@ -114,10 +114,10 @@ def test_slow_noise_is_not_taken_for_distortion_nor_hides_it():
     rng, squares, alarms = np.random.default_rng(3), [], 0
     for _ in range(200):
         noise = lfilter([0.05], [1, -0.99], rng.normal(size=1000))
-        found = sine_fit(np.cos(0.02 * np.pi * np.arange(1000)) + noise, 1.0, 0.01, harmonics=5)
+        found = sine_fit(np.cos(0.02 * np.pi * np.arange(1000)) + noise, 1 / 1.0, 0.01, harmonics=5)
         one = harmonic_distortion(found[None])
         squares.append(one.odd_square)
-        alarms += one.detected(0.05)
+        alarms += one.detected(level=0.05)
     assert abs(np.mean(squares)) < 4 * np.std(squares) / np.sqrt(200)
     assert alarms <= 22  # of 10 expected
 

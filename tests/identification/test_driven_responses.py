@@ -29,7 +29,9 @@ def coverage(loop, excitation, size, records, seed, samples=2000, stated=None):
             refused += 1
             continue
         exact = plant(np.exp(1j * found.omega)).ravel()
-        held.append(np.abs(found.response[:, 0, 0] - exact) <= found.radius(CONFIDENCE)[:, 0, 0])
+        held.append(
+            np.abs(found.response[:, 0, 0] - exact) <= found.radius(confidence=CONFIDENCE)[:, 0, 0]
+        )
     return float(np.mean(np.concatenate(held))), refused / records
 
 
@@ -40,7 +42,7 @@ def open_coverage(loop, excitation, size, records, seed, samples=2000):
     held = []
     for k in range(records):
         found = polynomials_in_bands(u[:, [k]], y[:, [k]], 2, 14)
-        exact = plant(np.exp(2j * np.pi * found.frequency)).ravel()
+        exact = plant(np.exp(2j * np.pi * found.cycles_per_sample)).ravel()
         radius = np.sqrt(3.63 * found.variance[:, 0, 0])  # the 95 % quantile of F(2, 16)
         held.append(np.abs(found.response[:, 0, 0] - exact) <= radius)
     return float(np.mean(np.concatenate(held)))
@@ -61,7 +63,9 @@ def test_the_period_of_an_excitation_that_was_not_recorded_is_enough(loop):
     assert held >= LEAST and refused == 0
     u, y, r, _ = records_of(loop, "periodic", 3.0, 2000, 1, np.random.default_rng(3))
     known, found = (driven_response(u[:, 0], y[:, 0], one, 1.0) for one in (r[:, 0], 256))
-    both, one, other = np.intersect1d(known.frequency, found.frequency, return_indices=True)[:3]
+    both, one, other = np.intersect1d(known.frequency_hz, found.frequency_hz, return_indices=True)[
+        :3
+    ]
     assert both.size > 20
     np.testing.assert_allclose(known.response[one], found.response[other], rtol=1e-6)
     assert "outside: not recorded, and stated to repeat itself" in str(found.report.sentences)
@@ -86,8 +90,8 @@ def several_coverage(excitation, size, records, seed):
         else:
             u, y, r = two_by_two(excitation, size, 2000, rng)
         found = driven_response(u, y, r, 1.0)
-        away = np.abs(found.response - two_by_two_response(found.frequency))
-        held.append((away <= found.radius(CONFIDENCE)).all(axis=2).ravel())
+        away = np.abs(found.response - two_by_two_response(found.frequency_hz))
+        held.append((away <= found.radius(confidence=CONFIDENCE)).all(axis=2).ravel())
     return float(np.mean(np.concatenate(held)))
 
 
@@ -113,7 +117,7 @@ def test_several_inputs_are_told_by_as_many_experiments_or_excitations():
     assert one.response.shape[1:] == (2, 2) and one.spread.shape[1:] == (2, 2)
     assert repr(one).startswith("DrivenResponse: 2 outputs, 2 inputs, ")
     again = driven_response(u[:, ::-1], y, r @ [[1.0, 2.0], [0.5, -3.0]], 1.0)
-    both = np.intersect1d(one.frequency, again.frequency, return_indices=True)[1:]
+    both = np.intersect1d(one.frequency_hz, again.frequency_hz, return_indices=True)[1:]
     np.testing.assert_allclose(one.response[both[0]], again.response[both[1]][..., ::-1], rtol=1e-6)
     tiled = np.tile(r[:250], (8, 1))
     for excitation, words in (
@@ -174,7 +178,7 @@ def test_a_region_is_all_ratios_that_are_compatible():
 def test_a_periodic_excitation_takes_whole_periods():
     u, y, r, plant = records_of("lag", "periodic", 10.0, 2000, 1, np.random.default_rng(4))
     found = driven_response(u[:, 0], y[:, 0], r[:, 0], 0.5)
-    assert np.allclose((found.frequency * 0.5 * 256) % 1, 0)
+    assert np.allclose((found.frequency_hz * 0.5 * 256) % 1, 0)
     apart = found.response[:, 0, 0] / plant(np.exp(0.5j * found.omega)).ravel() - 1
     assert np.median(np.abs(apart)) < 0.5
 
@@ -184,7 +188,7 @@ def test_lines_that_the_excitation_does_not_reach_are_left_out():
     u, y, r, _ = records_of("lag", "steps", 3.0, 2000, 1, rng)
     found = driven_response(u[:, 0], y[:, 0], r[:, 0], 1.0)
     assert found.chosen < 0.9
-    assert np.isfinite(found.radius(0.95)).all()
+    assert np.isfinite(found.radius(confidence=0.95)).all()
 
 
 def test_noise_alone_is_seen_at_no_line():
@@ -198,7 +202,9 @@ def test_several_outputs_each_have_their_region():
     u, y, r, _ = records_of("lag", "binary", 10.0, 2000, 1, np.random.default_rng(7))
     found = driven_response(u[:, 0], np.column_stack([y, 2 * y]), r[:, 0], 1.0)
     np.testing.assert_allclose(found.response[:, 1], 2 * found.response[:, 0])
-    np.testing.assert_allclose(found.radius(0.9)[:, 1], 2 * found.radius(0.9)[:, 0])
+    np.testing.assert_allclose(
+        found.radius(confidence=0.9)[:, 1], 2 * found.radius(confidence=0.9)[:, 0]
+    )
 
 
 @pytest.fixture(scope="module")

@@ -36,10 +36,10 @@ def oscillator(**changes):
 @pytest.mark.parametrize("method", METHODS)
 def test_methods_agree_and_close_the_gap(method):
     program = oscillator()
-    solution = wb.solve(program, method)
+    solution = wb.solve(program, method=method)
     assert solution.outcome is Outcome.SOLVED, solution
     assert 0 <= solution.certificate.gap.value < 3e-4
-    best = wb.solve(program, "ipopt").answer.worst
+    best = wb.solve(program, method="ipopt").answer.worst
     assert solution.answer.worst == pytest.approx(best, rel=1e-4)
     assert solution.metrics["worst_over_even"] < 0.5
 
@@ -49,7 +49,7 @@ def test_two_gains_have_a_closed_form(method):
     """Of two gains, each known from a line of its own, the costs v c / (2 p) are made equal."""
     variance, cost = np.array([1.0, 4.0]), np.array([3.0, 0.5])
     program = ExperimentDesign(np.eye(2), variance, np.eye(2), cost)
-    answer = wb.solve(program, method).answer
+    answer = wb.solve(program, method=method).answer
     share = variance * cost
     np.testing.assert_allclose(answer.power, share / share.sum(), rtol=1e-3)
     assert answer.worst == pytest.approx(share.sum() / 2, rel=1e-3)
@@ -76,7 +76,7 @@ def test_several_limits_hold(method):
     output = np.abs(slopes(LINES)[:, 0]) ** 2
     uses = np.vstack([np.ones(30), 5 * np.eye(30), output / 8])
     program = oscillator(uses=uses)
-    solution = wb.solve(program, method)
+    solution = wb.solve(program, method=method)
     assert solution.certificate.valid, solution
     assert solution.certificate.gap.value < 1e-3
     assert (uses @ solution.answer.power).max() <= 1 + 1e-9
@@ -113,7 +113,7 @@ def test_units_make_no_difference(method):
         slopes=slopes(LINES) * units, watched=slopes(WATCHED) * units,
         variance=np.full(30, 0.02e-10), cost=1e12 / (0.3 + WATCHED**2),
     )  # fmt: skip
-    plain, scaled = wb.solve(oscillator(), method), wb.solve(graded, method)
+    plain, scaled = wb.solve(oscillator(), method=method), wb.solve(graded, method=method)
     assert scaled.certificate.valid, scaled
     np.testing.assert_allclose(scaled.answer.power, plain.answer.power, atol=1e-3)
     assert scaled.answer.worst == pytest.approx(100 * plain.answer.worst, rel=1e-4)

@@ -31,7 +31,7 @@ def loop(**changes):
 
 
 def test_a_controller_may_be_a_transfer_function():
-    found = wb.solve(loop(controller=control.tf([1.0], [1.0], 1.0)), "indirect")
+    found = wb.solve(loop(controller=control.tf([1.0], [1.0], 1.0)), method="indirect")
     assert found.answer.simulator.A[0, 0] == pytest.approx(0.8, abs=1e-3)
 
 
@@ -39,7 +39,7 @@ def test_a_controller_may_be_a_transfer_function():
     ("changes", "words"),
     [
         ({"controller": 1.0}, "controller is a float"),
-        ({"controller": control.ss([], [], [], [[1.0]], 0.5), "sample_time": 0.1}, "every 0.5 s"),
+        ({"controller": control.ss([], [], [], [[1.0]], 0.5), "dt": 0.1}, "every 0.5 s"),
         ({"excitation": np.ones(400)}, "channel 0 never changes"),
     ],
 )
@@ -59,9 +59,9 @@ def periodic(period=128, periods=5):
 def test_another_period_and_silent_harmonics_are_refused():
     u, y = periodic()
     with pytest.raises(InputError, match="is the period 125 samples"):
-        periodic_local_polynomial(u, y, 125, LINES)
+        periodic_local_polynomial(u, y, 125, lines=LINES)
     with pytest.raises(InputError, match="do not excite harmonic 2"):
-        periodic_local_polynomial(u, y, 128, [2, 4])
+        periodic_local_polynomial(u, y, 128, lines=[2, 4])
 
 
 @pytest.mark.parametrize("method", [local_polynomial, local_rational])
@@ -81,7 +81,9 @@ def test_a_delay_beside_an_order_that_is_too_low(method):
     variance = np.full((120, 1, 1), 1e-5)
     noise = np.sqrt(variance / 2) * (rng.standard_normal((120, 2)) @ [1, 1j])[:, None, None]
     measured = ResponseEstimate(frequency, exact[:, None, None] + noise, variance, np.inf)
-    found = fit_rational_model(measured, [2, 3], excess=1, delay_bounds=(0, 0.05), method=method)
+    found = fit_rational_model(
+        measured, orders=[2, 3], excess=1, delay_bounds=(0, 0.05), method=method
+    )
     assert found.model.order == 3
     assert np.abs(found.response(2 * np.pi * frequency)[:, 0, 0] - exact).max() < 0.02
     assert 0 < found.uncertainty.delay_deviation() < 0.01

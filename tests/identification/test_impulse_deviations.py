@@ -44,8 +44,10 @@ def test_they_follow_the_units_and_do_not_see_a_delay():
     u, y = recorded(1)
     late = np.r_[np.zeros(4), y[:-4]]
     both = np.column_stack([late, np.roll(late, 3)])
-    plain = impulse_response_deviations(as_experiments(u, both), AT, delay=(4,))
-    scaled = impulse_response_deviations(as_experiments(1e6 * u, 1e-3 * both), AT, delay=(4,))
+    plain = impulse_response_deviations(as_experiments(u, both), AT, delay_samples=(4,))
+    scaled = impulse_response_deviations(
+        as_experiments(1e6 * u, 1e-3 * both), AT, delay_samples=(4,)
+    )
     np.testing.assert_allclose(scaled, 1e-9 * plain, rtol=1e-6)
     assert plain.shape == (5, 2, 1)
 
@@ -63,7 +65,7 @@ def test_a_record_that_tells_nothing_more_leaves_the_prior():
 def test_a_fit_tells_them():
     u, y = recorded(3)
     program = StateSpaceFit(u, y)
-    answer = wb.solve(program, "impulse-response").answer
+    answer = wb.solve(program, method="impulse-response").answer
     found = program.deviations(answer, AT)[:, 0, 0]
     assert (found > 0).all()
     assert (found <= impulse_response_deviations(program.used, AT)[:, 0, 0]).all()

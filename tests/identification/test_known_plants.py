@@ -82,10 +82,10 @@ def test_every_method_keeps_what_is_known_or_says_why_not(plant, method):
             marginal and method in ("output-error", "box-jenkins")
         )
         with pytest.raises(InputError, match="cannot take this StateSpaceFit"):
-            solve(program, method)
+            solve(program, method=method)
         return
     gain = known.get("static_gain")
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     assert_known(solution, known.get("known_poles", ()), gain and np.array([[gain]]))
 
 
@@ -95,7 +95,7 @@ def test_every_method_keeps_what_is_known_or_says_why_not(plant, method):
 def test_choices_and_averages_keep_what_is_known(plant, method):
     known = PLANTS[plant][2]
     gain = known.get("static_gain")
-    solution = solve(StateSpaceFit(*record(plant), orders=(2, 3), **known), method)
+    solution = solve(StateSpaceFit(*record(plant), orders=(2, 3), **known), method=method)
     assert_known(solution, known.get("known_poles", ()), gain and np.array([[gain]]))
 
 
@@ -103,13 +103,13 @@ def test_choices_and_averages_keep_what_is_known(plant, method):
 @pytest.mark.parametrize("method", ["subspace", "prediction-error", "arx", "cva"])
 def test_integrators_of_several_outputs_and_gains_of_some_channels(method):
     u, y = two_channels()
-    solution = solve(StateSpaceFit(u, y, orders=(3,), known_poles=[1, 1]), method)
+    solution = solve(StateSpaceFit(u, y, orders=(3,), known_poles=[1, 1]), method=method)
     assert_known(solution, [1, 1])
     stable = y.copy()
     stable[:, 0] = lfilter([1, -1], [1, -0.9], y[:, 0])
     stable[:, 1] = lfilter([1, -1], [1, -0.8], y[:, 1])
     gain = np.array([[1.0, 0.0], [np.nan, 1.5]])
-    assert_known(solve(StateSpaceFit(u, stable, static_gain=gain), method), (), gain)
+    assert_known(solve(StateSpaceFit(u, stable, static_gain=gain), method=method), (), gain)
 
 
 @pytest.mark.cases(0)
@@ -125,11 +125,11 @@ def test_an_unstable_pole_of_a_closed_loop():
         StateSpaceFit(u, y, known_poles=[1.1], assume="open loop")
     loop = {"direct": False, "poles": "any", "orders": (1, 2), "known_poles": [1.1]}
     for method in ("subspace", "prediction-error", "arx", "armax"):
-        assert_known(solve(StateSpaceFit(u, y, **loop, assume="open loop"), method), [1.1])
+        assert_known(solve(StateSpaceFit(u, y, **loop, assume="open loop"), method=method), [1.1])
     program = ClosedLoopFit(u, y, excitation=r, **loop)
-    assert_known(solve(program, "direct"), [1.1])
+    assert_known(solve(program, method="direct"), [1.1])
     with pytest.raises(InputError, match="take method direct"):
-        solve(program, "two-stage")
+        solve(program, method="two-stage")
 
 
 @pytest.mark.cases(0)
@@ -137,11 +137,11 @@ def test_delays_gaps_experiments_and_units_far_apart():
     u, y = record("both")
     known = PLANTS["both"][2]
     late = np.concatenate([np.zeros(3), y[:-3]])
-    assert_known(solve(StateSpaceFit(u, late, orders=(2,), delay=3, **known)), [0.95])
+    assert_known(solve(StateSpaceFit(u, late, orders=(2,), delay_samples=3, **known)), [0.95])
     gaps = y.copy()
     gaps[[20, 21, 150, 333]] = np.nan
     for method in ("subspace", "prediction-error"):
-        assert_known(solve(StateSpaceFit(u, gaps, orders=(2,), **known), method), [0.95])
+        assert_known(solve(StateSpaceFit(u, gaps, orders=(2,), **known), method=method), [0.95])
     apart = [u[:200], u[200:]], [y[:200], y[200:]]
     assert_known(solve(StateSpaceFit(*apart, orders=(2,), **known)), [0.95])
     far = {"known_poles": [0.95], "static_gain": 1e13}
@@ -154,7 +154,7 @@ def test_delays_gaps_experiments_and_units_far_apart():
 def test_without_noise_the_plant_is_found_again():
     u, y = record("both", noise=0.0)
     for method in ("subspace", "prediction-error", "arx"):
-        solution = solve(StateSpaceFit(u, y, orders=(2,), **PLANTS["both"][2]), method)
+        solution = solve(StateSpaceFit(u, y, orders=(2,), **PLANTS["both"][2]), method=method)
         assert_known(solution, [0.95, 0.7], np.array([[10.0]]))
 
 
@@ -187,7 +187,7 @@ def _step_error(plant, method, seed, knowing):
     numerator, denominator, known = PLANTS[plant]
     u, y = record(plant, seed, samples=150, noise=1.0)
     program = StateSpaceFit(u, y, orders=(2, 3), **(known if knowing else {}))
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     assert solution.answer is not None, solution.message
     model = solution.answer.simulator
     step = np.ones((100, 1))
@@ -220,7 +220,7 @@ def test_knowledge_makes_models_of_short_noisy_records_better(plant, method):
 def test_wrong_answers_are_rejected():
     u, y = record("both")
     program = StateSpaceFit(u, y, orders=(2,), **PLANTS["both"][2])
-    answer = solve(program, "subspace").answer
+    answer = solve(program, method="subspace").answer
     for name in MODELS:
         model = getattr(answer, name)
         moved = replace(model, A=model.A - 1e-4 * np.eye(2))
@@ -237,7 +237,7 @@ def test_wrong_answers_are_rejected():
 
 def test_a_double_pole_is_not_a_single_one():
     single = StateSpaceFit(*record("integrator"), orders=(2,), known_poles=[1.0])
-    answer = solve(single, "subspace").answer
+    answer = solve(single, method="subspace").answer
     double = StateSpaceFit(*record("integrator"), orders=(2,), known_poles=[1.0, 1.0])
     failed = [check.name for check in double.checks(answer, 1e-6) if not check.holds]
     assert "known poles, predictor" in failed
@@ -352,7 +352,7 @@ def test_units_of_what_is_known():
 def test_refined_models_fit_no_worse_than_their_starts(seed):
     program = StateSpaceFit(*record("both", seed), orders=(2,), **PLANTS["both"][2])
     errors = [
-        1 - solve(program, method).metrics["estimation_fit_one_step_y1"] / 100
+        1 - solve(program, method=method).metrics["estimation_fit_one_step_y1"] / 100
         for method in ("subspace", "prediction-error")
     ]
     assert errors[1] <= errors[0] * 1.0001

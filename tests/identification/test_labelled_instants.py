@@ -40,7 +40,7 @@ TOLD = {
 
 @pytest.mark.parametrize(("index", "step"), TOLD.values(), ids=TOLD)
 def test_labels_tell_the_sampling_time(index, step):
-    assert as_experiments(*frames(index)).sample_time == pytest.approx(step, rel=1e-9)
+    assert as_experiments(*frames(index)).dt == pytest.approx(step, rel=1e-9)
 
 
 @pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
@@ -90,9 +90,9 @@ def test_labels_that_fit_nothing_are_refused(pair, said):
 def test_labelled_arrays_too():
     data = xr.Dataset({"u": ("time", U), "y": ("time", Y)}, {"time": np.arange(N) / 3600})
     data["time"].attrs["units"] = "hours"
-    assert as_experiments(data, None).sample_time == pytest.approx(1.0)
+    assert as_experiments(data, None).dt == pytest.approx(1.0)
     data["time"] = [f"2024-01-01 00:{k:02d}:00" for k in range(N)]
-    assert as_experiments(data, None).sample_time == pytest.approx(60.0)
+    assert as_experiments(data, None).dt == pytest.approx(60.0)
     data["time"] = [object()] * N
     with pytest.raises(InputError, match="labelled by object"):
         as_experiments(data, None)

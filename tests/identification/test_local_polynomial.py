@@ -37,8 +37,11 @@ def truth(frequency):
 
 def test_without_noise():
     estimate = local_polynomial(*record(2000, 0.0, np.random.default_rng(0)))
-    assert np.max(abs(estimate.response - truth(estimate.frequency))) < 1e-3
-    assert estimate.frequency[0] == pytest.approx(1 / 2000) and estimate.frequency[-1] < 0.5
+    assert np.max(abs(estimate.response - truth(estimate.cycles_per_sample))) < 1e-3
+    assert (
+        estimate.cycles_per_sample[0] == pytest.approx(1 / 2000)
+        and estimate.cycles_per_sample[-1] < 0.5
+    )
 
 
 @pytest.mark.cases(0)
@@ -47,7 +50,9 @@ def test_variance_is_the_spread_of_the_errors():
     ratios = []
     for _ in range(20):
         estimate = local_polynomial(*record(400, 0.2, rng))
-        ratios.append(abs(estimate.response - truth(estimate.frequency)) ** 2 / estimate.variance)
+        ratios.append(
+            abs(estimate.response - truth(estimate.cycles_per_sample)) ** 2 / estimate.variance
+        )
     # Noise estimated with eight degrees of freedom: the ratio's mean is 8/7, not 1.
     np.testing.assert_allclose(np.mean(ratios, axis=(0, 1)), 8 / 7, rtol=0.1)
 
@@ -73,7 +78,7 @@ def test_chosen_lines_are_those_of_the_whole():
     whole = local_polynomial(u, y)
     at = np.array([1, 2, 77, 8192, 8193, 19_999])
     some = local_polynomial(u, y, at=at)
-    assert some.frequency == pytest.approx(at / 40_000, rel=4 * np.finfo(float).eps)
+    assert some.cycles_per_sample == pytest.approx(at / 40_000, rel=4 * np.finfo(float).eps)
     for name in ("frequency", "response", "covariance", "noise"):
         np.testing.assert_allclose(getattr(some, name), getattr(whole, name)[at - 1], rtol=1e-9)
 

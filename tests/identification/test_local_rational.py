@@ -25,7 +25,7 @@ def test_a_resonance_of_a_few_lines():
     u, y = record(2000, 0.0, np.random.default_rng(0))
     rational, polynomial = local_rational(u, y), local_polynomial(u, y)
     errors = [
-        np.abs(each.response[:, 0, 0] - truth(each.frequency)).max()
+        np.abs(each.response[:, 0, 0] - truth(each.cycles_per_sample)).max()
         for each in (rational, polynomial)
     ]
     assert errors[0] < 1e-3 * errors[1] < 1e-1

@@ -46,7 +46,7 @@ def test_regions_hold_the_truth_in_every_third_of_the_band(plant, excitation):
             *record(plant, excitation, rng, 800, 40), 1.0, frequency_hz=FREQUENCY
         )
         away = np.abs(found.response[:, 0, 0] - truth(plant, FREQUENCY))
-        inside.append(away <= found.radius(0.95)[:, 0, 0])
+        inside.append(away <= found.radius(confidence=0.95)[:, 0, 0])
     thirds = [np.mean(part) for part in np.array_split(np.array(inside), 3, axis=1)]
     assert np.mean(inside) > 0.93 and min(thirds) > 0.85
 
@@ -61,7 +61,7 @@ def test_a_record_without_noise_keeps_its_lines(between, samples):
     y = lfilter(*plant, u)
     found = local_response(u[:, None], y[:, None], 1.0, frequency_hz=FREQUENCY)
     away = np.abs(found.response[:, 0, 0] - truth(plant, FREQUENCY))
-    radius = found.radius(0.95)[:, 0, 0]
+    radius = found.radius(confidence=0.95)[:, 0, 0]
     assert (radius < 1e-3 * np.abs(truth(plant, FREQUENCY))).all()
     assert (away <= radius).mean() > 0.93
 
@@ -74,7 +74,7 @@ def test_regions_of_polynomials_in_narrow_bands_lose_it():
     new = local_response(u, y, 1.0, frequency_hz=lines / 800)
     exact = truth(LAG, lines / 800)
     lost = np.abs(old.response[:, 0, 0] - exact) > np.sqrt(3.6 * old.variance[:, 0, 0])
-    kept = np.abs(new.response[:, 0, 0] - exact) <= new.radius(0.95)[:, 0, 0]
+    kept = np.abs(new.response[:, 0, 0] - exact) <= new.radius(confidence=0.95)[:, 0, 0]
     assert lost.mean() > 0.2 and kept.mean() > 0.93
     assert np.median(new.variance) < np.median(old.variance)
 
@@ -86,11 +86,11 @@ def test_two_inputs_and_two_outputs_are_told_apart():
     pairs = [[LAG, SHARP], [SHARP, LAG]]
     y = np.stack([sum(lfilter(*p, x) for p, x in zip(row, u.T, strict=True)) for row in pairs], 1)
     found = local_response(u, y + 0.01 * rng.standard_normal(y.shape), 0.1)
-    assert found.response.shape == (found.frequency.size, 2, 2)
-    assert found.frequency[0] == pytest.approx(1 / 200.0) and found.frequency.size <= 200
-    exact = np.array([[truth(p, found.frequency / 10) for p in row] for row in pairs])
+    assert found.response.shape == (found.frequency_hz.size, 2, 2)
+    assert found.frequency_hz[0] == pytest.approx(1 / 200.0) and found.frequency_hz.size <= 200
+    exact = np.array([[truth(p, found.frequency_hz / 10) for p in row] for row in pairs])
     away = np.abs(found.response - exact.transpose(2, 0, 1))
-    assert (away <= found.radius(0.95)).mean() > 0.93
+    assert (away <= found.radius(confidence=0.95)).mean() > 0.93
 
 
 def test_records_without_noise_are_followed_closely():
@@ -105,7 +105,7 @@ def test_records_without_noise_are_followed_closely():
         coarse = local_response(u, np.round(y * 1000) / 1000, 1.0, frequency_hz=FREQUENCY)
     assert (np.abs(found.response[:, 0, 0] - exact) < 1e-5 * np.abs(exact)).all()
     away = np.abs(coarse.response[:, 0, 0] - exact)
-    assert (away <= coarse.radius(0.95)[:, 0, 0]).mean() > 0.93
+    assert (away <= coarse.radius(confidence=0.95)[:, 0, 0]).mean() > 0.93
 
 
 def test_what_an_input_does_not_excite_is_not_told():

@@ -82,8 +82,8 @@ def test_a_long_record_whose_input_moves_late_is_refined_and_divided_as_a_whole(
 def test_folds_of_a_long_record_come_from_its_first_part(short_limits):
     program = StateSpaceFit(*long_record(9000), orders=(2,))
     assert [sum(map(len, fold)) for fold in program.folds] == [1500, 1500]
-    assert len(program.nonparametric.frequency) == 100
-    assert program.nonparametric.frequency[-1] > 0.499
+    assert len(program.nonparametric.cycles_per_sample) == 100
+    assert program.nonparametric.cycles_per_sample[-1] > 0.499
 
 
 @pytest.mark.cases(2)
@@ -92,7 +92,7 @@ def test_folds_of_a_long_record_come_from_its_first_part(short_limits):
 def test_long_records_without_noise_in_single_precision_and_of_far_units(
     short_limits, method, given
 ):
-    solution = solve(StateSpaceFit(*long_record(6000, **given), orders=(2, 3)), method)
+    solution = solve(StateSpaceFit(*long_record(6000, **given), orders=(2, 3)), method=method)
     assert solution.certificate.holds, solution.certificate.failures
     assert_poles(solution.answer, 1e-4 if given.get("noise") == 0.0 else 0.02)
 
@@ -111,7 +111,7 @@ def test_a_million_samples_in_minutes(method):
     tracemalloc.start()
     begun = time.process_time()
     try:
-        solution = solve(StateSpaceFit(u, y), method)
+        solution = solve(StateSpaceFit(u, y), method=method)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

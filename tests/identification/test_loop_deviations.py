@@ -46,7 +46,7 @@ def program(seed, method, samples=2000):
 
 def told(question, method, at):
     """Response (F,) of a method's model, and its stated covariance (F, 2, 2)."""
-    answer = solve(question, method).answer
+    answer = solve(question, method=method).answer
     model = answer.predictor if method == "direct" else answer.simulator
     covariance = closed_loop_covariance(question, method, model, at)
     return model.response(at)[:, 0, 0], covariance[:, 0, 0]
@@ -112,7 +112,7 @@ def test_a_mode_that_no_line_excites_does_not_swell_deviations(monkeypatch):
 
 def test_certificates_tell_where_deviations_are():
     """Those of white prediction errors do not hold for every method."""
-    facts = " ".join(solve(program(0, "two-stage", 300), "two-stage").certificate.facts)
+    facts = " ".join(solve(program(0, "two-stage", 300), method="two-stage").certificate.facts)
     assert "closed_loop_deviations" in facts and "+-" not in facts
 
 
@@ -123,10 +123,10 @@ def test_slopes_of_a_response_are_those_of_differences():
     rest = {"K": np.zeros((3, 2)), "u_offset": np.zeros(2), "y_offset": np.zeros(2)}
 
     def response(moved):
-        return InnovationsModel(**moved, **rest, delay=(1, 0)).response(AT)
+        return InnovationsModel(**moved, **rest, delay_samples=(1, 0)).response(AT)
 
     step, column = 1e-6, 0
-    slopes = response_slopes(InnovationsModel(**parts, **rest, delay=(1, 0)), AT)
+    slopes = response_slopes(InnovationsModel(**parts, **rest, delay_samples=(1, 0)), AT)
     for name, part in parts.items():
         for place in np.ndindex(part.shape):
             ahead, behind = (part.copy() for _ in range(2))
@@ -154,6 +154,6 @@ def test_instruments_do_not_wait_for_the_filter_to_settle():
 
 def test_another_method_is_refused():
     question = program(0, "two-stage", 300)
-    model = solve(question, "two-stage").answer.simulator
+    model = solve(question, method="two-stage").answer.simulator
     with pytest.raises(InputError, match="method is 'output-error'; it must be one of direct"):
         closed_loop_deviations(question, "output-error", model, AT)

@@ -71,12 +71,12 @@ def test_a_coloured_input_does_not_bias_it():
 
 @pytest.mark.cases(0)
 def test_the_methods_agree_on_the_plant_and_the_order():
-    program = StateSpaceFit(*simulated(700), 400, (1, 3), washout=20)
+    program = StateSpaceFit(*simulated(700), estimation=400, orders=(1, 3), washout=20)
     names = ("subspace", "moesp", "n4sid", "cva", "prediction-error")
     assert set(names) < set(methods(program))
     fits = {}
     for name in names:
-        solution = solve(program, name)
+        solution = solve(program, method=name)
         assert solution.certificate.valid, (name, solution.certificate.failures)
         fits[name] = program.metrics(solution.answer)
         assert fits[name]["order"] == fits[name]["order_free_run"] == 3
@@ -92,17 +92,19 @@ def test_an_unstable_plant_is_found_only_where_it_may_be():
     model = projection_model(Experiments(u, y), 1, 5)
     np.testing.assert_allclose(model.A, [[1.05]], rtol=1e-9)
     for method in ("subspace", "moesp", "prediction-error"):
-        stated = solve(StateSpaceFit(u, y, 200, (1,), washout=20, poles="any"), method)
+        stated = solve(
+            StateSpaceFit(u, y, estimation=200, orders=(1,), washout=20, poles="any"), method=method
+        )
         assert stated.certificate.valid, stated.certificate.failures
         np.testing.assert_allclose(stated.answer.predictor.radius, 1.05, rtol=1e-6)
-    refused = solve(StateSpaceFit(u, y, 200, (1,), washout=20), "moesp")
+    refused = solve(StateSpaceFit(u, y, estimation=200, orders=(1,), washout=20), method="moesp")
     assert not refused.certificate.valid
 
 
 def test_orders_that_no_window_shows_give_none():
     assert best_projection(Experiments(*simulated(400)), 49) is None
     with pytest.raises(InputError, match="order 60"):
-        StateSpaceFit(*simulated(400), 300, (60,), washout=20)
+        StateSpaceFit(*simulated(400), estimation=300, orders=(60,), washout=20)
 
 
 def test_it_is_another_computation_than_the_predictor_based_method():

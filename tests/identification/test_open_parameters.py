@@ -59,13 +59,13 @@ MODEL = arx(ONE, order=1)
         ({"model": None}, "model must be a InnovationsModel, not NoneType"),
         ({"model": control.ss(-1, 1, 1, 0)}, "not StateSpace"),
         ({"record": None}, "record must be a Experiments"),
-        ({"frequency": None}, "frequency is None"),
-        ({"frequency": [np.nan]}, "finite numbers"),
+        ({"cycles_per_sample": None}, "cycles_per_sample is None"),
+        ({"cycles_per_sample": [np.nan]}, "finite numbers"),
         ({"record": as_experiments(np.arange(50.0) % 5, np.arange(50.0) % 7)}, "1 outputs and 2"),
     ],
 )
 def test_what_has_no_deviations_is_refused(wrong, message):
-    given = {"model": MODEL, "record": ONE, "frequency": FREQUENCY} | wrong
+    given = {"model": MODEL, "record": ONE, "cycles_per_sample": FREQUENCY} | wrong
     with pytest.raises(InputError, match=message):
         response_deviations(given["model"], given["record"], given["frequency"])
 
@@ -74,7 +74,7 @@ def test_a_dataset_is_a_record_without_more(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("time,u,y\n" + "".join(f"{0.1 * k:.1f},{k % 3},{k % 5}\n" for k in range(30)))
     data = read_record(file, inputs=["u"], outputs=["y"], time="time")
-    assert as_experiments(data).sample_time == pytest.approx(0.1)
+    assert as_experiments(data).dt == pytest.approx(0.1)
     assert as_experiments([data, data]).starts == (0, 30)
     for wrong in (None, 3, np.ones(5), [], data[["u"]]):
         with pytest.raises(InputError):

@@ -22,9 +22,9 @@ from workbench.solvers import Outcome
 METHODS = ("ipopt", "scipy")
 TRUTH = {"stiffness": 40.0, "damping": 0.5, "gain": 3.0}
 START = {
-    "stiffness": FittedParameter(20.0, 1.0, 1e3),
-    "damping": FittedParameter(2.0, 1e-3, 100.0),
-    "gain": FittedParameter(1.0, 0.0, 10.0),
+    "stiffness": FittedParameter(20.0, lower=1.0, upper=1e3),
+    "damping": FittedParameter(2.0, lower=1e-3, upper=100.0),
+    "gain": FittedParameter(1.0, lower=0.0, upper=10.0),
 }
 FREQUENCY = np.linspace(0.2, 2.5, 60)
 
@@ -72,8 +72,10 @@ def two_responses():
     s = 2j * np.pi * frequency
     matrix = np.array(delayed(truth, s)).transpose(2, 0, 1)
     rng = np.random.default_rng(1)
-    wide = MeasuredResponse(delayed, frequency, noisy(rng, matrix, 1e-3), 2e-6, name="matrix")
-    parameters = START | {"delay": FittedParameter(0.0, 0.0, 0.2)}
+    wide = MeasuredResponse(
+        delayed, frequency, noisy(rng, matrix, 1e-3), variance=2e-6, name="matrix"
+    )
+    parameters = START | {"delay": FittedParameter(0.0, lower=0.0, upper=0.2)}
     return ParameterFit([response(), wide], parameters), truth
 
 
@@ -83,9 +85,10 @@ def record():
     u = rng.normal(size=300)
     clean = MeasuredRecord(decay, lambda p: [0.0], u, np.ones(300))
     y = clean.predicted(truth) + 0.01 * rng.normal(size=(1, 300))
-    datum = MeasuredRecord(decay, lambda p: [0.0], u, y, [1e-4])
+    datum = MeasuredRecord(decay, lambda p: [0.0], u, y, variance=[1e-4])
     return ParameterFit(
-        [datum], {"pole": FittedParameter(0.5, 0.0, 0.999), "gain": FittedParameter(1.0)}
+        [datum],
+        {"pole": FittedParameter(0.5, lower=0.0, upper=0.999), "gain": FittedParameter(1.0)},
     ), truth
 
 
@@ -103,7 +106,7 @@ PROBLEMS = {
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_is_certified(name, method):
     program, truth = PROBLEMS[name]()
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     assert solution.certificate.failures == ()
     assert solution.outcome is Outcome.SOLVED
     error = np.abs(solution.answer - list(truth.values()))
@@ -121,7 +124,7 @@ def test_the_methods_are_all_tested():
 @pytest.mark.parametrize("name", ["one response", "several responses", "a record"])
 def test_the_methods_agree(name):
     program, _ = PROBLEMS[name]()
-    answers = [solve(program, method).answer for method in METHODS]
+    answers = [solve(program, method=method).answer for method in METHODS]
     np.testing.assert_allclose(answers[0], answers[1], rtol=1e-6)
 
 
@@ -155,15 +158,17 @@ def test_the_intervals_cover_as_they_say(periods):
     ratios = []
     for _ in range(RUNS):
         if periods is None:
-            datum = MeasuredResponse(oscillator, FREQUENCY, noisy(rng, clean, size), 2 * size**2)
+            datum = MeasuredResponse(
+                oscillator, FREQUENCY, noisy(rng, clean, size), variance=2 * size**2
+            )
         else:
             y = noisy(rng, np.repeat(clean[:, None], periods, axis=1), size[:, None])
             estimate = from_periods(FREQUENCY, np.ones(y.shape), y)
             datum = MeasuredResponse.of(oscillator, estimate)
         program = ParameterFit([datum], {name: FittedParameter(v) for name, v in TRUTH.items()})
-        found = solve(program, "scipy").answer
+        found = solve(program, method="scipy").answer
         for confidence, count in hits.items():
-            count += np.abs(found - truth) <= program.intervals(found, confidence)
+            count += np.abs(found - truth) <= program.intervals(found, confidence=confidence)
         ratios.append(program.chi_square(found))
     for confidence, count in hits.items():
         low, high = stats.binom.interval(1 - 1e-4, RUNS, confidence)
@@ -182,15 +187,15 @@ def test_intervals_cover_with_variance_unknown():
     for _ in range(RUNS):
         datum = MeasuredResponse(oscillator, frequency, noisy(rng, clean, 1e-4))
         program = ParameterFit([datum], {name: FittedParameter(v) for name, v in TRUTH.items()})
-        found = solve(program, "scipy").answer
-        hits += np.abs(found - truth) <= program.intervals(found, 0.9)
+        found = solve(program, method="scipy").answer
+        hits += np.abs(found - truth) <= program.intervals(found, confidence=0.9)
     low, high = stats.binom.interval(1 - 1e-4, RUNS, 0.9)
     assert ((hits >= low) & (hits <= high)).all()
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_active_bound_is_reported(method):
-    low = START | {"damping": FittedParameter(2.0, 1.0, 100.0)}
+    low = START | {"damping": FittedParameter(2.0, lower=1.0, upper=100.0)}
     with pytest.warns(IdentificationWarning) as caught:
         fit = fit_parameters(response(), low, method=method)
     assert "damping lies on its lower bound 1" in str(caught[0].message)
@@ -204,7 +209,7 @@ def test_a_wrong_order_is_reported():
     s = 2j * np.pi * FREQUENCY
     values = oscillator(TRUTH, s) + 0.1 * oscillator(TRUTH | {"stiffness": 60.0}, s)
     datum = MeasuredResponse(
-        oscillator, FREQUENCY, noisy(np.random.default_rng(0), values, 1e-3), 2e-6
+        oscillator, FREQUENCY, noisy(np.random.default_rng(0), values, 1e-3), variance=2e-6
     )
     with pytest.warns(IdentificationWarning, match="the model lacks something"):
         fit = fit_parameters(datum, START)
@@ -217,9 +222,11 @@ def heavy(p, s):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_what_the_data_cannot_see_is_named(method):
-    datum = MeasuredResponse(heavy, FREQUENCY, response().response, 2e-6)
+    datum = MeasuredResponse(heavy, FREQUENCY, response().response, variance=2e-6)
     with pytest.raises(SolverError, match="stiffness, damping, gain and mass scale together"):
-        fit_parameters(datum, START | {"mass": FittedParameter(0.7, 0.01, 10.0)}, method=method)
+        fit_parameters(
+            datum, START | {"mass": FittedParameter(0.7, lower=0.01, upper=10.0)}, method=method
+        )
 
 
 def test_what_the_noise_hides_is_named():
@@ -236,11 +243,13 @@ def test_several_starts_find_the_least_of_several_minima():
         return np.exp(-s * p["delay"])
 
     frequency = np.linspace(1, 5, 80)
-    datum = MeasuredResponse(delay, frequency, exact(delay, {"delay": 1.3}, frequency), 1e-4)
-    far = {"delay": FittedParameter(0.1, 0.05, 2.0)}
+    datum = MeasuredResponse(
+        delay, frequency, exact(delay, {"delay": 1.3}, frequency), variance=1e-4
+    )
+    far = {"delay": FittedParameter(0.1, lower=0.05, upper=2.0)}
     for method in METHODS:
-        stuck = solve(ParameterFit([datum], far), method)
-        found = solve(ParameterFit([datum], far, starts=40), method)
+        stuck = solve(ParameterFit([datum], far), method=method)
+        found = solve(ParameterFit([datum], far, starts=40), method=method)
         assert stuck.answer[0] != pytest.approx(1.3, rel=1e-3)
         assert found.answer[0] == pytest.approx(1.3, rel=1e-6)
         assert found.outcome is Outcome.SOLVED
@@ -263,7 +272,7 @@ def test_wrong_answers_are_refused(shift, check):
 def test_answers_are_stored_and_drawn():
     for name, figures in (("several responses", {"response", "matrix"}), ("a record", {"record"})):
         program, _ = PROBLEMS[name]()
-        answer = solve(program, "scipy").answer
+        answer = solve(program, method="scipy").answer
         data = program.to_dataset(answer)
         np.testing.assert_array_equal(program.from_dataset(data), answer)
         assert set(program.figures(answer)) == figures
@@ -272,10 +281,10 @@ def test_answers_are_stored_and_drawn():
 
 def test_bad_parameters_and_data():
     with pytest.raises(InputError, match="start between its bounds"):
-        FittedParameter(2.0, 0.0, 1.0)
+        FittedParameter(2.0, lower=0.0, upper=1.0)
     with pytest.raises(InputError, match="both 1"):
-        FittedParameter(1.0, 1.0, 1.0)
-    short = MeasuredResponse(oscillator, [1.0], [1.0], 1.0)
+        FittedParameter(1.0, lower=1.0, upper=1.0)
+    short = MeasuredResponse(oscillator, [1.0], [1.0], variance=1.0)
     with pytest.raises(InputError, match="3 parameters are too many for 2 real data"):
         ParameterFit([short], START)
     with pytest.raises(InputError, match="different names"):
@@ -295,14 +304,14 @@ def test_bad_parameters_and_data():
     [
         ({"response": [1.0, np.nan]}, "not finite at 2 Hz"),
         ({"response": [1.0]}, "needs shape"),
-        ({"frequency": [1.0, np.inf]}, "NaN or infinite"),
+        ({"frequency_hz": [1.0, np.inf]}, "NaN or infinite"),
         ({"variance": [1.0, 0.0]}, "positive"),
         ({"variance": [1.0]}, "needs shape"),
         ({"degrees": 4}, "four periods"),
     ],
 )
 def test_bad_responses(changes, message):
-    good = {"frequency": [1.0, 2.0], "response": [1.0, 1.0], "variance": 1.0}
+    good = {"frequency_hz": [1.0, 2.0], "response": [1.0, 1.0], "variance": 1.0}
     with pytest.raises(InputError, match=message):
         MeasuredResponse(oscillator, **(good | changes))
 

@@ -47,11 +47,11 @@ def record(periods, rng, noise=0.3, lines=LINES):
 
 def test_the_transient_is_taken_off():
     u, y = record(4, np.random.default_rng(0), noise=0.0)
-    found = periodic_local_polynomial(u, y, PERIOD, LINES)
-    truth = plant(found.frequency)
+    found = periodic_local_polynomial(u, y, PERIOD, lines=LINES)
+    truth = plant(found.frequency_hz)
     error = np.abs(found.response[:, 0, 0] - truth) / np.abs(truth)
     spectra = [np.fft.rfft(x.reshape(4, PERIOD)).T[LINES] for x in (u, y)]
-    plain = from_periods(found.frequency, *spectra).response[:, 0, 0]
+    plain = from_periods(found.frequency_hz, *spectra).response[:, 0, 0]
     assert np.median(error) < 0.03 * np.median(np.abs(plain - truth) / np.abs(truth))
     assert found.transient.max() > 1e-4
 
@@ -63,7 +63,8 @@ def test_variance_is_the_spread_of_the_errors(periods):
     for _ in range(40):
         found = periodic_local_polynomial(*record(periods, rng), PERIOD, LINES)
         ratios.append(
-            np.abs(found.response[:, 0, 0] - plant(found.frequency)) ** 2 / found.variance[:, 0, 0]
+            np.abs(found.response[:, 0, 0] - plant(found.frequency_hz)) ** 2
+            / found.variance[:, 0, 0]
         )
     # The variance has eight to ten complex degrees of freedom, fewer at the ends of the spectrum.
     assert np.mean(ratios) == pytest.approx(1.13, rel=0.06)
@@ -82,9 +83,10 @@ def test_noise_of_the_input_counts():
     for _ in range(40):
         u, y = record(4, rng, noise=0.0)
         shared = rng.normal(size=u.shape)
-        found = periodic_local_polynomial(u + 0.3 * shared, y + 0.2 * shared, PERIOD, LINES)
+        found = periodic_local_polynomial(u + 0.3 * shared, y + 0.2 * shared, PERIOD, lines=LINES)
         ratios.append(
-            np.abs(found.response[:, 0, 0] - plant(found.frequency)) ** 2 / found.variance[:, 0, 0]
+            np.abs(found.response[:, 0, 0] - plant(found.frequency_hz)) ** 2
+            / found.variance[:, 0, 0]
         )
     assert np.mean(ratios) == pytest.approx(found.degrees / (found.degrees - 2), rel=0.08)
 
@@ -97,9 +99,9 @@ def test_two_inputs_in_two_experiments():
         clean = np.stack([answer(u[:, 0]) + 0.4 * u[:, 1], 0.2 * u[:, 0]], axis=1)
         noise = 0.3 * rng.normal(size=u.shape)
         noise[:, 1] += 0.7 * noise[:, 0]
-        found = periodic_local_polynomial(u, clean + noise, PERIOD, LINES)
+        found = periodic_local_polynomial(u, clean + noise, PERIOD, lines=LINES)
         truth = np.zeros((LINES.size, 2, 2), complex)
-        truth[:, 0, 0], truth[:, 0, 1], truth[:, 1, 0] = plant(found.frequency), 0.4, 0.2
+        truth[:, 0, 0], truth[:, 0, 1], truth[:, 1, 0] = plant(found.frequency_hz), 0.4, 0.2
         error = (found.response - truth).reshape(-1, 4, 1)
         square = error.conj().swapaxes(1, 2) @ np.linalg.solve(found.covariance, error)
         whitened.append(square.real.ravel())
@@ -120,10 +122,10 @@ def test_distortion_shows_at_silent_harmonics():
     lines = odd_lines(3, 99, 4, rng)[0]
     u = np.tile(multisine(lines, rng), (4, 1))
     noise = 0.05 * rng.normal(size=u.shape)
-    clean = periodic_local_polynomial(u, answer(u) + noise, PERIOD, lines)
+    clean = periodic_local_polynomial(u, answer(u) + noise, PERIOD, lines=lines)
     assert not clean.distortion[0].detected()
     assert np.median(clean.distorted_variance / clean.variance) < 3
-    found = periodic_local_polynomial(u, nonlinear(u) + noise, PERIOD, lines)
+    found = periodic_local_polynomial(u, nonlinear(u) + noise, PERIOD, lines=lines)
     assert found.distortion[0].odd_p < 1e-6 and found.distortion[0].even_p < 1e-6
     assert np.median(found.distorted_variance / found.variance) > 5
     dense = periodic_local_polynomial(*record(3, rng), PERIOD, LINES)
@@ -137,7 +139,7 @@ def test_the_best_linear_approximation_has_its_own_variance():
     for _ in range(60):
         u = np.tile(multisine(lines, rng), (3, 1))
         y = nonlinear(u) + 0.05 * rng.normal(size=u.shape)
-        responses.append(periodic_local_polynomial(u, y, PERIOD, lines))
+        responses.append(periodic_local_polynomial(u, y, PERIOD, lines=lines))
     truth = np.mean([each.response for each in responses], axis=0)
     ratios = []
     for start in range(0, 60, 6):
@@ -165,8 +167,8 @@ def test_a_linear_plant_has_no_distortion_variance():
 @pytest.mark.cases(0)
 def test_a_rational_model_of_it():
     u, y = record(6, np.random.default_rng(8))
-    found = periodic_local_polynomial(u, y, PERIOD, LINES, sample_rate=1000.0)
-    model = fit_rational_model(found, (1, 2, 3), sample_time=1e-3)
+    found = periodic_local_polynomial(u, y, PERIOD, lines=LINES, dt=1 / 1000.0)
+    model = fit_rational_model(found, orders=(1, 2, 3), dt=1e-3)
     assert model.model.order == 2 and model.tests.accepted
     np.testing.assert_allclose(
         np.sort_complex(model.model.poles), np.sort_complex(POLES), atol=0.01
@@ -176,8 +178,8 @@ def test_a_rational_model_of_it():
 def test_pieces_make_the_whole():
     rng = np.random.default_rng(9)
     u, y = record(5, rng)
-    whole = periodic_local_polynomial(u, y, PERIOD, LINES)
-    stream = PeriodicStream(PERIOD, 5, LINES)
+    whole = periodic_local_polynomial(u, y, PERIOD, lines=LINES)
+    stream = PeriodicStream(PERIOD, 5, lines=LINES)
     ends = np.sort(rng.integers(0, len(u), 12))
     for a, b in zip([0, *ends], [*ends, len(u)], strict=True):
         stream.add(u[a:b], y[a:b])
@@ -195,7 +197,7 @@ def stream_of(samples, rng):
     spectrum[5:200] = np.exp(2j * np.pi * rng.random(195))
     wave = np.fft.irfft(spectrum)[:, None] * period / 2
     tracemalloc.start()
-    stream = PeriodicStream(period, samples // period, np.arange(5, 200))
+    stream = PeriodicStream(period, samples // period, lines=np.arange(5, 200))
     for _ in range(samples // period):
         stream.add(wave, 0.5 * wave + rng.normal(size=wave.shape))
     found = stream.response()
@@ -242,21 +244,21 @@ def test_bad_records_are_named(arguments, words):
 
 
 def test_a_stream_says_what_is_missing():
-    stream = PeriodicStream(PERIOD, 3, LINES)
+    stream = PeriodicStream(PERIOD, 3, lines=LINES)
     stream.add(U[:300], Y[:300])
     with pytest.raises(InputError, match="1 of 3 periods"):
         stream.response()
     with pytest.raises(InputError, match="missing"):
         stream.add(U, Y)
     with pytest.raises(InputError, match="experiment 2"):
-        stream.add(U[:5], Y[:5], 2)
+        stream.add(U[:5], Y[:5], experiment=2)
     with pytest.raises(InputError, match=r"\(N, nu\)"):
         stream.add(U[:5], Y[:4])
 
 
 def test_realisations_must_belong_together():
-    one = periodic_local_polynomial(U, Y, PERIOD, LINES)
-    other = periodic_local_polynomial(U, Y, PERIOD, LINES[:-1])
+    one = periodic_local_polynomial(U, Y, PERIOD, lines=LINES)
+    other = periodic_local_polynomial(U, Y, PERIOD, lines=LINES[:-1])
     with pytest.raises(InputError, match="two are needed"):
         best_linear_approximation([one])
     with pytest.raises(InputError, match="realisation 2"):

@@ -45,7 +45,7 @@ def loop(noise, seed=0, periods=PERIODS):
 def fit(noise, seed=0, **changed):
     r, u, y = loop(noise, seed)
     common = {"direct": False, "orders": (2,), "excitation": r, "controller": CONTROLLER}
-    return ClosedLoopFit(u, y, **(common | {"period": PERIOD} | changed))
+    return ClosedLoopFit(u, y, **(common | {"period_samples": PERIOD} | changed))
 
 
 def error(model):
@@ -65,7 +65,7 @@ def test_the_loop_is_explained_line_by_line():
 @pytest.mark.cases(2)
 @pytest.mark.parametrize("name", ["two-stage", "instrumental-variables", "indirect"])
 def test_without_noise_the_plant_is_exact(name):
-    solution = solve(fit(0.0), name)
+    solution = solve(fit(0.0), method=name)
     assert solution.certificate.valid, solution.certificate.failures
     assert error(solution.answer.simulator) < 1e-3
 
@@ -73,7 +73,7 @@ def test_without_noise_the_plant_is_exact(name):
 @pytest.mark.cases(0)
 @pytest.mark.parametrize("name", ["direct", "two-stage", "instrumental-variables", "indirect"])
 def test_each_method_finds_a_plant_that_is_sampled_fast(name):
-    solution = solve(fit(0.05), name)
+    solution = solve(fit(0.05), method=name)
     assert solution.certificate.valid, solution.certificate.failures
     assert error(solution.answer.simulator) < 0.05
 
@@ -82,7 +82,7 @@ def test_each_method_finds_a_plant_that_is_sampled_fast(name):
 def test_orders_are_not_chosen_for_minus_one_over_the_controller():
     """The best run from u to y is that of a model which takes feedback for the plant."""
     program = fit(0.3)
-    right = solve(program, "two-stage").answer.simulator
+    right = solve(program, method="two-stage").answer.simulator
     at, C = LINES / PERIOD, CONTROLLER
     wrong = arx(Experiments(program.record.u, program.record.y), 6, direct=True)
     size = np.abs(1 / C(np.exp(2j * np.pi * at), squeeze=False)[0, 0])
@@ -100,11 +100,11 @@ def test_a_steady_response_is_that_of_lines():
 
 def test_a_wrong_period_is_refused():
     with pytest.raises(InputError, match="differ by"):
-        fit(0.0, period=PERIOD - 1)
+        fit(0.0, period_samples=PERIOD - 1)
     with pytest.raises(InputError, match="must hold it twice"):
-        fit(0.0, period=PERIODS * PERIOD)
+        fit(0.0, period_samples=PERIODS * PERIOD)
     with pytest.raises(InputError, match="integer of at least 1"):
-        fit(0.0, period=0.5)
+        fit(0.0, period_samples=0.5)
     with pytest.raises(InputError, match="holds no period"):
         program = fit(0.0)
         program.explained(program.record.part(0, PERIOD - 1))

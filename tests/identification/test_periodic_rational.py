@@ -49,7 +49,7 @@ def test_without_noise_a_light_mode_is_exact(radius):
     u, y = record(radius, 0.0, rng)
     exact = plant(radius)
     blurred, followed = (
-        np.abs(way(u, y, PERIOD, LINES).response[:, 0, 0] / exact - 1).max()
+        np.abs(way(u, y, PERIOD, lines=LINES).response[:, 0, 0] / exact - 1).max()
         for way in (periodic_local_polynomial, periodic_local_rational)
     )
     assert blurred > 0.02
@@ -83,12 +83,14 @@ def test_two_experiments_in_pieces_make_the_same():
     u, y = record(0.999, 1e-3, rng)
     whole_u = u[:, :1, None] * mixing
     whole_y = y[:, :, None] * mixing[:1] + 0.5 * y[:, :, None] * mixing[1:]
-    found = periodic_local_rational(whole_u, whole_y, PERIOD, LINES)
-    stream = PeriodicStream(PERIOD, 4, LINES, rational=True)
+    found = periodic_local_rational(whole_u, whole_y, PERIOD, lines=LINES)
+    stream = PeriodicStream(PERIOD, 4, lines=LINES, rational=True)
     for experiment in range(2):
         for start in range(0, len(u), 300):
             part = slice(start, start + 300)
-            stream.add(whole_u[part, :, experiment], whole_y[part, :, experiment], experiment)
+            stream.add(
+                whole_u[part, :, experiment], whole_y[part, :, experiment], experiment=experiment
+            )
     assert np.allclose(stream.response().response, found.response, rtol=1e-9)
     exact = plant(0.999)[:, None] * np.array([1.0, 0.5])
     assert np.abs(found.response[:, 0] / exact - 1).max() < 0.05
@@ -97,15 +99,15 @@ def test_two_experiments_in_pieces_make_the_same():
 @pytest.mark.parametrize("scale", [1e-150, 1e150])
 def test_units_make_no_difference(scale):
     u, y = record(0.999, 1e-3, np.random.default_rng(4))
-    found = periodic_local_rational(u, y, PERIOD, LINES)
-    scaled = periodic_local_rational(u, scale * y, PERIOD, LINES)
+    found = periodic_local_rational(u, y, PERIOD, lines=LINES)
+    scaled = periodic_local_rational(u, scale * y, PERIOD, lines=LINES)
     assert np.allclose(scaled.response / scale, found.response, rtol=1e-6)
 
 
 def test_a_silent_output_at_a_line_and_a_narrow_band():
     u, y = record(0.9, 0.0, np.random.default_rng(5))
     quiet = np.cos(2 * np.pi * 3 * np.arange(len(u)) / PERIOD)[:, None]
-    found = periodic_local_rational(u, quiet, PERIOD, LINES)
+    found = periodic_local_rational(u, quiet, PERIOD, lines=LINES)
     assert np.isfinite(found.response).all() and np.isfinite(found.variance).all()
     with pytest.raises(InputError, match="take more periods, a lower degree, or higher lines"):
-        periodic_local_rational(u, y, PERIOD, LINES, degree=9)
+        periodic_local_rational(u, y, PERIOD, lines=LINES, degree=9)

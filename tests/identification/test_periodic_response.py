@@ -50,7 +50,7 @@ def test_the_regions_of_several_inputs_cover():
     y = (gain @ u0)[:, None] + noise(rng, RUNS, periods, 2, 2, size=0.01)
     estimate = from_periods(np.arange(1.0, RUNS + 1), u, y)
     assert estimate.response.shape == (RUNS, 2, 2)
-    inside = np.abs(estimate.response - gain) <= estimate.radius(0.95)
+    inside = np.abs(estimate.response - gain) <= estimate.radius(confidence=0.95)
     for i, j in np.ndindex(2, 2):
         assert within_binomial_limits(inside[:, i, j].sum(), RUNS, 0.95)
 
@@ -129,7 +129,7 @@ def test_a_stepped_sine_gives_the_response():
     rate, gain = 1e3, 0.5 * np.exp(-0.7j)
     time = np.arange(4000) / rate
     wave = np.exp(2j * np.pi * 10.1 * time)
-    u, y = sine_fit(np.stack([wave.real, (gain * wave).real + 3]), rate, 10.1)[..., 0]
+    u, y = sine_fit(np.stack([wave.real, (gain * wave).real + 3]), 1 / rate, 10.1)[..., 0]
     estimate = from_periods([10.1], u[None], y[None])
     assert estimate.response[0, 0, 0] == pytest.approx(gain, rel=1e-9)
     assert estimate.omega[0] == pytest.approx(2 * np.pi * 10.1)

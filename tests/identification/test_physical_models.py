@@ -38,7 +38,7 @@ def record(count=300, noise=0.0, seed=0, offset=0.0, late=0):
 
 @pytest.mark.parametrize("late", [0, 3])
 def test_parameters_of_a_clean_record_are_the_true_ones(late):
-    experiments = as_experiments(*record(offset=3.0, late=late), PERIOD)
+    experiments = as_experiments(*record(offset=3.0, late=late), dt=PERIOD)
     found = model().estimated(experiments, (late,) if late else ())
     assert found == pytest.approx(TRUE, rel=1e-4)
 
@@ -46,14 +46,14 @@ def test_parameters_of_a_clean_record_are_the_true_ones(late):
 def test_units_of_the_parameters_do_not_matter():
     scaled = PhysicalModel(
         lambda p: spring({name: value * 1e-9 for name, value in p.items()}),
-        {name: FittedParameter(2e9 * value, 0.0) for name, value in TRUE.items()},
+        {name: FittedParameter(2e9 * value, lower=0.0) for name, value in TRUE.items()},
     )
-    found = scaled.estimated(as_experiments(*record(), PERIOD))
+    found = scaled.estimated(as_experiments(*record(), dt=PERIOD))
     assert found == pytest.approx({name: 1e9 * value for name, value in TRUE.items()}, rel=1e-4)
 
 
 def test_a_bound_is_kept():
-    found = model(stiffness=(1.0, 7.0)).estimated(as_experiments(*record(), PERIOD))
+    found = model(stiffness=(1.0, 7.0)).estimated(as_experiments(*record(), dt=PERIOD))
     assert found["stiffness"] == pytest.approx(7.0, rel=1e-6)
 
 
@@ -64,7 +64,7 @@ def test_a_transfer_function_and_a_sampled_model_are_taken():
     def sampled(p):
         return control.sample_system(control.ss(*spring(p)), PERIOD)
 
-    experiments = as_experiments(*record(), PERIOD)
+    experiments = as_experiments(*record(), dt=PERIOD)
     for made in (transfer, sampled):
         found = PhysicalModel(made, model().parameters).estimated(experiments)
         assert found == pytest.approx(TRUE, rel=1e-4)
@@ -80,16 +80,18 @@ def error_of(simulator):
 @pytest.mark.cases(0)
 def test_of_short_noisy_records_physics_simulates_best():
     """Where all but the stiffness is known, the response errs far less than by other models."""
-    known = PhysicalModel(lambda p: spring(TRUE | p), {"stiffness": FittedParameter(5.0, 0.01)})
+    known = PhysicalModel(
+        lambda p: spring(TRUE | p), {"stiffness": FittedParameter(5.0, lower=0.01)}
+    )
     errors = []
     for seed in range(4):
         u, y = record(count=150, noise=0.5, seed=seed)
-        asked = {"sample_time": PERIOD, "orders": [1, 2, 3], "direct": False}
-        solution = wb.solve(StateSpaceFit(u, y, **asked, physical={"spring": known}), "best")
+        asked = {"dt": PERIOD, "orders": [1, 2, 3], "direct": False}
+        solution = wb.solve(StateSpaceFit(u, y, **asked, physical={"spring": known}), method="best")
         assert solution.certificate.valid, solution.certificate
         assert any(label == "spring (physics) 2" for label in solution.answer.candidates.labels)
-        assert solution.answer.simulator.sample_time == PERIOD
-        plain = wb.solve(StateSpaceFit(u, y, **asked), "best")
+        assert solution.answer.simulator.dt == PERIOD
+        plain = wb.solve(StateSpaceFit(u, y, **asked), method="best")
         errors.append([error_of(one.answer.simulator) for one in (solution, plain)])
     with_physics, without = np.median(errors, axis=0)
     assert with_physics < 0.6 * without
@@ -99,10 +101,10 @@ def test_wrong_physics_is_not_chosen():
     u, y = record(noise=0.02)
     wrong = PhysicalModel(
         lambda p: control.tf([p["k"]], [p["tau"], 1]),
-        {"k": FittedParameter(1.0), "tau": FittedParameter(1.0, 0.01)},
+        {"k": FittedParameter(1.0), "tau": FittedParameter(1.0, lower=0.01)},
     )
-    fit = StateSpaceFit(u, y, sample_time=PERIOD, orders=[2], physical={"lag": wrong})
-    solution = wb.solve(fit, "best")
+    fit = StateSpaceFit(u, y, dt=PERIOD, orders=[2], physical={"lag": wrong})
+    solution = wb.solve(fit, method="best")
     candidates = solution.answer.candidates
     assert "lag (physics) 1" in candidates.labels
     assert "lag (physics) 1" not in solution.message
@@ -111,12 +113,11 @@ def test_wrong_physics_is_not_chosen():
 def test_physics_that_gives_no_model_is_not_chosen():
     """Its pole is where the record allows none."""
     growing = PhysicalModel(
-        lambda p: ([[p["a"]]], [[1.0]], [[1.0]], [[0.0]]), {"a": FittedParameter(2.0, 1.0, 3.0)}
+        lambda p: ([[p["a"]]], [[1.0]], [[1.0]], [[0.0]]),
+        {"a": FittedParameter(2.0, lower=1.0, upper=3.0)},
     )
-    fit = StateSpaceFit(
-        *record(noise=0.02), sample_time=PERIOD, orders=[2], physical={"growing": growing}
-    )
-    solution = wb.solve(fit, "best")
+    fit = StateSpaceFit(*record(noise=0.02), dt=PERIOD, orders=[2], physical={"growing": growing})
+    solution = wb.solve(fit, method="best")
     assert solution.certificate.valid
     assert solution.answer.candidates.fits[0].tolist().count(-np.inf) == 1
     assert "growing" not in solution.message
@@ -137,7 +138,7 @@ def test_what_physics_lost_is_told():
 def test_experiments_with_gaps_are_taken():
     records = [record(200, seed=k) for k in (1, 2)]
     records[0][1][50:60] = np.nan
-    experiments = as_experiments([r[0] for r in records], [r[1] for r in records], PERIOD)
+    experiments = as_experiments([r[0] for r in records], [r[1] for r in records], dt=PERIOD)
     assert model().estimated(experiments) == pytest.approx(TRUE, rel=1e-4)
 
 
@@ -154,7 +155,7 @@ def test_experiments_with_gaps_are_taken():
 )  # fmt: skip
 def test_what_does_not_fit_the_record_is_named(given, words):
     with pytest.raises(InputError, match=words):
-        StateSpaceFit(*record(), sample_time=PERIOD, physical=given)
+        StateSpaceFit(*record(), dt=PERIOD, physical=given)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def truth(frequency=FREQUENCY):
 @pytest.mark.parametrize("kind", ["arx", "armax", "output-error", "box-jenkins"])
 def test_each_kind_finds_its_own_truth(kind):
     program = StateSpaceFit(*record(kind), orders=(2,))
-    solution = solve(program, kind)
+    solution = solve(program, method=kind)
     assert solution.certificate.holds, solution.certificate.failures
     found = solution.answer.simulator.response(FREQUENCY)[:, 0, 0]
     assert np.max(np.abs(found - truth()) / np.abs(truth()).max()) < 0.03
@@ -87,8 +87,8 @@ def test_an_impulse_response_may_not_act_at_once_or_late():
     u, y = record("output-error", 600)
     assert not impulse_response(Experiments(u, y), direct=False).D.any()
     late = np.roll(u, -4, axis=0)[:590]
-    model = impulse_response(Experiments(late, y[:590]), delay=(4,))
-    assert model.delay == (4,)
+    model = impulse_response(Experiments(late, y[:590]), delay_samples=(4,))
+    assert model.delay_samples == (4,)
     response = model.response(FREQUENCY)[:, 0, 0] * np.exp(8j * np.pi * FREQUENCY)
     assert np.abs(response - truth()).max() < 0.1 * np.abs(truth()).max()
 
@@ -112,9 +112,9 @@ def test_canonical_blocks_answer_as_the_model_they_start_from(kind):
 @pytest.mark.cases(0)
 def test_the_best_kind_is_chosen_and_the_runner_up_is_named():
     program = StateSpaceFit(*record("box-jenkins", 2000), orders=(1, 2, 3))
-    solution = solve(program, "best")
+    solution = solve(program, method="best")
     assert solution.certificate.holds, solution.certificate.failures
-    plain = solve(program, "output-error")
+    plain = solve(program, method="output-error")
     own, other = (program.metrics(each.answer) for each in (solution, plain))
     assert own["fit_one_step_y1"] > other["fit_one_step_y1"] + 1
     assert own["fit_free_run_y1"] > other["fit_free_run_y1"] - 0.5

@@ -50,7 +50,7 @@ def measured():
 @pytest.mark.parametrize("method", METHODS)
 def test_a_matrix_with_common_poles(measured, method):
     program = RationalModelFit(OMEGA, *measured, orders=(2, 4, 6))
-    solution = wb.solve(program, method)
+    solution = wb.solve(program, method=method)
     assert solution.certificate.valid, solution.certificate.failures
     assert solution.answer.model.order == 4
     tests = program.tests(solution.answer.model)
@@ -65,7 +65,7 @@ def test_a_matrix_with_common_poles(measured, method):
 
 def test_methods_find_the_same_minimum(measured):
     program = RationalModelFit(OMEGA, *measured, orders=(4,))
-    costs = [program.objective(wb.solve(program, method).answer) for method in METHODS]
+    costs = [program.objective(wb.solve(program, method=method).answer) for method in METHODS]
     np.testing.assert_allclose(costs, costs[0], rtol=1e-7)
 
 
@@ -74,8 +74,10 @@ def test_methods_find_the_same_minimum(measured):
 def test_a_delay_is_found(method):
     truth = (mode(1j * OMEGA, 10, 0.05) * np.exp(-2.3e-3j * OMEGA))[:, None, None]
     response, variance = with_noise(truth, np.random.default_rng(2), 1e-3)
-    program = RationalModelFit(OMEGA, response, variance, (2,), 2, delay_bounds=(0.0, 5e-3))
-    solution = wb.solve(program, method)
+    program = RationalModelFit(
+        OMEGA, response, variance, orders=(2,), excess=2, delay_bounds=(0.0, 5e-3)
+    )
+    solution = wb.solve(program, method=method)
     assert solution.certificate.valid, solution.certificate.failures
     model = solution.answer.model
     deviation = program.uncertainty(model).delay_deviation()
@@ -103,9 +105,7 @@ def test_a_sampled_model():
     z = np.exp(1j * omega * period)
     truth = ((0.3 * z + 0.2) / (z**2 - 1.6 * z + 0.9) / (z - 0.5))[:, None, None]
     response, variance = with_noise(truth, np.random.default_rng(3))
-    program = RationalModelFit(
-        omega, response, variance, orders=(2, 3, 4), sample_time=period, stable=True
-    )
+    program = RationalModelFit(omega, response, variance, orders=(2, 3, 4), dt=period, stable=True)
     solution = wb.solve(program)
     assert solution.certificate.valid, solution.certificate.failures
     assert solution.answer.model.order == 3 and solution.answer.lti.dt == period
@@ -131,7 +131,7 @@ def test_a_pole_at_the_margin_is_certified():
     truth = ((0.3 * z + 0.2) / (z**2 - 1.6 * z + 0.9) / (z - 1.1))[:, None, None]
     response, variance = with_noise(truth, np.random.default_rng(5))
     program = RationalModelFit(
-        np.linspace(0.05, 3.1, 100), response, variance, orders=(3,), sample_time=1.0, stable=True
+        np.linspace(0.05, 3.1, 100), response, variance, orders=(3,), dt=1.0, stable=True
     )
     solution = wb.solve(program)
     assert solution.certificate.valid, solution.certificate.failures
@@ -195,7 +195,7 @@ def coverage(records, periods, matrices, seed):
         estimate = from_periods(omega / (2 * np.pi), np.ones((60, periods, 1, 1)), y[..., None])
         weights = estimate.covariance if matrices else estimate.variance
         program = RationalModelFit(
-            omega, estimate.response, weights, (4,), excess=2, degrees=estimate.degrees
+            omega, estimate.response, weights, orders=(4,), excess=2, degrees=estimate.degrees
         )
         solution = wb.solve(program)
         valid += solution.certificate.valid
@@ -240,17 +240,17 @@ def test_one_call_warns_of_a_model_that_is_rejected():
     noise = rng.standard_normal((60, 8, 2, 2)) @ [1, 1j]
     y = servo_plant(omega)[:, None] + 0.05 * noise[..., None]
     estimate = from_periods(omega / (2 * np.pi), np.ones((60, 8, 1, 1)), y)
-    found = fit_rational_model(estimate, (2, 4, 6))
+    found = fit_rational_model(estimate, orders=(2, 4, 6))
     assert found.model.order == 4 and found.tests.accepted and found.certificate.valid
     assert set(found.candidates) == {2, 4, 6} and "order 4" in repr(found)
     assert found.lti.nstates == 4 and found.plot() is not None
     assert (found.magnitude_band(omega) <= found.radius(omega)).all()
-    drawn = found.uncertainty.drawn(rng, 2000, omega[:5])
+    drawn = found.uncertainty.drawn(rng, omega[:5], 2000)
     spread = np.mean(np.abs(drawn - found.response(omega[:5])) ** 2, axis=0)
     trace = np.trace(found.uncertainty.response_covariance(omega[:5]), axis1=-2, axis2=-1)
     np.testing.assert_allclose(spread, trace, rtol=0.1)
     with pytest.warns(IdentificationWarning, match="no order is accepted"):
-        fit_rational_model(estimate, 2)
+        fit_rational_model(estimate, orders=2)
 
 
 def test_the_servo_of_fditools():
@@ -263,13 +263,13 @@ def test_the_servo_of_fditools():
         stored["omega"],
         stored["response"],
         np.einsum("fii->fi", stored["covariance"]).real[..., None],
-        (4,),
+        orders=(4,),
         excess=[[2], [4]],
         degrees=36.0,
     )
     costs = []
     for method in METHODS:
-        solution = wb.solve(program, method)
+        solution = wb.solve(program, method=method)
         assert solution.certificate.valid, solution.certificate.failures
         costs.append(program.objective(solution.answer))
     np.testing.assert_allclose(costs, 299_314.08, rtol=1e-7)
@@ -302,8 +302,8 @@ GIVEN = {"omega": OMEGA, "response": np.ones((120, 1, 1)), "covariance": np.ones
         ({"orders": (120,)}, "coefficients"),
         ({"orders": (1,), "excess": 2}, "below the excess"),
         ({"excess": 0.5}, "excess"),
-        ({"sample_time": -1.0}, "sample_time"),
-        ({"sample_time": 1.0}, "half the sampling"),
+        ({"dt": -1.0}, "dt"),
+        ({"dt": 1.0}, "half the sampling"),
         ({"delay": -1.0}, "delay"),
         ({"delay_bounds": (1.0, 0.5)}, "delay_bounds"),
         ({"degrees": 4.0}, "degrees"),
@@ -317,7 +317,7 @@ def test_bad_data_are_named(changes, words):
 def test_instruments_do_not_fit_a_delay():
     program = RationalModelFit(**GIVEN, delay_bounds=(0.0, 1.0), orders=(1,))
     with pytest.raises(InputError, match="delay"):
-        wb.solve(program, "instruments")
+        wb.solve(program, method="instruments")
 
 
 def test_models_are_checked():
@@ -326,5 +326,5 @@ def test_models_are_checked():
         CommonPoleModel([[one, other]], 0.0)
     with pytest.raises(InputError, match="rows of one length"):
         CommonPoleModel([[one], [one, one]], 0.0)
-    with pytest.raises(InputError, match="sample_time"):
-        CommonPoleModel([[one]], 0.0, -1.0)
+    with pytest.raises(InputError, match="dt"):
+        CommonPoleModel([[one]], 0.0, dt=-1.0)

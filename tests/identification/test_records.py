@@ -25,7 +25,7 @@ def test_text(tmp_path, mark, header):
 def test_a_record_of_text(tmp_path):
     file = tmp_path / "arm.dat"
     file.write_text("".join(" ".join(f"{x:e}" for x in row) + "\n" for row in TABLE))
-    data = read_record(file, ["1"], ["2", "3"], sample_rate=2.0)
+    data = read_record(file, ["1"], ["2", "3"], dt=1 / 2.0)
     np.testing.assert_array_equal(data["u"], TABLE[:, :1].T)
     np.testing.assert_array_equal(data["y"], TABLE[:, 1:].T)
     np.testing.assert_array_equal(data["time"], [0, 0.5, 1, 1.5])
@@ -113,13 +113,13 @@ def test_bad_records(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_variables(tmp_path / "none.csv")
     with pytest.raises(InputError, match="no variable 'v'; it has u, y, n, t, c"):
-        read_record(file, ["v"], ["y"], 1.0)
+        read_record(file, ["v"], ["y"], dt=1 / 1.0)
     with pytest.raises(InputError, match="differ in length"):
-        read_record(file, ["u"], ["y"], 1.0)
+        read_record(file, ["u"], ["y"], dt=1 / 1.0)
     with pytest.raises(InputError, match="outputs differ in length"):
-        read_record(file, ["u"], ["u", "y"], 1.0)
+        read_record(file, ["u"], ["u", "y"], dt=1 / 1.0)
     with pytest.raises(InputError, match=r"'n' has 1 entries .* index 2"):
-        read_record(file, ["u"], ["n"], 1.0)
+        read_record(file, ["u"], ["n"], dt=1 / 1.0)
     with pytest.raises(InputError, match="'t' is not equidistant at sample"):
         read_record(file, ["u"], ["u"], time="t")
     with pytest.raises(InputError, match="rising instants"):
@@ -127,9 +127,9 @@ def test_bad_records(tmp_path):
     with pytest.raises(InputError, match="either the sample rate"):
         read_record(file, ["u"], ["u"])
     with pytest.raises(InputError, match="is no input"):
-        read_record(file, ["c"], ["u"], 1.0)
+        read_record(file, ["c"], ["u"], dt=1 / 1.0)
     with pytest.raises(InputError, match=r"outputs is \[\]; names of variables are needed"):
-        read_record(file, ["u"], [], 1.0)
+        read_record(file, ["u"], [], dt=1 / 1.0)
     with pytest.raises(InputError, match="differ in shape"):
         read_response(file, "u", ("u", "y"))
     with pytest.raises(InputError, match=r"shape \(3,\), 4 frequencies"):

@@ -23,7 +23,7 @@ def fed(estimate, u, y):
 def test_without_forgetting_it_is_least_squares_of_all_samples():
     rng = np.random.default_rng(3)
     u, y = rng.standard_normal((500, 2)), 5 + rng.standard_normal((500, 2)).cumsum(axis=0) / 9
-    estimate = RecursiveARX(2, 2, 2)
+    estimate = RecursiveARX(2, inputs=2, outputs=2)
     fed(estimate, u, y)
     found, batch = estimate.model(), arx(Experiments(u, y), 2)
     np.testing.assert_allclose(

@@ -64,7 +64,7 @@ def test_inputs_may_not_act_at_once_or_act_late():
     used = record(500, 1)
     assert not regularised_arx(used, direct=False).D.any()
     late = regularised_arx(used, delay=(2,))
-    assert late.delay == (2,)
+    assert late.delay_samples == (2,)
     assert error(regularised_arx(used), used) == pytest.approx(0.5, rel=0.1)
 
 

@@ -41,11 +41,11 @@ def test_regions_of_equal_periods_hold_the_plant(noise):
         u, y = rounded(u[PERIOD:]), rounded(y[PERIOD:])
         estimates, _ = record_responses([(u, y)], 1.0, 60)
         at = np.arange(1, PERIOD // 2, 3)
-        local = periodic_local_polynomial(u[:, None], y[:, None], PERIOD, at)
+        local = periodic_local_polynomial(u[:, None], y[:, None], PERIOD, lines=at)
         for kept, found in zip(held, (estimates[0], local), strict=True):
             exact = 0.1 / (np.exp(1j * found.omega) - 0.9)
             away = np.abs(found.response[:, 0, 0] - exact)
-            kept.append(away <= found.radius(0.95)[:, 0, 0])
+            kept.append(away <= found.radius(confidence=0.95)[:, 0, 0])
     assert all(np.mean(kept) >= 0.93 for kept in held)
 
 

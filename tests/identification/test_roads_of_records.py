@@ -66,11 +66,11 @@ ROADS = {
     "local polynomials": lambda u, y, **a: local_polynomial(u[:, None], y[:, None], **a),
     "local models": lambda u, y, **a: local_response(u[:, None], y[:, None], 1.0, **a),
     "local rational functions": lambda u, y, **a: local_rational(u[:, None], y[:, None], **a),
-    "averaged spectra": lambda u, y, **a: spectral_response(u, y, 1.0, 60, **a),
+    "averaged spectra": lambda u, y, **a: spectral_response(u, y, 1 / 1.0, 60, **a),
     "a state-space fit": lambda u, y, **a: StateSpaceFit(u, y, orders=[1], **a),
     "ARX": lambda u, y, **a: arx(as_experiments(u, y, **a), 2),
     "impulse responses": lambda u, y, **a: impulse_response(as_experiments(u, y, **a)),
-    "a transfer function": lambda u, y, **a: SampledRecord(u, y, 1.0, **a),
+    "a transfer function": lambda u, y, **a: SampledRecord(u, y, 1 / 1.0, **a),
     "a simulation": simulated,
 }
 
@@ -92,7 +92,7 @@ def test_an_excitation_opens_the_road(record, closed):
     u, y, r = record
     assert driven_response(u, y, r, 1.0).report.usable
     assert ClosedLoopFit(u, y, orders=[1], excitation=r).report.usable
-    SampledRecord(u, y, 1.0, noise_free_input=r)
+    SampledRecord(u, y, 1 / 1.0, noise_free_input=r)
 
 
 def test_a_fit_without_excitation_is_told_to_open_the_loop(record):
@@ -111,17 +111,17 @@ def test_certificates_of_models_say_what_was_tested(closed):
     u = np.random.default_rng(2).standard_normal(300)
     y = lfilter([0, 0.5], [1, -0.5], u) + 1e-3 * np.random.default_rng(3).standard_normal(300)
     fit = StateSpaceFit(u, y, orders=[1], assume="open loop")
-    assert told(wb.solve(fit, "n4sid").certificate)
+    assert told(wb.solve(fit, method="n4sid").certificate)
     model = simulated(0.5 * u, y, assume="open loop")
     fit = ParameterFit([model], {"a": FittedParameter(0.4)})
-    assert told(wb.solve(fit, "scipy").certificate)
+    assert told(wb.solve(fit, method="scipy").certificate)
 
 
 def test_certificates_of_fits_to_responses_say_what_was_tested(closed):
     u = np.random.default_rng(2).standard_normal(2000)
     y = lfilter([0, 0.5], [1, -0.5], u) + 0.1 * np.random.default_rng(3).standard_normal(2000)
-    found = spectral_response(u, y, 1.0, 100, assume="open loop")
-    assert told(fit_rational_model(found, [1], sample_time=1.0).certificate)
+    found = spectral_response(u, y, 1 / 1.0, 100, assume="open loop")
+    assert told(fit_rational_model(found, orders=[1], dt=1.0).certificate)
     assert MeasuredResponse.of(lambda p, s: p["k"], found).report is found.report
 
 
@@ -132,9 +132,9 @@ def covered(closed):
     for gain in (0.5, 0.55):
         u = rng.standard_normal(4000)
         y = lfilter([0, gain], [1, -0.5], u) + 0.01 * rng.standard_normal(4000)
-        estimates.append(spectral_response(u, y, 20.0, 100, assume="open loop"))
+        estimates.append(spectral_response(u, y, 1 / 20.0, 100, assume="open loop"))
     responses = Responses.from_estimates(estimates, plants=["one", "two"]).within(0.2, 2.0)
-    return wb.solve(StadiumCover(responses, 2, 1, confidence=0.9))
+    return wb.solve(StadiumCover(responses, 2, zeros=1, confidence=0.9))
 
 
 @pytest.mark.cases(0)
@@ -184,7 +184,7 @@ def test_a_report_is_short_and_says_what_forbids(record, closed):
     ("given", "words"),
     [
         ({"direct": 1}, "direct"),
-        ({"dt": -1.0}, "sample_time"),
+        ({"dt": -1.0}, "dt"),
         ({"r": np.ones(600)}, "never changes"),
         ({"r": np.ones(10)}, "excitation"),
         ({"r": "set-point"}, "excitation"),

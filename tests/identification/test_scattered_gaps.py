@@ -46,15 +46,16 @@ def test_projections_and_the_choice_of_kinds_with_gaps():
     u, y, rng = recorded()
     y[rng.random(len(y)) < 0.2] = np.nan
     for method in ("cva", "best"):
-        assert error_of(wb.solve(StateSpaceFit(u, y, orders=[3]), method)) < 0.03
+        assert error_of(wb.solve(StateSpaceFit(u, y, orders=[3]), method=method)) < 0.03
 
 
 def test_a_delay_is_estimated_across_gaps():
     u, y, rng = recorded()
     late = np.r_[np.zeros(9), y[:-9]]
     late[rng.random(len(y)) < 0.2] = np.nan
-    solution = wb.solve(StateSpaceFit(u, late, orders=[3, 4], delay="estimate"))
-    assert solution.answer.simulator.delay == (10,)  # one sample more than was put before the plant
+    solution = wb.solve(StateSpaceFit(u, late, orders=[3, 4], delay_samples="estimate"))
+    # one sample more than was put before the plant
+    assert solution.answer.simulator.delay_samples == (10,)
     assert error_of(solution, 9) < 0.03
 
 
@@ -79,7 +80,7 @@ def test_the_unit_of_time_is_read():
     u, y, _ = recorded(20)
     time = ("time", 20.0 * np.arange(20), {"units": "ms"})
     one, other = (xr.DataArray(x, dims="time", coords={"time": time}) for x in (u, y))
-    assert as_experiments(one, other).sample_time == pytest.approx(0.02)
+    assert as_experiments(one, other).dt == pytest.approx(0.02)
     one["time"].attrs["units"] = "fathom"
     with pytest.raises(InputError, match="the instants of u: 'fathom' cannot be converted to 's'"):
         as_experiments(one, other)
@@ -107,11 +108,13 @@ def test_methods_of_stable_plants_say_so():
         u[n] = r[n] - 2 * y[n]
     loop = ClosedLoopFit(u, y, orders=(1,), direct=False, excitation=r, poles="any")
     with pytest.raises(InputError, match="its models are stable"):
-        wb.solve(loop, "two-stage")
-    found = wb.solve(loop, "direct").answer.simulator
+        wb.solve(loop, method="two-stage")
+    found = wb.solve(loop, method="direct").answer.simulator
     assert found.A[0, 0] == pytest.approx(1.1, abs=0.02)
 
 
 def test_a_long_delay_is_estimated():
     u, y, _ = recorded(900)
-    assert StateSpaceFit(u, np.r_[np.zeros(40), y[:-40]], delay="estimate").delays == (41,)
+    assert StateSpaceFit(
+        u, np.r_[np.zeros(40), y[:-40]], delay_samples="estimate"
+    ).delays_samples == (41,)

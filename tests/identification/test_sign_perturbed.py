@@ -24,7 +24,7 @@ def program(rng, noise):
     truth = TRUE.response(OMEGA)
     parts = NOISES[noise](rng, (2, *truth.shape))
     noisy = truth + 0.02 * (parts[0] + 1j * parts[1])
-    return RationalModelFit(OMEGA, noisy, np.full(truth.shape, 1e-3), (2,))
+    return RationalModelFit(OMEGA, noisy, np.full(truth.shape, 1e-3), orders=(2,))
 
 
 @pytest.mark.cases(0)
@@ -32,7 +32,9 @@ def program(rng, noise):
 def test_the_true_model_is_in_the_region_as_often_as_it_says(noise):
     rng = np.random.default_rng(0)
     held = [
-        SignPerturbedRegion(program(rng, noise).structure, 0.9, 20, seed).contains(TRUE)
+        SignPerturbedRegion(
+            program(rng, noise).structure, confidence=0.9, sums=20, seed=seed
+        ).contains(TRUE)
         for seed in range(2000)
     ]
     assert np.mean(held) == pytest.approx(0.9, abs=3 * np.sqrt(0.09 / 2000))

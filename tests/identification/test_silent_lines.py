@@ -31,10 +31,10 @@ def inside(cubic: float, seed: int) -> tuple[float, float]:
     for _ in range(10):
         u, y, truth = record(rng, cubic, 1e-3)
         (found,), _ = record_responses([(u, y)], 1.0, 500)
-        known = np.isin(LINES, np.round(found.frequency * SAMPLES))
+        known = np.isin(LINES, np.round(found.frequency_hz * SAMPLES))
         away = np.abs(found.response[:, 0, 0] - truth[known])
-        shares.append(np.mean(away <= found.radius(0.95)[:, 0, 0]))
-        sizes.append(np.median(found.radius(0.95)[:, 0, 0] / np.abs(truth[known])))
+        shares.append(np.mean(away <= found.radius(confidence=0.95)[:, 0, 0]))
+        sizes.append(np.median(found.radius(confidence=0.95)[:, 0, 0] / np.abs(truth[known])))
     return float(np.mean(shares)), float(np.median(sizes))
 
 
@@ -63,7 +63,10 @@ def test_noise_of_neighbours_counts_as_well_known():
     u, y, truth = record(np.random.default_rng(4), 0.0, 1e-2)
     (found,), _ = record_responses([(u, y)], 1.0, 500)
     assert found.degrees >= 40
-    assert np.mean(np.abs(found.response[:, 0, 0] - truth) <= found.radius(0.99)[:, 0, 0]) > 0.97
+    assert (
+        np.mean(np.abs(found.response[:, 0, 0] - truth) <= found.radius(confidence=0.99)[:, 0, 0])
+        > 0.97
+    )
 
 
 @pytest.mark.parametrize("weak", [1e-5, 0.01])

@@ -50,7 +50,7 @@ def test_an_input_need_not_act_at_once_and_may_be_late():
     assert not sparse_arx(used, 8, direct=False).D.any()
     assert sparse_arx(used, 8).D[0, 1] == pytest.approx(1.0, abs=0.1)
     late = sparse_arx(used, 12, delay=(3, 0, 0))
-    assert late.delay == (3, 0, 0)
+    assert late.delay_samples == (3, 0, 0)
     assert error(late, used)[1] == pytest.approx(0.3, rel=0.1)
 
 

@@ -105,13 +105,13 @@ def test_predictions_from_an_unknown_initial_state():
 
 @pytest.fixture(scope="module")
 def program():
-    return StateSpaceFit(*simulated(700), 400, (1, 3), washout=20)
+    return StateSpaceFit(*simulated(700), estimation=400, orders=(1, 3), washout=20)
 
 
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("method", ["subspace", "prediction-error"])
 def test_program(program, method):
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     assert solution.outcome is Outcome.SOLVED, solution.message
     metrics = program.metrics(solution.answer)
     assert metrics["order"] == metrics["order_free_run"] == 3
@@ -129,9 +129,10 @@ def test_program(program, method):
 def test_held_out_samples_are_not_used(program):
     spoilt = program.y.copy()
     spoilt[400:] *= -3
-    other = StateSpaceFit(program.u, spoilt, 400, (1, 3), washout=20)
+    other = StateSpaceFit(program.u, spoilt, estimation=400, orders=(1, 3), washout=20)
     np.testing.assert_array_equal(
-        solve(other, "subspace").answer.predictor.A, solve(program, "subspace").answer.predictor.A
+        solve(other, method="subspace").answer.predictor.A,
+        solve(program, method="subspace").answer.predictor.A,
     )
 
 
@@ -154,7 +155,7 @@ def sabotaged(spoilt, worse):
 
 def test_each_use_chooses_its_own_order(program):
     predictors, simulators = sabotaged(3, "one_step"), sabotaged(1, "free_run")
-    found = identify(program, predictors, simulators, Context(Options()))
+    found = identify(program, predictors, simulators, Context(options=Options()))
     assert found.scores.shape == (2, 2, 2)
     np.testing.assert_array_equal(found.scores.mean(axis=-1).argmax(axis=-1), [0, 1])
     metrics = program.metrics(found)
@@ -179,7 +180,7 @@ def test_models_of_different_orders_survive_the_dataset(program):
 
 def test_criteria_differ_by_use():
     u, y = simulated(400, noise=1.0)
-    program = StateSpaceFit(u, y, 300, (3,), washout=20)
+    program = StateSpaceFit(u, y, estimation=300, orders=(3,), washout=20)
     answer = solve(program).answer
     start = best_subspace(u[:300], y[:300], 3)
     for model, weight in ((answer.predictor, 0.0), (answer.simulator, 1.0)):
@@ -190,7 +191,7 @@ def test_criteria_differ_by_use():
 
 @pytest.mark.parametrize("name", ["predictor", "simulator"])
 def test_an_unstable_model_is_found(program, name):
-    answer = solve(program, "subspace").answer
+    answer = solve(program, method="subspace").answer
     model = getattr(answer, name)
     wild = replace(answer, **{name: replace(model, A=3 * model.A)})
     failed = {check.name for check in program.certify(wild, 1e-6).checks if not check.holds}
@@ -206,7 +207,7 @@ def test_no_stable_model_is_a_failure(program):
         return lambda record: best_subspace(record.u, record.y, order)
 
     for ways in ((none, none), (none, some), (some, none)):
-        assert identify(program, *ways, Context(Options())) is None
+        assert identify(program, *ways, Context(options=Options())) is None
 
 
 def test_unstable_start():
@@ -242,7 +243,7 @@ def with_infinity():
 )
 def test_bad_input(u, y, orders, message):
     with pytest.raises(InputError, match=message):
-        StateSpaceFit(u, y, len(u) * 2 // 3, orders, washout=20)
+        StateSpaceFit(u, y, estimation=len(u) * 2 // 3, orders=orders, washout=20)
 
 
 def test_order_too_high_for_one_past():

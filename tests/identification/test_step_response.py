@@ -28,8 +28,8 @@ def record(size, seed=0, sizes=None):
 
 
 def measured(u, y, **changed):
-    given = {"starts": STARTS, "length": LENGTH, "frequency": FREQUENCY} | changed
-    return step_response(u, y, RATE, **given)
+    given = {"starts": STARTS, "length": LENGTH, "frequency_hz": FREQUENCY} | changed
+    return step_response(u, y, dt=1 / RATE, **given)
 
 
 def test_without_noise_the_response_is_exact():
@@ -89,8 +89,8 @@ def test_an_output_that_still_moves_is_told():
         ({"starts": [40, 500]}, "must not overlap"),
         ({"starts": [50, 150]}, "must not overlap"),
         ({"starts": [50, 4500]}, "must not overlap"),
-        ({"frequency": [0.0]}, "frequencies"),
-        ({"frequency": [50.0]}, "frequencies"),
+        ({"frequency_hz": [0.0]}, "frequencies"),
+        ({"frequency_hz": [50.0]}, "frequencies"),
         ({"starts": [90, 890]}, "no step"),
     ],
 )

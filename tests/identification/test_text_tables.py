@@ -111,10 +111,10 @@ def test_a_column_of_a_matrix_is_named_by_number(tmp_path):
     matrix = np.arange(12.0).reshape(6, 2)
     savemat(tmp_path / "one.mat", {"data": matrix})
     for name in ("2", "data[1]"):
-        data = read_record(tmp_path / "one.mat", "1", name, 2.0)
+        data = read_record(tmp_path / "one.mat", "1", name, dt=1 / 2.0)
         np.testing.assert_array_equal(data["y"], matrix.T[1:])
     with pytest.raises(InputError, match=r"'data' has 2 columns, no 'data\[2\]'"):
-        read_record(tmp_path / "one.mat", "1", "data[2]", 2.0)
+        read_record(tmp_path / "one.mat", "1", "data[2]", dt=1 / 2.0)
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)

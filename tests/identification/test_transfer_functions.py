@@ -49,7 +49,7 @@ def runs(benchmark):
     rng = np.random.default_rng(1)
     found = {"least squares": [], "instruments": [], "output error": []}
     for _ in range(RUNS):
-        record = SampledRecord(u, y + size * rng.standard_normal(len(y)), RATE)
+        record = SampledRecord(u, y + size * rng.standard_normal(len(y)), 1 / RATE)
         start = filtered_least_squares(record, (1, 4), FILTER)
         found["least squares"].append(start)
         found["instruments"].append(refined_instruments(record, start))
@@ -116,7 +116,7 @@ def test_coloured_noise_needs_no_model(benchmark):
     errors = []
     for _ in range(RUNS):
         noise = lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], rng.standard_normal(len(y)))
-        record = SampledRecord(u, y + 0.3 * size * noise, RATE)
+        record = SampledRecord(u, y + 0.3 * size * noise, 1 / RATE)
         one = refined_instruments(record, filtered_least_squares(record, (1, 4), FILTER))
         errors.append((one.values - TRUTH) / one.deviations)
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -125,7 +125,7 @@ def test_coloured_noise_needs_no_model(benchmark):
 
 def test_without_noise_all_methods_are_exact_for_a_held_input(benchmark):
     u, y, _ = benchmark
-    record = SampledRecord(u, y, RATE)
+    record = SampledRecord(u, y, 1 / RATE)
     start = filtered_least_squares(record, (1, 4), DENOMINATOR)
     for one in (start, refined_instruments(record, start), output_error(record, start)):
         np.testing.assert_allclose(one.values, TRUTH, rtol=1e-9)
@@ -149,7 +149,7 @@ def test_feedback_needs_instruments_from_outside():
     auxiliary = np.array([1.0, 3.0])
     found = {}
     for name, free in (("input", None), ("excitation", clean)):
-        record = SampledRecord(u, y, rate, noise_free_input=free)
+        record = SampledRecord(u, y, 1 / rate, noise_free_input=free)
         model = FilteredRecord.of(record, (0, 1), [1.0, 3.0])
         z, _ = model.instruments(auxiliary, record.clean_input)
         phi, target = model.regressors()
@@ -178,17 +178,17 @@ def test_unstable_roots_are_mirrored():
 
 def test_bad_records_and_models():
     u, y = np.random.default_rng(0).standard_normal((2, 100))
-    record = SampledRecord(u, y, RATE)
+    record = SampledRecord(u, y, 1 / RATE)
     with pytest.raises(InputError, match="sample rate"):
-        SampledRecord(u, y, 0.0)
+        SampledRecord(u, y, 1 / 0.0)
     with pytest.raises(InputError, match="hold"):
-        SampledRecord(u, y, RATE, "linear")
+        SampledRecord(u, y, 1 / RATE, hold="linear")
     with pytest.raises(InputError, match="as many samples"):
-        SampledRecord(u[1:], y, RATE)
+        SampledRecord(u[1:], y, 1 / RATE)
     with pytest.raises(InputError, match="never changes"):
-        SampledRecord(np.ones(100), y, RATE)
+        SampledRecord(np.ones(100), y, 1 / RATE)
     with pytest.raises(InputError, match="NaN"):
-        SampledRecord(u, np.where(np.arange(100) == 5, np.nan, y), RATE)
+        SampledRecord(u, np.where(np.arange(100) == 5, np.nan, y), 1 / RATE)
     with pytest.raises(InputError, match="degrees"):
         filtered_least_squares(record, (3, 2), [1, 1, 1])
     with pytest.raises(InputError, match="monic"):
@@ -196,13 +196,13 @@ def test_bad_records_and_models():
     with pytest.raises(InputError, match="root"):
         filtered_least_squares(record, (0, 1), [1, -1])
     with pytest.raises(InputError, match="cannot tell"):
-        filtered_least_squares(SampledRecord(u[:4], y[:4], RATE), (1, 2), [1, 2, 1])
+        filtered_least_squares(SampledRecord(u[:4], y[:4], 1 / RATE), (1, 2), [1, 2, 1])
 
 
 def test_one_sine_does_not_tell_four_coefficients():
     time = np.arange(2000) / RATE
     u = np.where(time < 10.0, 0.0, np.sin(2 * np.pi * time))
-    quiet = SampledRecord(u, 2.0 * u, RATE)
+    quiet = SampledRecord(u, 2.0 * u, 1 / RATE)
     with pytest.raises(InputError, match="does not tell"):
         filtered_least_squares(quiet, (1, 2), [1.0, 2.0, 1.0])
 
@@ -210,7 +210,7 @@ def test_one_sine_does_not_tell_four_coefficients():
 def test_iterations_that_do_not_settle_are_an_error(benchmark, monkeypatch):
     u, y, size = benchmark
     noisy = y + size * np.random.default_rng(4).standard_normal(len(y))
-    record = SampledRecord(u, noisy, RATE)
+    record = SampledRecord(u, noisy, 1 / RATE)
     start = filtered_least_squares(record, (1, 4), FILTER)
     monkeypatch.setattr(regression, "MOST_ITERATIONS", 2)
     with pytest.raises(SolverError, match="do not settle"):

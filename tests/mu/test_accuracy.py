@@ -46,7 +46,7 @@ def test_lower_is_never_above_upper(count):
         M = random_matrix(rng, structure, 10)
         upper = upper_bound(M, structure).value
         for method in ("power", "best") if count == 2000 else ("power",):
-            assert (lower_bound(M, structure, method).value <= upper * (1 + 1e-9)).all()
+            assert (lower_bound(M, structure, method=method).value <= upper * (1 + 1e-9)).all()
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_with_a_complex_part(part, blocks):
     rng = np.random.default_rng(5)
     B, C = rng.standard_normal((2, structure.rows)), rng.standard_normal((structure.columns, 2))
     system = control.ss(A, B, C, np.zeros((structure.columns, structure.rows)))
-    found = peak(system, structure, 1e-2, complex_part=part)
+    found = peak(system, structure, tolerance=1e-2, complex_part=part)
     Delta = destabilising(found, system, structure)
     poles = closed_poles(system, Delta)
     assert abs(poles - 1j * found.omega).min() < 1e-6 * found.omega

@@ -28,7 +28,7 @@ def test_bounds_and_multipliers_have_the_shapes_of_the_structure():
     system = control.ss(
         -np.diag([1.0, 2.0, 30.0]), rng.normal(size=(3, 5)), rng.normal(size=(4, 3)), 0
     )
-    swept = frequency_sweep(system, structure, [0.0, 1.0, 10.0, np.inf])
+    swept = frequency_sweep(system, structure, omega=[0.0, 1.0, 10.0, np.inf])
     assert swept.omega.tolist() == [0.0, 1.0, 10.0, np.inf]
     assert swept.M.shape == (4, 4, 5)
     assert swept.D_left.shape == (4, 4, 4)
@@ -51,7 +51,7 @@ def test_the_grid_has_zero_infinity_and_every_pole():
 @pytest.mark.parametrize("omega", [[], [-1.0], [np.nan]])
 def test_wrong_frequencies(omega):
     with pytest.raises(InputError, match="omega"):
-        frequency_sweep(control.tf(1, [1, 1]), ONE, omega)
+        frequency_sweep(control.tf(1, [1, 1]), ONE, omega=omega)
 
 
 def test_a_system_of_another_size():
@@ -62,4 +62,4 @@ def test_a_system_of_another_size():
 def test_an_unknown_method_is_named_without_a_gap_too():
     structure = Structure([Full(1, 1)])
     with pytest.raises(UnknownNameError, match="guess"):
-        frequency_sweep(control.ss(-1.0, 1.0, 1.0, 0.0), structure, [0.0, 1.0], "guess")
+        frequency_sweep(control.ss(-1.0, 1.0, 1.0, 0.0), structure, omega=[0.0, 1.0], lower="guess")

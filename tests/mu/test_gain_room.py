@@ -36,7 +36,7 @@ def weak_mu(factor):
 
 
 def test_edges_are_where_the_closed_form_crosses_one(weak):
-    room = gain_room(weak, K, 1e-3)
+    room = gain_room(weak, K, tolerance=1e-3)
     assert weak_mu(1.0) < 1.0
     high = brentq(lambda f: weak_mu(f) - 1, 1.0, 20.0)
     low = brentq(lambda f: weak_mu(f) - 1, 0.26, 1.0)
@@ -47,7 +47,7 @@ def test_edges_are_where_the_closed_form_crosses_one(weak):
 
 def test_the_nominal_loop_is_lost_at_low_gain(weak):
     """1 / (s - 1) is unstable where the gain is below 1, a quarter of the given one."""
-    assert gain_room(weak, K, 1e-2).below >= 0.25
+    assert gain_room(weak, K, tolerance=1e-2).below >= 0.25
 
 
 def test_without_robust_performance_there_is_no_room():
@@ -56,7 +56,7 @@ def test_without_robust_performance_there_is_no_room():
 
 
 def test_where_the_search_ends_nothing_is_said_of_what_is_lost(weak):
-    room = gain_room(weak, K, 1e-2, most=1.3)
+    room = gain_room(weak, K, tolerance=1e-2, most=1.3)
     assert room.high == pytest.approx(1.3) and room.above == np.inf
     assert room.low == pytest.approx(1 / 1.3) and room.below == 0.0
 

@@ -23,7 +23,7 @@ def random(rng, *shape):
 
 @pytest.mark.parametrize("blocks", STRUCTURES)
 def test_it_is_the_slope_of_the_bound(blocks):
-    rng, structure, high = np.random.default_rng(2), Structure(blocks), Options("high")
+    rng, structure, high = np.random.default_rng(2), Structure(blocks), Options(tolerance="high")
     M, change = random(rng, 2, 100, structure.columns, structure.rows)
     change /= np.linalg.norm(change, axis=(1, 2), keepdims=True)
     up, down = (

@@ -46,7 +46,7 @@ def random_structure(rng, largest, kinds=("real", "complex", "full")):
 
 def certified(M, structure, method=None):
     """Values of a method, whose certificate holds."""
-    solution = solve(MuLowerBound(M, structure), method)
+    solution = solve(MuLowerBound(M, structure), method=method)
     assert solution.certificate is not None, solution.message
     assert solution.certificate.valid, solution.certificate
     return solution.answer.value
@@ -216,7 +216,7 @@ def test_zero_is_not_destabilised(structure):
 
 def test_answers_keep_the_leading_axes():
     M = random(np.random.default_rng(12), MIXED, 2, 3)
-    answer = lower_bound(M, MIXED, "power")
+    answer = lower_bound(M, MIXED, method="power")
     assert answer.value.shape == (2, 3)
     assert answer.Delta.shape == (2, 3, MIXED.rows, MIXED.columns)
     assert lower_bound(M[:0], MIXED).value.shape == (0, 3)
@@ -253,7 +253,7 @@ def test_a_bound_that_is_said_is_proven_from_another_rounding_of_the_proof(monke
     structure = Structure([Complex(1), Complex(1), Full(2, 2)])
     M = rng.standard_normal((20, 4, 4)) + 1j * rng.standard_normal((20, 4, 4))
     program = MuLowerBound(M, structure)
-    found = solve(program, "power").answer
+    found = solve(program, method="power").answer
     direction = singularity._direction
 
     def rounded(M, Delta):
@@ -277,7 +277,7 @@ def test_bad_input_is_refused():
     with pytest.raises(InputError, match="numbers"):
         lower_bound([["a"]], Structure([Real(1)]))
     with pytest.raises(InputError, match="no real block"):
-        lower_bound(np.eye(2), Structure([Full(2, 2)]), "gain")
+        lower_bound(np.eye(2), Structure([Full(2, 2)]), method="gain")
 
 
 class TestCertificate:
@@ -285,7 +285,7 @@ class TestCertificate:
 
     M = random(np.random.default_rng(15), MIXED, 3)
     program = MuLowerBound(M, MIXED)
-    answer = lower_bound(M, MIXED, "power")
+    answer = lower_bound(M, MIXED, method="power")
 
     def failures(self, value=None, Delta=None):
         value = self.answer.value if value is None else value

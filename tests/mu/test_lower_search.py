@@ -38,7 +38,7 @@ def structure_of_four(rng):
 
 def thorough(M, structure):
     """Values (B,) of ascents from power iterations, and of vertices, edges and levels."""
-    search = _Search(MuLowerBound(M, structure), Context(Options()))
+    search = _Search(MuLowerBound(M, structure), Context(options=Options()))
     values, deltas = power_batch(search.M, search.table, *search.starts(6))
     for start in range(len(values)):
         for m in np.flatnonzero(values[start] > 0):
@@ -136,7 +136,7 @@ def test_an_ascent_ends_where_no_neighbour_is_better():
 def test_ends_that_are_known_hide_no_higher_one(blocks):
     """Ascents that stop at ends of earlier ones find what they find alone, in 200 matrices."""
     structure, rng = Structure(blocks), np.random.default_rng(4)
-    search = _Search(MuLowerBound(random(rng, 200, 4, 4), structure), Context(Options()))
+    search = _Search(MuLowerBound(random(rng, 200, 4, 4), structure), Context(options=Options()))
     vectors, reals, moving, levels = search.varied_starts(12)
     starts = vectors, reals, moving, np.zeros_like(levels)
     together = search_batch(search.M, search.table, *starts, 100)[0]

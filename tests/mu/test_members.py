@@ -30,10 +30,12 @@ def test_no_member_exceeds_what_is_proven():
 def test_members_are_the_same_wherever_they_are_computed():
     system = loop()
     with ThreadPoolExecutor(2) as pool:
-        spread = monte_carlo(system, stiffest, 40, 5, executor=pool)
-    assert (spread.values == monte_carlo(system, stiffest, 40, 5).values).all()
-    assert (spread.values[:10] == monte_carlo(system, stiffest, 10, 5).values).all()
-    assert (spread.values != monte_carlo(system, stiffest, 40, 6).values).any()
+        spread = monte_carlo(system, quantity=stiffest, count=40, seed=5, executor=pool)
+    assert (spread.values == monte_carlo(system, quantity=stiffest, count=40, seed=5).values).all()
+    assert (
+        spread.values[:10] == monte_carlo(system, quantity=stiffest, count=10, seed=5).values
+    ).all()
+    assert (spread.values != monte_carlo(system, quantity=stiffest, count=40, seed=6).values).any()
     assert np.isnan(spread.bound) and "stiffest" in repr(spread)
 
 
@@ -81,7 +83,7 @@ def test_unstable_members_are_infinite():
 
 @pytest.mark.parametrize("kinds", [("bode", "nyquist", "step", "poles"), "bode", ["poles", "step"]])
 def test_bundles(kinds):
-    figure = bundle_plot(loop(), kinds, samples=5)
+    figure = bundle_plot(loop(), kinds=kinds, samples=5)
     shown = [panel for panel in figure.axes if panel.get_visible()]
     assert len(shown) == (1 if isinstance(kinds, str) else len(kinds))
     assert all(panel.get_xlabel() and panel.get_ylabel() for panel in shown)
@@ -113,17 +115,17 @@ LOOP = tf([1], [1, real("a", 1, percent=10)])
         (lambda: monte_carlo(LOOP, seed="1"), "seed"),
         (lambda: monte_carlo(LOOP, confidence=1.0), "confidence is 1.0"),
         (lambda: monte_carlo(LOOP, confidence=None), "confidence is None"),
-        (lambda: monte_carlo(LOOP, "norm"), "quantity is 'norm'"),
-        (lambda: monte_carlo(LOOP, lambda member: None, 3), "quantity of member 0 is None"),
-        (lambda: monte_carlo(LOOP, lambda member: np.nan, 3), "quantity of member 0 is nan"),
+        (lambda: monte_carlo(LOOP, quantity="norm"), "quantity is 'norm'"),
+        (lambda: monte_carlo(LOOP, quantity=lambda _: None, count=3), "of member 0 is None"),
+        (lambda: monte_carlo(LOOP, quantity=lambda _: np.nan, count=3), "of member 0 is nan"),
         (lambda: monte_carlo(LOOP, count=3).quantile(1.5), "share is 1.5"),
         (lambda: monte_carlo(LOOP, count=3).quantile("0.5"), "share is '0.5'"),
         (lambda: monte_carlo(LOOP, count=3).probability("a"), "level is 'a'"),
         (lambda: bundle_plot("loop"), "system must be"),
         (lambda: bundle_plot(control.tf([1], [1, 1])), "no uncertain element"),
-        (lambda: bundle_plot(LOOP, "bodes"), "kinds are 'bodes'"),
-        (lambda: bundle_plot(LOOP, []), "kinds are"),
-        (lambda: bundle_plot(LOOP, 3), "kinds"),
+        (lambda: bundle_plot(LOOP, kinds="bodes"), "kinds are 'bodes'"),
+        (lambda: bundle_plot(LOOP, kinds=[]), "kinds are"),
+        (lambda: bundle_plot(LOOP, kinds=3), "kinds"),
         (lambda: bundle_plot(LOOP, samples=0), "samples is 0"),
     ],
 )  # fmt: skip

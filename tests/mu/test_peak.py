@@ -99,7 +99,7 @@ def test_against_dense_sampling(structure, seed):
     assert found.lower <= found.upper < 1.05 * found.lower
     check(system, structure, found)
     check_delta(system, structure, found)
-    sampled = frequency_sweep(system, structure, dense(system, 300)).upper
+    sampled = frequency_sweep(system, structure, omega=dense(system, 300)).upper
     assert sampled.max() <= found.upper * (1 + 1e-9)
 
 
@@ -108,7 +108,7 @@ def test_of_one_full_block_is_the_norm(seed):
     structure = Structure([Full(2, 3)])
     system = modes(np.random.default_rng(seed), structure, 4)
     norm = control.norm(system, "inf", tol=1e-9)
-    found = peak(system, structure, 1e-4)
+    found = peak(system, structure, tolerance=1e-4)
     assert found.lower <= norm * (1 + 1e-7)
     assert norm <= found.upper * (1 + 1e-7)
     assert found.upper < norm * 1.0003
@@ -141,7 +141,7 @@ def test_at_the_ends_of_the_axis(system, omega):
 def test_beyond_the_end_of_a_grid():
     bump = control.tf([1, 0], [1, 1e5, 1e10]) * 1e5
     system = control.tf(0.9, [1, 1]) + bump
-    assert frequency_sweep(system, ONE, np.geomspace(1e-3, 1e3, 200)).upper.max() < 0.91
+    assert frequency_sweep(system, ONE, omega=np.geomspace(1e-3, 1e3, 200)).upper.max() < 0.91
     assert peak(system, ONE).upper == pytest.approx(1.001, rel=1e-3)
 
 
@@ -191,13 +191,16 @@ def test_balls_prove_what_doubles_leave_open(monkeypatch):
 def test_stopped_early_it_is_still_a_bound():
     structure = STRUCTURES[3]
     system = modes(np.random.default_rng(7), structure, 5)
-    exact, rough = peak(system, structure, 1e-5), peak(system, structure, 1e-5, steps=5)
+    exact, rough = (
+        peak(system, structure, tolerance=1e-5),
+        peak(system, structure, tolerance=1e-5, steps=5),
+    )
     assert rough.upper >= exact.lower
     check(system, structure, rough)
 
 
 def test_real_scalars_alone_need_a_complex_part():
-    system, real = control.tf(1, [1, 2e-3, 1]), Structure([Real(1, "k")])
+    system, real = control.tf(1, [1, 2e-3, 1]), Structure([Real(1, name="k")])
     with pytest.raises(InputError, match="not continuous"):
         peak(system, real)
     parts = [peak(system, real, complex_part=part) for part in (1e-2, 1e-3, 1e-4)]
@@ -228,7 +231,7 @@ def test_a_system_that_will_not_do(system, words):
 
 def test_a_tolerance_that_will_not_do():
     with pytest.raises(InputError, match="tolerance"):
-        peak(control.tf(1, [1, 1]), ONE, 0.0)
+        peak(control.tf(1, [1, 1]), ONE, tolerance=0.0)
 
 
 def uncertainty(kind):

@@ -34,7 +34,7 @@ def exact(omega):
 
 
 def test_the_peak_is_that_of_the_closed_form(plant):
-    found = performance_peak(plant, K, 1e-4)
+    found = performance_peak(plant, K, tolerance=1e-4)
     top = exact(np.geomspace(1e-4, 1e3, 5000)).max()
     assert found.lower <= top * (1 + 1e-9)
     assert top <= found.upper <= top * (1 + 2e-4)

@@ -22,7 +22,7 @@ def holds(found, exact, tolerance):
 def test_a_probability_known_in_closed_form():
     """s^2 + a s + b is stable where both are positive."""
     a, b = (real(name, 0.5, plus_minus=1) for name in "ab")
-    found = guaranteed_probability(tf([1], [1, a, b]), tolerance=0.03)
+    found = guaranteed_probability(tf([1], [1, a, b]), width=0.03)
     holds(found, 0.75**2, 0.03)
     assert "stable; " in repr(found)
 
@@ -31,7 +31,7 @@ def test_a_probability_known_in_closed_form():
 def test_a_curved_boundary():
     """s^3 + x s^2 + y s + z of positive coefficients is stable where x y > z: an integral."""
     x, y = real("x", 1, plus_minus=1), real("y", 1, plus_minus=1)
-    found = guaranteed_probability(tf([1], [1, x, y, 0.5]), tolerance=0.05)
+    found = guaranteed_probability(tf([1], [1, x, y, 0.5]), width=0.05)
     holds(found, 1 - (0.5 + 0.5 * np.log(8)) / 4, 0.05)
 
 
@@ -45,7 +45,7 @@ def gains(x, y):
 @pytest.mark.parametrize("named", thinned([{}, {"x": stats.norm(0.5, 0.2)}], 2))
 def test_the_probability_of_a_gain(named):
     x, y = real("x", 0.6, plus_minus=0.4), real("y", 1, plus_minus=0.5)
-    found = guaranteed_probability(tf([1], [1, x, y]), 2.0, distributions=named, tolerance=0.08)
+    found = guaranteed_probability(tf([1], [1, x, y]), gain=2.0, distributions=named, width=0.08)
     draws = named["x"].rvs(10**6, random_state=1) if named else RNG.uniform(0.2, 1, 10**6)
     draws = draws[(draws > 0.2) & (draws < 1)]
     share = (gains(draws, RNG.uniform(0.5, 1.5, len(draws))) < 2).mean()
@@ -58,19 +58,19 @@ def test_all_and_none():
     sure = guaranteed_probability(tf([1], [1, c, 1]))
     assert sure.lower == pytest.approx(1.0, abs=1e-9)
     assert sure.parts == 1
-    never = guaranteed_probability(tf([5], [1, c, 1]), 1.0, tolerance=1e-3)
+    never = guaranteed_probability(tf([5], [1, c, 1]), gain=1.0, width=1e-3)
     assert never.upper == pytest.approx(0.0, abs=1e-3)
 
 
 def test_an_uneven_range_counts_values_and_not_perturbations():
     c = real("c", 1, low=-1, high=9)
-    found = guaranteed_probability(tf([1], [1, c, 1]), tolerance=1e-3)
+    found = guaranteed_probability(tf([1], [1, c, 1]), width=1e-3)
     holds(found, 0.9, 1e-3)
 
 
 def test_sampled_systems_too():
     a = real("a", 0.5, plus_minus=1)
-    holds(guaranteed_probability(ss([[a]], [[1]], [[1]], 0, 0.1), tolerance=1e-3), 0.75, 1e-3)
+    holds(guaranteed_probability(ss([[a]], [[1]], [[1]], 0, 0.1), width=1e-3), 0.75, 1e-3)
 
 
 PLANT = tf([1], [1, real("c", 1, plus_minus=0.5), 1])
@@ -133,7 +133,7 @@ class Atoms:
 def test_values_that_have_a_probability_of_their_own(law, truth):
     """p + 0.5 is stable from p = -0.5 on; the ends of the range belong to it."""
     p = real("p", 0, plus_minus=1)
-    found = guaranteed_probability(tf([1], [1, p + 0.5]), distributions={"p": law}, tolerance=1e-3)
+    found = guaranteed_probability(tf([1], [1, p + 0.5]), distributions={"p": law}, width=1e-3)
     holds(found, truth, 1e-3)
     assert found.holds, found.certificate.failures
 
@@ -154,7 +154,7 @@ def test_a_law_that_cannot_draw_is_inverted(weights):
 
 def test_a_wrong_probability_is_refuted_by_members_that_are_drawn():
     p = real("p", 0, plus_minus=1)
-    found = guaranteed_probability(tf([1], [1, p + 0.5]), tolerance=1e-3)
+    found = guaranteed_probability(tf([1], [1, p + 0.5]), width=1e-3)
     wrong = replace(found, lower=0.9, upper=0.95)
     checker = found._checked_by[0]
     assert not checker.second_opinion(wrong)[0].holds
@@ -176,5 +176,5 @@ def test_an_island_of_stable_members_between_unstable_ones_counts():
     second range in them are unstable."""
     d = real("d", 0, plus_minus=1)
     c = -1.0 * (d * d - 0.01) * (d - 0.6) * (d - 0.7)
-    found = guaranteed_probability(tf([1], [1, c]), tolerance=0.02)
+    found = guaranteed_probability(tf([1], [1, c]), width=0.02)
     holds(found, 0.15, 0.02)

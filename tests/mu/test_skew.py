@@ -91,7 +91,7 @@ def test_without_fixed_blocks_it_is_mu():
 
 
 def test_two_complex_scalars_by_the_circle_of_a_moebius_map():
-    structure = Structure([Complex(1, "held"), Complex(1)])
+    structure = Structure([Complex(1, name="held"), Complex(1)])
     M = random(5, structure, 30)
     M[:, 0, 0] *= 0.9 / abs(M[:, 0, 0])
     a = M[:, 0, 0]
@@ -186,7 +186,9 @@ def test_it_is_between_mu_of_the_varying_blocks_and_infinity():
 
 
 def test_bad_input_is_refused():
-    structure = Structure([Real(1, "mass"), Complex(1, "a"), Complex(1, "a"), Full(1, 1)])
+    structure = Structure(
+        [Real(1, name="mass"), Complex(1, name="a"), Complex(1, name="a"), Full(1, 1)]
+    )
     M = np.eye(4)
     with pytest.raises(UnknownNameError, match="mass"):
         skew_bounds(M, structure, "mas")

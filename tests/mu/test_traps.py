@@ -49,7 +49,7 @@ def test_ab13md_reports_149011_where_mu_is_1():
 def test_ab13md_is_loose_with_real_scalars(blocks, looseness, record_property):
     structure = Structure(blocks)
     M = random(0, 300, structure.rows)
-    ours, theirs = (upper_bound(M, structure, name).value for name in ("fast", "ab13md"))
+    ours, theirs = (upper_bound(M, structure, method=name).value for name in ("fast", "ab13md"))
     clear = ours > 0.1 * np.linalg.norm(M, 2, axis=(1, 2))
     excess = theirs[clear] / ours[clear] - 1
     record_property("largest excess of AB13MD", float(excess.max()))
@@ -60,7 +60,7 @@ def test_ab13md_is_loose_with_real_scalars(blocks, looseness, record_property):
 
 def test_ab13md_is_tight_with_complex_blocks():
     M = random(1, 100, 2)
-    ours, theirs = (upper_bound(M, TWO, name).value for name in ("fast", "ab13md"))
+    ours, theirs = (upper_bound(M, TWO, method=name).value for name in ("fast", "ab13md"))
     np.testing.assert_allclose(ours, theirs, rtol=1e-6)
 
 
@@ -68,19 +68,19 @@ def test_a_peer_reports_what_its_scalings_do_not_attain():
     structure = Structure([Real(1), Real(1)])
     M = random(0, 200, 2)
     reported = np.array([slycot.ab13md(m, np.array([1, 1]), np.array([1, 1]))[0] for m in M])
-    proved = upper_bound(M, structure, "ab13md").value
+    proved = upper_bound(M, structure, method="ab13md").value
     assert np.any(proved > reported * (1 + 1e-8))
-    assert "at worst" in solve(MuUpperBound(M, structure), "ab13md").message
+    assert "at worst" in solve(MuUpperBound(M, structure), method="ab13md").message
 
 
 def test_the_lmi_stalls_without_balancing(monkeypatch):
-    assert upper_bound(TRIANGULAR, TWO, "clarabel").value == pytest.approx(1, rel=1e-6)
+    assert upper_bound(TRIANGULAR, TWO, method="clarabel").value == pytest.approx(1, rel=1e-6)
 
     def unscaled(M, pattern):
         return M, np.ones((len(M), pattern.size)), np.ones(len(M))
 
     monkeypatch.setattr(workbench.mu.upper.conic, "balanced_batch", unscaled)
-    assert upper_bound(TRIANGULAR, TWO, "clarabel").value > 1e3
+    assert upper_bound(TRIANGULAR, TWO, method="clarabel").value > 1e3
 
 
 def test_the_margin_of_the_lmi_is_unbounded_where_mu_is_0_unless_capped():
@@ -90,7 +90,7 @@ def test_the_margin_of_the_lmi_is_unbounded_where_mu_is_0_unless_capped():
     assert capped.solve(solver="CLARABEL") == pytest.approx(1, rel=1e-6)
     free.solve(solver="CLARABEL")
     assert free.status in ("unbounded", "unbounded_inaccurate")
-    solution = solve(MuUpperBound(np.array([[2j]]), Structure([Real(1)])), "clarabel")
+    solution = solve(MuUpperBound(np.array([[2j]]), Structure([Real(1)])), method="clarabel")
     assert solution.certificate.holds
     assert solution.answer.value < 1e-3
 
@@ -113,7 +113,7 @@ def test_a_panic_of_a_solver_is_a_failure_not_a_crash(monkeypatch):
         raise Panic("index out of range")
 
     monkeypatch.setattr(cp.Problem, "get_problem_data", panics)
-    solution = solve(MuUpperBound(random(2, 1, 2), TWO), "clarabel")
+    solution = solve(MuUpperBound(random(2, 1, 2), TWO), method="clarabel")
     assert (solution.outcome, solution.answer) == ("failed", None)
     assert "Panic: index out of range" in solution.message
 
@@ -147,7 +147,7 @@ def test_nearly_real_structures_have_bounds_that_hold(seed):
     value = solution.answer.value
     assert (value <= np.linalg.norm(M, 2, axis=(1, 2)) * (1 + 1e-6)).all()
     program = MuUpperBound(M, structure)
-    _, outcome, message = find_method(program, "fast").answer(program, Context(Options()))
+    _, outcome, message = find_method(program, "fast").answer(program, Context(options=Options()))
     assert (outcome is Outcome.INACCURATE) == ("stopped early" in message)
 
 

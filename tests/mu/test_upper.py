@@ -26,7 +26,7 @@ def random_matrix(seed, *shape):
 
 def bound(M, blocks, method="fast"):
     """The certified bound."""
-    solution = solve(MuUpperBound(np.array(M, complex), Structure(blocks)), method)
+    solution = solve(MuUpperBound(np.array(M, complex), Structure(blocks)), method=method)
     assert solution.outcome is Outcome.SOLVED, solution.message
     return solution.answer.value
 
@@ -174,13 +174,13 @@ def test_bad_input_is_named_before_any_method_hangs_on_it(name):
     M = random_matrix(10, 2, 4, 4)
     M[1, 0, 0] = np.nan
     with pytest.raises(InputError, match=r"finite.*\(1,\)"):
-        upper_bound(M, MIXED, name)
+        upper_bound(M, MIXED, method=name)
     M[1, 0, 0] = np.inf
     with pytest.raises(InputError, match="finite"):
-        upper_bound(M, MIXED, name)
+        upper_bound(M, MIXED, method=name)
     with pytest.raises(InputError, match=r"needs \(..., 4, 4\)"):
-        upper_bound(np.ones((3, 4)), MIXED, name)
+        upper_bound(np.ones((3, 4)), MIXED, method=name)
     with pytest.raises(InputError, match="Structure"):
-        upper_bound(np.ones((2, 2)), [[-1, 0], [1, 0]], name)
+        upper_bound(np.ones((2, 2)), [[-1, 0], [1, 0]], method=name)
     with pytest.raises(InputError, match="numbers"):
-        upper_bound([["a"]], Structure([Real(1)]), name)
+        upper_bound([["a"]], Structure([Real(1)]), method=name)

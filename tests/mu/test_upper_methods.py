@@ -43,7 +43,7 @@ def test_never_above_ab13md(seed):
     M = random_batch(rng, structure, 5)
     solution = solve(MuUpperBound(M, structure))
     assert solution.certificate.holds
-    peer = upper_bound(M, structure, "ab13md").value
+    peer = upper_bound(M, structure, method="ab13md").value
     floor = 1e-7 * np.abs(M).max((-2, -1))  # where both mean zero
     assert np.all(solution.answer.value <= peer * (1 + 1e-6) + floor)
 
@@ -55,7 +55,7 @@ def test_never_above_the_semidefinite_program(seed):
     M = random_batch(rng, structure, 2)
     solution = solve(MuUpperBound(M, structure))
     assert solution.certificate.holds
-    peer = solve(MuUpperBound(M, structure), "clarabel")
+    peer = solve(MuUpperBound(M, structure), method="clarabel")
     assert peer.certificate.holds
     floor = 1e-7 * np.abs(M).max((-2, -1))
     assert np.all(solution.answer.value <= peer.answer.value * (1 + 1e-5) + floor)
@@ -79,7 +79,7 @@ def test_other_conic_solvers_agree(name):
     structure = Structure([Real(1), Complex(1), Full(2, 2)])
     real, imag = rng.normal(size=(2, 2, 4, 4))
     M = real + 1j * imag
-    answer = upper_bound(M, structure, name, Options("low"))
+    answer = upper_bound(M, structure, method=name, options=Options(tolerance="low"))
     assert answer.value == pytest.approx(upper_bound(M, structure).value, rel=1e-3)
 
 
@@ -100,14 +100,14 @@ def test_ab13md_is_loose_where_two_real_scalars_meet():
     structure = Structure([Real(1), Real(1), Full(2, 2)])
     real, imag = rng.normal(size=(2, 40, 4, 4))
     M = real + 1j * imag
-    ours, theirs = (upper_bound(M, structure, name).value for name in ("fast", "ab13md"))
+    ours, theirs = (upper_bound(M, structure, method=name).value for name in ("fast", "ab13md"))
     assert np.all(ours <= theirs * (1 + 1e-6))
     assert np.max(theirs / ours) > 1 + 1e-4
 
 
 def test_ab13md_says_what_it_reported_and_what_it_proved():
     structure = Structure([Complex(1), Complex(1)])
-    solution = solve(MuUpperBound(np.array([[1.0, 2.0], [3.0, 4.0]]), structure), "ab13md")
+    solution = solve(MuUpperBound(np.array([[1.0, 2.0], [3.0, 4.0]]), structure), method="ab13md")
     assert "reported" in solution.message and "prove" in solution.message
     assert solution.certificate.holds
 
@@ -116,13 +116,13 @@ def test_ab13md_says_what_it_reported_and_what_it_proved():
 def test_ab13md_refuses_what_it_would_answer_wrongly(block):
     structure = Structure([block])
     with pytest.raises(InputError, match="ab13md"):
-        upper_bound(np.ones((structure.columns, structure.rows)), structure, "ab13md")
+        upper_bound(np.ones((structure.columns, structure.rows)), structure, method="ab13md")
 
 
 def test_early_stops_are_told_and_still_certified():
     solution = solve(
         MuUpperBound(np.array([[1.0, 2.0], [3.0, 4.0j]]), Structure([Real(1), Complex(1)])),
-        options=Options(1e-18),
+        options=Options(tolerance=1e-18),
     )
     assert "early" in solution.message
     assert solution.certificate.valid
@@ -134,5 +134,5 @@ def test_a_solver_that_fails_from_the_start_gives_no_answer_of_another(monkeypat
 
     monkeypatch.setattr(conic, "solve_conic", lambda *_: (Outcome.FAILED, "it broke"))
     M = np.random.default_rng(0).standard_normal((3, 3))
-    solution = solve(MuUpperBound(M, Structure([Complex(1)] * 3)), "clarabel")
+    solution = solve(MuUpperBound(M, Structure([Complex(1)] * 3)), method="clarabel")
     assert (solution.outcome, solution.message) == ("failed", "it broke")

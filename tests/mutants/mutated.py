@@ -16,7 +16,7 @@ from types import CodeType
 
 MUTANT = "WORKBENCH_MUTANT"
 """Variable of the environment with module, old text and new text."""
-COMPILED = "from workbench.compiled import compiled\n"
+COMPILED = "from workbench._core.compiled import compiled\n"
 """Compiled code is kept by the file's time of change; of a changed text none may be kept."""
 
 

@@ -43,7 +43,7 @@ def given_angle() -> Program:
 def implementation() -> Program:
     """A gain and a slow pole around a first-order plant."""
     s = control.tf("s")
-    return Implementation((s + 1) / (s + 0.1), 1 / (s + 1), period=0.05, delay=0.5)
+    return Implementation(1 / (s + 1), (s + 1) / (s + 0.1), dt=0.05, delay_samples=0.5)
 
 
 def rational_model() -> Program:
@@ -51,7 +51,7 @@ def rational_model() -> Program:
     omega = np.geomspace(0.1, 100.0, 40)
     response = rational_fit().response
     response = np.interp(omega, np.geomspace(0.1, 100.0, 25), response)
-    return RationalModelFit(omega, response, 1e-4 * np.abs(response) ** 2, (2,))
+    return RationalModelFit(omega, response, 1e-4 * np.abs(response) ** 2, orders=(2,))
 
 
 def closed_loop_fit() -> Program:

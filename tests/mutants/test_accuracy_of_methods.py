@@ -77,7 +77,7 @@ def test_methods_read_the_tolerance_if_they_say_that_it_makes_a_difference(name)
     for method, entry in fit_methods(program).items():
         options = Recorded()
         object.__setattr__(options, "heard", False)
-        entry.answer(program, Context(options))
+        entry.answer(program, Context(options=options))
         if options.heard is entry.accuracy.none:
             wrong.append(method)
     assert wrong == []
@@ -96,7 +96,7 @@ def test_tolerances_out_of_range_give_the_same_answer(name, method):
     assert 0.0 < finest < 1.0
 
     def answer(tolerance):
-        found, _, _ = entry.answer(program, Context(Options(tolerance)))
+        found, _, _ = entry.answer(program, Context(options=Options(tolerance=tolerance)))
         return program.metrics(found)
 
     assert answer(finest) == pytest.approx(answer(finest / 1e3), rel=1e-9)

@@ -20,7 +20,9 @@ def test_a_mutant_is_killed(mutant, monkeypatch):
     monkeypatch.setattr(norms, "_norms", {})  # those that are kept are the original's
     with np.errstate(all="ignore"):
         try:
-            solution = wb.solve(PROGRAMS[mutant.problem](), QUICK_METHODS.get(mutant.problem))
+            solution = wb.solve(
+                PROGRAMS[mutant.problem](), method=QUICK_METHODS.get(mutant.problem)
+            )
         except Exception:
             return  # refused with an error
     found = solution.certificate

@@ -92,7 +92,7 @@ def hinf_flexible() -> Program:
     from workbench.synthesis import MixedSensitivity
 
     s = control.tf("s")
-    weighted = MixedSensitivity(1 / (s**2 + 0.1 * s + 1), (s + 1) / (2 * s + 0.02), 0.1)
+    weighted = MixedSensitivity(1 / (s**2 + 0.1 * s + 1), W_S=(s + 1) / (2 * s + 0.02), W_KS=0.1)
     return HinfSynthesis(weighted.plant)
 
 
@@ -164,17 +164,20 @@ def fault_filter() -> Program:
     slow, fast = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])
     noise = control.ss([], [], [], [[0.05]])
     wanted = [
-        Requirement("disturbances", ["d", "n"], control.append(control.ss(slow), noise)),
-        Requirement("faults", "f", fast),
+        Requirement("disturbances", ["d", "n"], weight=control.append(control.ss(slow), noise)),
+        Requirement("faults", "f", weight=fast),
     ]
-    return FaultEstimation(plant, "f", wanted)
+    return FaultEstimation(plant, "f", requirements=wanted)
 
 
 def switching() -> Program:
     first = np.array([[0.0, 1.0], [-10.0, -1.0]])
     second = np.array([[0.0, 1.0], [-0.1, -0.5]])
     return SwitchedStability(
-        (Mode("first", expm(0.5 * first), None), Mode("second", expm(0.5 * second), None))
+        (
+            Mode("first", expm(0.5 * first), shortest_samples=None),
+            Mode("second", expm(0.5 * second), shortest_samples=None),
+        )
     )
 
 
@@ -203,11 +206,11 @@ def plants() -> np.ndarray:
 
 
 def circle_cover() -> Program:
-    return CircleCover(Responses(OMEGA, plants()), 2, complex_order=2)
+    return CircleCover(Responses(omega=OMEGA, values=plants()), 2, complex_order=2)
 
 
 def stadium_cover() -> Program:
-    return StadiumCover(Responses(OMEGA, plants()), 2, complex_order=2)
+    return StadiumCover(Responses(omega=OMEGA, values=plants()), 2, complex_order=2)
 
 
 def crest_factor() -> Program:
@@ -219,7 +222,9 @@ def state_space_fit() -> Program:
     A, B = np.array([[0.9, 0.3], [-0.3, 0.8]]), np.array([[1.0], [0.5]])
     u = rng.standard_normal((700, 1))
     y = dlsim((A, B, np.array([[1.0, -0.5]]), np.zeros((1, 1)), 1.0), u)[1]
-    return StateSpaceFit(u, y + 0.05 * rng.standard_normal(y.shape), 400, (2,), washout=20)
+    return StateSpaceFit(
+        u, y + 0.05 * rng.standard_normal(y.shape), estimation=400, orders=(2,), washout=20
+    )
 
 
 def oscillator(p: Any, s: Any) -> Any:
@@ -233,9 +238,9 @@ def parameter_fit() -> Program:
     values = values + 2e-3 * (rng.normal(size=60) + 1j * rng.normal(size=60))
     datum = MeasuredResponse(oscillator, frequency, values, variance=8e-6)
     start = {
-        "stiffness": FittedParameter(20.0, 1.0, 1e3),
-        "damping": FittedParameter(2.0, 1e-3, 100.0),
-        "gain": FittedParameter(1.0, 0.0, 10.0),
+        "stiffness": FittedParameter(20.0, lower=1.0, upper=1e3),
+        "damping": FittedParameter(2.0, lower=1e-3, upper=100.0),
+        "gain": FittedParameter(1.0, lower=0.0, upper=10.0),
     }
     return ParameterFit([datum], start)
 
@@ -246,7 +251,7 @@ def matrix_sets() -> Program:
 
 def matrix_traces() -> Program:
     matrices = matrix_sets().deviations
-    return MatrixSets(matrices, "diagonal", "full", size="trace", centre="free")
+    return MatrixSets(matrices, left="diagonal", right="full", size="trace", centre="free")
 
 
 def matrix_cover() -> Program:
@@ -281,11 +286,15 @@ def record_decay() -> Program:
 
 
 def record_h2() -> Program:
-    return FeedbackFromRecords(state_records(), "h2", np.eye(3)[:, :2], np.eye(3)[:, 2:])
+    return FeedbackFromRecords(
+        state_records(), criterion="h2", C=np.eye(3)[:, :2], D=np.eye(3)[:, 2:]
+    )
 
 
 def record_hinf() -> Program:
-    return FeedbackFromRecords(state_records(), "hinf", np.eye(3)[:, :2], np.eye(3)[:, 2:])
+    return FeedbackFromRecords(
+        state_records(), criterion="hinf", C=np.eye(3)[:, :2], D=np.eye(3)[:, 2:]
+    )
 
 
 PROGRAMS = {
@@ -311,7 +320,7 @@ QUICK_METHODS = {"circle_cover": "steps", "stadium_cover": "steps", "matrix_cove
 def solved(name: str) -> Solved:
     """The tight problem of that name and its certified answer, found once."""
     program = PROGRAMS[name]()
-    solution = wb.solve(program, QUICK_METHODS.get(name))
+    solution = wb.solve(program, method=QUICK_METHODS.get(name))
     assert solution.certificate is not None, solution.message
     assert solution.certificate.valid, solution.certificate.failures
     return Solved(program, solution.answer)

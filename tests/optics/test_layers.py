@@ -65,7 +65,8 @@ def test_a_stagger_by_a_whole_period_changes_nothing():
 def test_displaced_quadrants_share_the_light_otherwise():
     layer = TrackLayer(0.9, 1.5, 0.7, 0.3, 2.0)
     centred, moved = (
-        read_layer(layer, PUPIL, np.zeros(1), quadrants(PUPIL, shift)).mean[0] for shift in (0, 0.2)
+        read_layer(layer, PUPIL, np.zeros(1), quadrants(PUPIL, shift=shift)).mean[0]
+        for shift in (0, 0.2)
     )
     assert centred[:2].sum() == pytest.approx(centred[2:].sum())
     assert moved[:2].sum() < centred[:2].sum() - 0.01

@@ -79,7 +79,7 @@ def test_a_comment_reaches_those_alone_that_read_sources(graph):
         ("workbench/starter/templates/README.md.j2", "tests/starter/test_study_folder.py"),
         ("docs/coming-from/documented-examples.md", "tests/docs/test_code_of_pages.py"),
         ("docs/coming-from/dkpy.md", "tests/docs/test_coming_from_pages.py"),
-        ("workbench/coming_from/dkpy.toml", "tests/test_coming_from.py"),
+        ("workbench/_core/coming_from/dkpy.toml", "tests/_core/test_coming_from.py"),
         ("results/reference/cd/focus/nyquist/0/data.nc", "tests/test_reference.py"),
         ("examples/two_mass_servo/README.md", "tests/examples/test_examples.py"),
         ("tests/lanes.py", "tests/bench/test_fuzz.py"),

@@ -77,7 +77,7 @@ def test_synthesis_takes_the_states():
     E, A = np.diag([2.0, 0.0]), np.array([[-2.0, 1.0], [0.0, -1.0]])
     B, C = np.vstack([2 * G.B, np.zeros((1, 3))]), np.hstack([G.C, np.zeros((3, 1))])
     plant = GeneralisedPlant(from_descriptor(A, B, C, G.D, E), None, 1, 1)
-    assert hinf(plant).norm == pytest.approx(hinf(G, 1, 1).norm, rel=1e-6)
+    assert hinf(plant).norm == pytest.approx(hinf(G, measurements=1, controls=1).norm, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_factors_that_pass_0_together_are_not_miscounted(size):
 def test_bounds_that_are_right_pass_and_those_too_small_are_refuted(blocks):
     structure, noticed = Structure(blocks), 0
     for seed in range(6):
-        found = branch_and_bound(matrix(structure, seed), structure, gap=0.1)
+        found = branch_and_bound(matrix(structure, seed), structure, tolerance=0.1)
         assert found.holds
         if found.upper == 0.0:
             continue

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation import Cascade, Controller, Part, SampledLoop, blend, linear, total
 
@@ -49,8 +49,8 @@ def loop():
         measurements=1,
         channel_levels=WIDE,
         output_levels=WIDE,
-        period=PERIOD,
-        delay=1.0,
+        dt=PERIOD,
+        delay_samples=1.0,
     )
 
 
@@ -60,7 +60,7 @@ def run(controller, samples=300):
 
 
 def law(name="K", given="e", tells="u"):
-    return Part(name, linear(LAW, PERIOD), [given], [tells])
+    return Part(name, linear(LAW, PERIOD), [given], tells=[tells])
 
 
 @pytest.mark.cases(0)
@@ -68,7 +68,7 @@ def test_a_controller_in_two_parts_is_the_controller():
     first, second = control.tf([1.0], [1.0, 400.0]), control.tf([900.0, 9000.0], [1.0, 50.0])
     parts = [
         Part("first", linear(first, PERIOD), ["e"]),
-        Part("second", linear(second, PERIOD), ["first"], ["u"]),
+        Part("second", linear(second, PERIOD), ["first"], tells=["u"]),
     ]
     found = run(Cascade(["e"], parts))
     whole = linear(
@@ -132,16 +132,18 @@ def test_refusals():
     with pytest.raises(InputError, match="without parts"):
         Cascade(["e"], [])
     with pytest.raises(InputError, match="gives 1 outputs"):
-        Part("K", linear(LAW, PERIOD), ["e"], ["u", "v"])
+        Part("K", linear(LAW, PERIOD), ["e"], tells=["u", "v"])
     with pytest.raises(InputError, match=r"sample time 0\.002 s, the loop 0\.001 s"):
-        run(Cascade(["e"], [Part("K", linear(LAW, 2e-3), ["e"], ["u"])]))
+        run(Cascade(["e"], [Part("K", linear(LAW, 2e-3), ["e"], tells=["u"])]))
     with pytest.raises(InputError, match="a cascade of 2 measurements"):
         run(Cascade(["e", "f"], [law()]))
     one = Cascade(["e"], [law()])
     for times in ((0.1,), (0.0, 0.2, 0.1), (0.0, 0.3), ()):
         with pytest.raises(InputError, match="stages start at"):
             run([(time, one) for time in times])
-    other = Cascade(["e"], [Part("K", blend(), ["e", "e"], ["u"])])
+    other = Cascade(["e"], [Part("K", blend(), ["e", "e"], tells=["u"])])
     with pytest.raises(InputError, match="takes over 0 states"):
         run([(0.0, one), (0.1, other)])
-    assert np.isfinite(run(Cascade(["e"], [Part("K", total(), ["e", "e"], ["u"])])).command).all()
+    assert np.isfinite(
+        run(Cascade(["e"], [Part("K", total(), ["e", "e"], tells=["u"])])).command
+    ).all()

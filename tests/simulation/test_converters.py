@@ -8,7 +8,7 @@ from workbench.simulation import Converter
 
 
 def test_levels_of_twelve_bits():
-    converter = Converter(5.0, 12)
+    converter = Converter(5.0, bits=12)
     assert converter.step == 10 / 4096
     converted, saturated = converter.convert(np.linspace(-5.1, 5.1, 100_001))
     levels = np.unique(converted)
@@ -18,7 +18,7 @@ def test_levels_of_twelve_bits():
 
 
 def test_rounds_to_the_nearest_level():
-    converter = Converter(1.0, 8)
+    converter = Converter(1.0, bits=8)
     values = np.random.default_rng(0).uniform(-0.99, 0.99, (50, 3))
     converted, saturated = converter.convert(values)
     assert converted.shape == values.shape
@@ -35,7 +35,7 @@ def test_an_amplifier_before_the_converter():
 
 
 def test_no_codes_only_saturation():
-    converted, saturated = Converter(2.0, None).convert([-3.0, 0.123456789, 2.0])
+    converted, saturated = Converter(2.0, bits=None).convert([-3.0, 0.123456789, 2.0])
     assert converted.tolist() == [-2.0, 0.123456789, 2.0]
     assert saturated == pytest.approx(1 / 3)
 

@@ -36,7 +36,7 @@ def test_delayed_hold_against_a_fine_grid(delay):
     # Staircase inputs on a grid that holds every edge: the hold of the fine grid is exact.
     fine_system = control.sample_system(system, PERIOD / fine, "zoh")
     expected = control.forced_response(fine_system, inputs=late.T).outputs[:, ::fine].T
-    model = sampled(system, PERIOD, delay)
+    model = sampled(system, PERIOD, delay_samples=delay)
     assert model.dt == PERIOD
     np.testing.assert_allclose(respond(model, u), expected, rtol=1e-9, atol=1e-12)
 
@@ -49,7 +49,9 @@ def test_delayed_hold_has_the_delay_in_its_response(delay):
     held = (1 - np.exp(-s * PERIOD)) / (s * PERIOD)
     expected = filtered(s) * held * np.exp(-s * delay * PERIOD)
     z = np.exp(s * PERIOD)
-    np.testing.assert_allclose(sampled(filtered, PERIOD, delay)(z), expected, rtol=3e-3)
+    np.testing.assert_allclose(
+        sampled(filtered, PERIOD, delay_samples=delay)(z), expected, rtol=3e-3
+    )
 
 
 def test_lowpass_is_exact_for_a_parabola():
@@ -65,7 +67,7 @@ def test_lowpass_is_exact_for_a_parabola():
 @pytest.mark.parametrize("delay", [-0.1, np.nan, np.inf])
 def test_delays_that_are_none(delay):
     with pytest.raises(InputError, match="finite number of samples"):
-        sampled(plant(), PERIOD, delay)
+        sampled(plant(), PERIOD, delay_samples=delay)
 
 
 def test_inputs_of_another_shape():

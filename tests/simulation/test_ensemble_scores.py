@@ -24,7 +24,7 @@ def test_means_of_groups_and_resampling_keeps_the_groups(groups, each):
     weight = bootstrap_weights(group, 50, np.random.default_rng(0))
     for g in range(groups):
         assert (weight[:, group == g].sum(axis=1) == each).all()
-    again = group_means(out, group, weight)
+    again = group_means(out, group, weight=weight)
     assert again.min() >= 0.0
     assert again.max() <= 1.0
     low, high = percentile_interval(balloon_size(again))
@@ -62,8 +62,8 @@ def test_intervals_of_a_mean_cover_it_as_often_as_they_say():
     covered = 0
     for _ in range(300):
         score = 1.0 + rng.standard_normal(80)
-        means = group_means(score, group, bootstrap_weights(group, 300, rng))
-        low, high = percentile_interval(means[:, 0], 0.8)
+        means = group_means(score, group, weight=bootstrap_weights(group, 300, rng))
+        low, high = percentile_interval(means[:, 0], confidence=0.8)
         covered += low <= 1.0 <= high
     assert covered / 300 == pytest.approx(0.8, abs=0.06)
 
@@ -72,4 +72,4 @@ def test_wrong_ensembles_are_named():
     with pytest.raises(InputError, match="2 or more"):
         bootstrap_weights(np.zeros(3, int), 1, np.random.default_rng(0))
     with pytest.raises(InputError, match="confidence is 1"):
-        percentile_interval(np.zeros(3), 1.0)
+        percentile_interval(np.zeros(3), confidence=1.0)

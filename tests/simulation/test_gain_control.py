@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation import (
     Cascade,
@@ -42,14 +42,14 @@ def adapted(gain, noise=0.0, reference=0.0, seed=0, **changed):
     loop = SampledLoop(
         plant=motor(gain), positions=1, sense=error, sense_parameters=np.zeros(0), signals=1,
         corner=CORNER, read=as_is, read_parameters=np.zeros(0), measurements=1,
-        channel_levels=wide, output_levels=wide, period=PERIOD,
+        channel_levels=wide, output_levels=wide, dt=PERIOD,
     )  # fmt: skip
     control_gain = wobbled_gain(FREQUENCY, 0.1, PERIOD, **(SETTINGS | changed))
     law = Cascade(
         ["e"],
         [
-            Part("gain control", control_gain, ["e"], ["fed", "gain"]),
-            Part("K", linear(K, PERIOD), ["fed"], ["u"]),
+            Part("gain control", control_gain, ["e"], tells=["fed", "gain"]),
+            Part("K", linear(K, PERIOD), ["fed"], tells=["u"]),
         ],
     )
     time = np.arange(7001) * PERIOD
@@ -102,8 +102,8 @@ def test_a_dead_error_does_no_harm():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"frequency": 500.0},
-        {"frequency": 0.0},
+        {"frequency_hz": 500.0},
+        {"frequency_hz": 0.0},
         {"amplitude": 0.0},
         {"most": 1.0},
         {"interval": (2.0, 1.0)},
@@ -114,6 +114,6 @@ def test_a_dead_error_does_no_harm():
     ],
 )
 def test_wrong_settings_are_named(wrong):
-    first = {"frequency": FREQUENCY, "amplitude": 0.1, "period": PERIOD}
+    first = {"frequency_hz": FREQUENCY, "amplitude": 0.1, "dt": PERIOD}
     with pytest.raises(InputError, match=r"need"):
         wobbled_gain(**(first | SETTINGS | wrong))

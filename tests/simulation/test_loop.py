@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation import Controller, SampledLoop, idle, linear, respond, sampled
 
@@ -55,7 +55,7 @@ def loop(**options):
         "measurements": 2,
         "channel_levels": np.repeat(WIDE, 2, axis=0),
         "output_levels": WIDE,
-        "period": PERIOD,
+        "dt": PERIOD,
     }
     return SampledLoop(**values | options)
 
@@ -71,11 +71,11 @@ def test_open_loop_is_the_linear_system(delay):
     u = np.random.default_rng(0).standard_normal((300, 1))
     trajectory = run(loop(delay=delay, refine=4), idle(), excitation=u)
     optics = control.ss(-CORNER, CORNER, -2.0, 0.0) * mass()[0, 0]
-    exact = respond(sampled(mass(), PERIOD, delay), u)
+    exact = respond(sampled(mass(), PERIOD, delay_samples=delay), u)
     rounding = 1e-9 * np.abs(exact).max(axis=0)  # some hundred samples of two ways to compute
     np.testing.assert_allclose(trajectory.position[:, 0], exact[:, 0], rtol=0, atol=rounding[0])
     np.testing.assert_allclose(trajectory.channels[:, 1], exact[:, 1], rtol=0, atol=rounding[1])
-    seen = respond(sampled(optics, PERIOD, delay), u)[:, 0]
+    seen = respond(sampled(optics, PERIOD, delay_samples=delay), u)[:, 0]
     size = abs(seen).max()
     np.testing.assert_allclose(trajectory.channels[:, 0], seen, rtol=0, atol=1e-5 * size)
 
@@ -85,7 +85,7 @@ def test_closed_loop_is_the_linear_loop(delay):
     """Every signal of the loop against the feedback connection made by python-control."""
     optics = control.ss(-CORNER, CORNER, -2.0, 0.0) * mass()[0, 0]
     law = control.tf([900.0, 9000.0], [1.0, 400.0])
-    plant = sampled(optics, PERIOD, delay)
+    plant = sampled(optics, PERIOD, delay_samples=delay)
     discrete = control.sample_system(control.ss(law), PERIOD, "bilinear")
     closed = control.feedback(control.ss([], [], [], [[1.0]], PERIOD), discrete * plant, sign=1)
     assert abs(closed.poles()).max() < 1.0
@@ -157,7 +157,7 @@ def test_refusals():
     with pytest.raises(InputError, match="first in row 2"):
         run(loop(), idle(), samples=4, excitation=np.array([[0], [1], [np.nan], [np.nan]]))
     with pytest.raises(InputError, match="2 controller outputs"):
-        run(loop(), idle(2))
+        run(loop(), idle(outputs=2))
     with pytest.raises(InputError, match="decorate it"):
         Controller(print, np.zeros(0), np.zeros(0))
     with pytest.raises(InputError, match="1 measurements for a controller of 2"):

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.simulation import Cascade, Controller, Part, SampledLoop, linear, total
 
 PERIOD, SAMPLES = 1e-3, 60
@@ -52,8 +52,8 @@ def loop(delay, refine):
         measurements=2,
         channel_levels=CHANNEL_LEVELS,
         output_levels=OUTPUT_LEVELS,
-        period=PERIOD,
-        delay=delay,
+        dt=PERIOD,
+        delay_samples=delay,
         refine=refine,
     )
 
@@ -65,14 +65,17 @@ def cascade():
     return Cascade(
         ["e", "f"],
         [
-            Part("both", twice, ["e", "f"], ["held", "difference"]),
+            Part("both", twice, ["e", "f"], tells=["held", "difference"]),
             Part("K", linear(law, PERIOD), ["difference"]),
             Part("sum", total(), ["u1", "K", "e", "e"]),
             Part(
-                "out", Controller(both, np.zeros(1), np.array([0.05]), 2), ["sum", "K"], ["a", "b"]
+                "out",
+                Controller(both, np.zeros(1), np.array([0.05]), outputs=2),
+                ["sum", "K"],
+                tells=["a", "b"],
             ),
         ],
-        ["u1", "u2"],
+        previous=["u1", "u2"],
     )
 
 

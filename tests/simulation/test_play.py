@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation import Controller, linear, play
 

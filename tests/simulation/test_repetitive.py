@@ -12,7 +12,7 @@ PERIOD = 1e-3
 
 def test_after_one_period_it_repeats_what_it_was_given():
     """At the rotation and its low harmonics the delay and the low-pass are one period together."""
-    law = Repetitive(rotation=4.9, period=PERIOD, corner=150.0)
+    law = Repetitive(rotation_hz=4.9, dt=PERIOD, corner_hz=150.0)
     time = np.arange(1500) * PERIOD
     for harmonic in (1, 3):
         given = np.sin(2 * np.pi * harmonic * 4.9 * time)
@@ -27,12 +27,12 @@ def test_after_one_period_it_repeats_what_it_was_given():
 
 
 def test_its_response_is_that_of_the_equation():
-    law = Repetitive(rotation=9.7, period=PERIOD, corner=120.0, gain=0.5)
+    law = Repetitive(rotation_hz=9.7, dt=PERIOD, corner_hz=120.0, gain=0.5)
     impulse = np.zeros((40_000, 1))
     impulse[0] = 1.0
     told = play(law.controller, impulse)[:, 0]
     z = 1.002 * np.exp(0.21j)  # outside the unit circle: the memory hardly fades by itself
-    whole, rest = divmod(law.delay, 1.0)
+    whole, rest = divmod(law.delay_samples, 1.0)
     late = (1 - rest) * z**-whole + rest * z ** -(whole + 1)
     Q = complex(law.lowpass(z))
     assert (told * z ** -np.arange(float(len(told)))).sum() == pytest.approx(
@@ -42,7 +42,7 @@ def test_its_response_is_that_of_the_equation():
 
 def test_what_has_to_contract():
     loop = control.ss(0.9, 1.0, 0.3, 0.0, PERIOD)
-    law = Repetitive(rotation=20.0, period=PERIOD, corner=100.0, gain=0.8)
+    law = Repetitive(rotation_hz=20.0, dt=PERIOD, corner_hz=100.0, gain=0.8)
     z = np.exp(1j * np.linspace(0.01, 3.1, 50))
     L = loop(z)
     np.testing.assert_allclose(
@@ -54,7 +54,7 @@ def test_what_has_to_contract():
 
 def test_a_periodic_disturbance_is_forgotten():
     """And not by the loop alone, whose error stays."""
-    law = Repetitive(rotation=10.0, period=PERIOD, corner=100.0)
+    law = Repetitive(rotation_hz=10.0, dt=PERIOD, corner_hz=100.0)
     errors = []
     for gain in (0.0, 1.0):
         memory, parameters = law.controller.state.copy(), law.controller.parameters
@@ -75,8 +75,8 @@ def test_refusals():
     with pytest.raises(InputError, match="gain above 0 to 1"):
         Repetitive(5.0, PERIOD, 200.0, gain=1.5)
     with pytest.raises(InputError, match="corner is 600"):
-        Repetitive(5.0, PERIOD, corner=600.0)
+        Repetitive(5.0, PERIOD, corner_hz=600.0)
     with pytest.raises(InputError, match="corner is 3"):
-        Repetitive(5.0, PERIOD, corner=3.0)
+        Repetitive(5.0, PERIOD, corner_hz=3.0)
     lowpass = Repetitive(5.0, PERIOD, 200.0).lowpass
     assert respond(lowpass, np.ones((2000, 1)))[-1, 0] == pytest.approx(1.0)

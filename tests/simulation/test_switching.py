@@ -19,7 +19,9 @@ PI = control.tf([5.0, 100.0], [1.0, 1e-3])
 def test_arithmetic(w, a, b):
     assert play(blend(), [[w, a, b]])[0, 0] == pytest.approx(w * a + (1 - w) * b, abs=1e-9)
     assert play(blend(), [[w, a]])[0, 0] == pytest.approx(w * a, abs=1e-9)
-    assert play(removed(3.0), [[w, a, b]])[0, 0] == pytest.approx(a - (1 - w) * 3 * b, abs=1e-9)
+    assert play(removed(gain=3.0), [[w, a, b]])[0, 0] == pytest.approx(
+        a - (1 - w) * 3 * b, abs=1e-9
+    )
     assert play(total(), [[w, a, b]])[0, 0] == pytest.approx(w + a + b, abs=1e-9)
 
 

@@ -40,7 +40,7 @@ def cover_for_loop() -> Program:
     """The plants of `matrix_cover` in a loop with a gain."""
     cover = TIGHT["matrix_cover"]()
     K = control.ss([], [], [], 0.2 * np.eye(2))
-    open_loop = MatrixModel.unweighted(cover.nominal, "additive")
+    open_loop = MatrixModel.unweighted(cover.nominal, form="additive")
     return MatrixCoverForLoop(
         cover.responses,
         cover.nominal,
@@ -69,6 +69,6 @@ class Solved(NamedTuple):
 def solved(name: str) -> Solved:
     """The program of that name and its answer, found once."""
     program, method = PROGRAMS[name](), QUICK_METHODS.get(name)
-    solution = wb.solve(program, method)
+    solution = wb.solve(program, method=method)
     assert solution.certificate is not None and solution.certificate.holds, solution
     return Solved(program, solution.answer, method)

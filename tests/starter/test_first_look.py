@@ -15,7 +15,7 @@ def noisy(slope, deviation, seed=5):
     gain = (OMEGA**slope)[:, None] * np.ones(3)
     variance = np.broadcast_to((deviation * OMEGA**2)[:, None] ** 2, gain.shape)
     noise = np.sqrt(variance / 2) * (rng.standard_normal((2, *gain.shape)).T @ [1, 1j]).T
-    return Responses(OMEGA, gain + noise, variance=variance, degrees=20)
+    return Responses(omega=OMEGA, values=gain + noise, variance=variance, degrees=20)
 
 
 def test_a_falling_gain_below_the_noise_is_not_odd():
@@ -31,5 +31,5 @@ def test_a_gain_that_rises_above_the_noise_is_asked_about():
 
 
 def test_responses_without_variance_are_taken_as_known():
-    exact = Responses(OMEGA, (1j * OMEGA)[:, None] * np.ones(3))
+    exact = Responses(omega=OMEGA, values=(1j * OMEGA)[:, None] * np.ones(3))
     assert "are input and output exchanged?" in oddities(exact, FILES)[0]

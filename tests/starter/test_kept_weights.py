@@ -17,7 +17,7 @@ def weighted(model, bandwidth, effort): return bandwidth, model
 
 
 def choices(bandwidth=8.0, **given):
-    return FirstChoices((0.1, 100.0), 2, 0, bandwidth, 0.05, {"bandwidth": "first"}, **given)
+    return FirstChoices((0.1, 100.0), 2, 0, bandwidth, 0.05, {"bandwidth_hz": "first"}, **given)
 
 
 @pytest.fixture
@@ -58,8 +58,8 @@ def on_each(*bandwidths):
 
 def test_a_bandwidth_that_is_kept_stays(settled):
     found, tried = settled(lambda bandwidth, cover: 0.9)
-    assert (found.bandwidth, found.peak, tried) == (8.0, 0.9, on_each(8.0))
-    assert found.reasons["bandwidth"] == "first"
+    assert (found.bandwidth_hz, found.peak, tried) == (8.0, 0.9, on_each(8.0))
+    assert found.reasons["bandwidth_hz"] == "first"
 
 
 @pytest.mark.parametrize("better", COVERS)
@@ -77,7 +77,7 @@ def test_it_is_lowered_until_the_weights_are_kept_and_then_refined(settled):
     assert {one[1] for one in tried[9:]} == {COVERS[1]}
     assert found.bandwidth == pytest.approx(finer[2])
     assert found.peak == pytest.approx(finer[2] / 4)
-    assert "at 8 Hz it is 2" in found.reasons["bandwidth"]
+    assert "at 8 Hz it is 2" in found.reasons["bandwidth_hz"]
 
 
 def test_a_bandwidth_that_is_asked_for_is_the_only_one(settled):
@@ -88,7 +88,7 @@ def test_a_bandwidth_that_is_asked_for_is_the_only_one(settled):
 def test_where_none_is_kept_the_least_peak_is_told(settled):
     found, tried = settled(lambda bandwidth, cover: 1.2 + abs(bandwidth - 5.0), least=3.0)
     assert tried == on_each(8.0, 5.0, 3.125)
-    assert (found.bandwidth, found.peak) == (5.0, 1.2)
+    assert (found.bandwidth_hz, found.peak) == (5.0, 1.2)
 
 
 def test_init_says_in_red_that_no_weights_are_kept(tmp_path, monkeypatch):

@@ -84,7 +84,7 @@ def test_a_blank_cell_is_told_by_its_line_and_column(tmp_path):
 def test_lines_are_counted_with_comments_and_blank_rows(tmp_path):
     (tmp_path / "log.csv").write_text("# rig 3\nu,y\n1,2\n,\n3,4\n5,nan\n")
     with pytest.raises(InputError, match=r"'y' has 1 entries .* first at line 6"):
-        read_record(tmp_path / "log.csv", ["u"], ["y"], sample_rate=1.0)
+        read_record(tmp_path / "log.csv", ["u"], ["y"], dt=1 / 1.0)
 
 
 @pytest.mark.parametrize("left", [20, 60])

@@ -150,8 +150,8 @@ def test_other_misuse_is_named_and_leaves_nothing(records, tmp_path):
     for folder, data, given, message in (
         ("1servo", records, {}, "letters, digits, - and _, a letter first"),
         ("servo", tmp_path / "none*.csv", {}, "no file fits"),
-        ("servo", records, {"period": -1.0}, "period"),
-        ("servo", records, {"period": 10.0}, "below the first frequency that was measured"),
+        ("servo", records, {"dt": -1.0}, "dt"),
+        ("servo", records, {"dt": 10.0}, "below the first frequency that was measured"),
     ):
         with pytest.raises(InputError, match=message):
             write_study(tmp_path / folder, str(data), **given)
@@ -160,7 +160,7 @@ def test_other_misuse_is_named_and_leaves_nothing(records, tmp_path):
 
 def test_another_sampling_frequency_than_the_column_of_time_tells_is_refused(records, tmp_path):
     with pytest.raises(InputError, match=r"'t \[s\]' rises by 0.005 s a sample, 200 Hz"):
-        write_study(tmp_path / "servo", str(records), sample_rate=150.0)
+        write_study(tmp_path / "servo", str(records), record_dt=1 / 150.0)
     assert not (tmp_path / "servo").exists()
 
 
@@ -229,11 +229,11 @@ def test_a_column_is_named_without_its_unit(records, tmp_path):
 def test_named_columns_and_a_sampling_frequency_are_taken(tmp_path):
     data = write_records(tmp_path / "records", "a,b,c", count=3)
     chosen = write_study(
-        tmp_path / "servo", str(data), input="b", output="c", sample_rate=RATE, period=0.02
+        tmp_path / "servo", str(data), input="b", output="c", record_dt=1 / RATE, dt=0.02
     )
     text = (tmp_path / "servo" / "problems" / "servo" / "design.py").read_text()
-    assert 'SAMPLES = {"sample_rate": 200.0}' in text
-    assert f"BANDWIDTH = {chosen.bandwidth}" in text
+    assert 'SAMPLES = {"dt": 0.005}' in text
+    assert f"BANDWIDTH = {chosen.bandwidth_hz}" in text
     assert "PERIOD, DELAY" in text and "0.02" in text
 
 
@@ -242,5 +242,5 @@ def test_the_band_of_a_study_holds_the_lines_at_its_ends(records, tmp_path, untr
     chosen = write_study(tmp_path / "servo", str(records), input="torque", output="speed")
     text = (tmp_path / "servo/problems/servo/design.py").read_text(encoding="utf-8")
     (low, high) = map(float, re.search(r"^BAND = \((.*), (.*)\)$", text, re.M).groups())
-    assert low < chosen.band[0] * (1 - 1e-6) and high > chosen.band[1] * (1 + 1e-6)
-    assert low > chosen.band[0] * (1 - 1e-4) and high < chosen.band[1] * (1 + 1e-4)
+    assert low < chosen.band_hz[0] * (1 - 1e-6) and high > chosen.band_hz[1] * (1 + 1e-6)
+    assert low > chosen.band_hz[0] * (1 - 1e-4) and high < chosen.band_hz[1] * (1 + 1e-4)

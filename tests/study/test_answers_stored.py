@@ -35,7 +35,7 @@ class Everything(Study):
     def found(self, system):
         return {
             "peak": peak(system, WHOLE),
-            ("gain", 1): worst_case_gain(system, ONE),
+            ("gain", 1): worst_case_gain(system, ONE, tolerance=1e-2),
             "circle": smallest_circle(POINTS),
             "least": least_mu(WEIGHTS),
             "missing": None,
@@ -51,7 +51,12 @@ class Everything(Study):
             "missing": PeakChecker(system, WHOLE),
         }
 
-    height = array(bound, "1", "bounds", lambda found: [found["peak"].lower, found["peak"].upper])
+    height = array(
+        dims=bound,
+        unit="1",
+        meaning="bounds",
+        value=lambda found: [found["peak"].lower, found["peak"].upper],
+    )
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +126,7 @@ def test_what_cannot_be_stored_is_named():
 
         return Wrong()
 
-    gap = nu_gap(lag, lag)
+    gap = nu_gap(lag, lag, tolerance=1e-4)
     for answer, checker, words in (
         ({"a": gap}, None, "need @found.checkers"),
         ({"a": gap}, {"a": gap._checked_by[0]}, "a NuGap cannot be stored in a Study"),

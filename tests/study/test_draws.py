@@ -46,7 +46,7 @@ def test_drives_may_be_draws_too():
 
 def test_in_words():
     values = xr.DataArray(np.linspace(0.0, 1.0, 101), dims="draw")
-    assert with_interval(over_draws(values), "{:.2f}") == "0.50 (0.05 to 0.95)"
+    assert with_interval(over_draws(values), form="{:.2f}") == "0.50 (0.05 to 0.95)"
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_experiments_run_in_threads_within_the_time_limit():
     context = Context(progress=lambda *told: seen.append(told))
     assert context.spread(lambda n: n * n, [1, 2, 3], "squares") == [1, 4, 9]
     assert seen[-1] == ("squares", 3, 3)
-    late = Context(Options(time_limit=1e-9))
+    late = Context(options=Options(time_limit=1e-9))
     with pytest.raises(TimeLimitError, match="squares: time limit of 1e-09 s reached"):
         late.spread(lambda n: n, [1], "squares")
 

@@ -58,10 +58,10 @@ class Lags(Study):
         return {name: control.ss(-corner, corner, 1.0, 0.0) for name, corner in LAGS.items()}
 
     nominal = system(lambda: control.ss(-1.0, 1.0, 1.0, 0.0))
-    corner = array(lag, "rad/s", "corner", lambda: LAGS)
-    unit = array(lag, value=lambda: ["1", "1"], coordinate=True)
+    corner = array(dims=lag, unit="rad/s", meaning="corner", value=lambda: LAGS)
+    unit = array(dims=lag, value=lambda: ["1", "1"], coordinate=True)
 
-    @array((lag, omega), "1")
+    @array(dims=(lag, omega), unit="1")
     def size(self, plant, omega):
         """magnitude of the response."""
         return [abs(one(1j * omega.values)) for one in plant.values()]
@@ -73,28 +73,39 @@ class Lags(Study):
         twice="rad/s",
         absent="1",
     )
-    poles = array("poles", "rad/s", value=lambda: [-1.0, -10.0])
-    missing = array(lag, "1", value=lambda self: np.ones(2) if self.measured else None)
+    poles = array(dims="poles", unit="rad/s", value=lambda: [-1.0, -10.0])
+    missing = array(dims=lag, unit="1", value=lambda self: np.ones(2) if self.measured else None)
 
     @variables
     def own(self, poles):
         """Whatever a function gives."""
         return {"own_poles": (("pole",), poles.values[::-1], {"units": "rad/s"})}
 
-    @check("{lag}", at_most=1.0, each="lag", where="near {omega}")
+    @check(title="{lag}", at_most=1.0, each="lag", where="near {omega}")
     def passes(self, size):
         """magnitude nowhere above 1"""
         return size
 
     below = check(
-        "corner", "largest", lambda corner: corner, at_most=lambda self: 2.0 * self.points
+        title="corner",
+        statement="largest",
+        value=lambda corner: corner,
+        at_most=lambda self: 2.0 * self.points,
     )
-    apart = check("{lag} alone", "corner", lambda corner: corner, each="lag", at_most=LAGS)
-    kept = check("", "sum of the measured", lambda missing: missing, at_most=3.0)
+    apart = check(
+        title="{lag} alone",
+        statement="corner",
+        value=lambda corner: corner,
+        each="lag",
+        at_most=LAGS,
+    )
+    kept = check(
+        title="", statement="sum of the measured", value=lambda missing: missing, at_most=3.0
+    )
     by_hand = check(value=lambda corner: [Check("by hand", "corner", float(corner.max()), 10.0)])
 
     bandwidth = metric(lambda corner: corner)
-    static = metric("static_gain", lambda size: size.max())
+    static = metric("static_gain", value=lambda size: size.max())
     two = metric(lambda size: {"first": size[0, 0], "second": size[1, 0]})
 
     summary = table(rows=lag, corner="{:.1f}", half="{:.2f}")
@@ -117,7 +128,7 @@ def _bands(corner):
 
 @pytest.fixture
 def answer():
-    return Lags().compute(Context(Options()))
+    return Lags().compute(Context(options=Options()))
 
 
 def test_arrays_are_stored_with_dims_units_and_meaning(answer):
@@ -212,27 +223,30 @@ def broken(**names):
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        ({"x": array((), value=lambda y: y)}, "declares no 'y'; there are context, x"),
+        ({"x": array(dims=(), value=lambda y: y)}, "declares no 'y'; there are context, x"),
         (
-            {"x": array((), value=lambda y: y), "y": array((), value=lambda x: x)},
+            {"x": array(dims=(), value=lambda y: y), "y": array(dims=(), value=lambda x: x)},
             "x -> y -> x need each other",
         ),
         (
-            {"a": dim("p", "q"), "x": array("a", value=lambda: [1.0, 2.0, 3.0])},
+            {"a": dim("p", "q"), "x": array(dims="a", value=lambda: [1.0, 2.0, 3.0])},
             r"array 'x' has shape \(3,\); its dims \(a\) have sizes \(2,\)",
         ),
-        ({"m": metric(lambda x: x), "x": array((), value=lambda m: m)}, "no array may need it"),
+        (
+            {"m": metric(lambda x: x), "x": array(dims=(), value=lambda m: m)},
+            "no array may need it",
+        ),
     ],
 )
 def test_what_cannot_be_computed_is_named(names, message):
     with pytest.raises(InputError, match=message):
-        broken(**names).compute(Context(Options()))
+        broken(**names).compute(Context(options=Options()))
 
 
 def test_views_see_stored_arrays_alone(answer):
     study = broken(p=part(lambda: 1), m=metric(lambda p: p))
     with pytest.raises(InputError, match="stores no 'p'"):
-        study.metrics(study.compute(Context(Options())))
+        study.metrics(study.compute(Context(options=Options())))
     with pytest.raises(InputError, match="needs at_most"):
         broken(c=check(value=lambda: 1.0)).checks(answer, 1e-6)
 
@@ -241,4 +255,4 @@ def test_a_declaration_that_hides_what_a_study_has_is_refused():
     with pytest.raises(InputError, match="Hiding declares 'judging_tolerance', which a Study has"):
 
         class Hiding(Study):
-            judging_tolerance = array((), value=lambda: 1.0)
+            judging_tolerance = array(dims=(), value=lambda: 1.0)

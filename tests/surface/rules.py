@@ -39,6 +39,15 @@ MINIMAL_TOLERANCE = 1e-9
 """The default of minimal realisations, which leave out what is rounding."""
 MINIMAL = {"workbench.realisations.minimal"}
 NORMS = {"workbench.mu.h_infinity_norm", "workbench.mu.linf_norm"}
+DATA_BY_PLACE = {"y", "controller", "structure", "W_r"}
+"""Data that a question may do without: a record holds its output, a loop its controller, a system
+its structure, and a set may be complex only. They stand behind the data before them."""
+DECORATORS = {
+    "workbench.study.metric": "template",
+    "workbench.study.system": "over",
+    "workbench.study.table": "function",
+}
+"""Decorators that may stand without brackets: what they decorate is given by its place."""
 RATES = {"sample_rate", "sampling_rate", "sampling_frequency", "fs", "f_s"}
 SYNONYMS = {
     "tolerance": {"tol", "rtol", "atol", "eps", "epsilon", "precision", "accuracy", "gap"},
@@ -139,14 +148,17 @@ def order(surface: Surface) -> Iterator[Breach]:
 
 
 def keywords(surface: Surface) -> Iterator[Breach]:
-    """Arguments with a default are given by their keywords."""
+    """Settings with a default are given by their keywords."""
     for call in surface.calls:
         if call.kind == "tuple" or _is_control(call.owner):
             continue
+        by_place = {*DATA_BY_PLACE, DECORATORS.get(call.owner)}
         optional = ", ".join(
             one.name
             for one in call.parameters
-            if one.kind is one.POSITIONAL_OR_KEYWORD and one.default is not one.empty
+            if one.kind is one.POSITIONAL_OR_KEYWORD
+            and one.default is not one.empty
+            and one.name not in by_place
         )
         if optional:
             yield Breach("keywords", f"{call.owner}({optional})", f"(*, {optional})")

@@ -40,7 +40,7 @@ def scalar_plant(a, D22=0.0):
 def stacked(G, W_S, W_KS):
     from workbench.synthesis import MixedSensitivity
 
-    return MixedSensitivity(G, W_S, W_KS).plant.system
+    return MixedSensitivity(G, W_S=W_S, W_KS=W_KS).plant.system
 
 
 s = control.tf("s")

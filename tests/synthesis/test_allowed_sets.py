@@ -44,7 +44,7 @@ DIRECTIONS = np.exp(2j * np.pi * np.arange(8) / 8)
 @pytest.mark.slow
 def test_every_allowed_T_is_held_and_the_bound_is_reached(weights, factor):
     """Each weight's own level: frequencies one by one, with its T among those searched."""
-    least = least_mu(weights, 1e-6)
+    least = least_mu(weights, tolerance=1e-6)
     for i in range(0, COUNT, 6):
         one, level = weights.at(np.array([i])), factor * least.upper[i]
         T = np.concatenate([plane(), [[least.T[i]]], least.T[i] + 0.1 * plane()])[:, 0]
@@ -68,7 +68,7 @@ def test_every_allowed_T_is_held_and_the_bound_is_reached(weights, factor):
 
 @pytest.mark.slow
 def test_nothing_is_allowed_below_the_least_mu_and_something_above(weights):
-    least = least_mu(weights, 1e-4)
+    least = least_mu(weights, tolerance=1e-4)
     for i in range(COUNT):
         one = as_least(weights.at(np.array([i])))
         h = DIRECTIONS[None, :1]

@@ -70,12 +70,12 @@ WRONG = [
     (NO_CONTROL, "0 inputs and 0 outputs"),
 ]
 ENTRIES = {
-    "G of mixed sensitivity": lambda one: MixedSensitivity(one, 1.0, 1.0),
+    "G of mixed sensitivity": lambda one: MixedSensitivity(one, W_S=1.0, W_KS=1.0),
     "G of loop shaping": LoopShaping,
-    "reduced": lambda one: approximated(one, 1, "balanced"),
-    "reduced hankel": lambda one: approximated(one, 1, "hankel"),
+    "reduced": lambda one: approximated(one, 1, method="balanced"),
+    "reduced hankel": lambda one: approximated(one, 1, method="hankel"),
     "reduced weighted": lambda one: approximated(one, 1, plant=UNCERTAIN),
-    "reduce": lambda one: reduce_order(one, UNCERTAIN),
+    "reduce": lambda one: reduce_order(UNCERTAIN, one),
     "discretised": lambda one: discretised(one, 0.01),
     "sections": second_order_sections,
     "K of sampled conditions": lambda one: sampled_conditions(G, one, 0.1),
@@ -101,7 +101,7 @@ def test_systems_that_may_be_left_out(wrong, said):
         MuSynthesis(UNCERTAIN, start=wrong)
     if not isinstance(wrong, float):
         with pytest.raises(InputError, match=said):
-            MixedSensitivity(G, wrong, 1.0)
+            MixedSensitivity(G, W_S=wrong, W_KS=1.0)
         with pytest.raises(InputError, match=said):
             LoopShaping(G, W1=wrong)
 
@@ -125,7 +125,7 @@ class TestHinf:
     )
     def test_matrices(self, form, parts, said):
         with pytest.raises(InputError, match=said):
-            hinf(changed(form(PLANT), **parts), 1, 1)
+            hinf(changed(form(PLANT), **parts), measurements=1, controls=1)
 
     @pytest.mark.parametrize(
         ("numbers", "said"),
@@ -148,54 +148,60 @@ class TestHinf:
     @pytest.mark.parametrize("gamma", ["a", 1j, 0.0, -1.0, np.nan, np.inf, True])
     def test_levels_that_are_none(self, form, gamma):
         with pytest.raises(InputError, match=r"gamma is .* positive and finite, or None"):
-            hinf(form(PLANT), 1, 1, gamma=gamma)
+            hinf(form(PLANT), measurements=1, controls=1, gamma=gamma)
 
     @pytest.mark.parametrize("method", ["riccati", "sb10ad", "clarabel"])
     def test_levels_that_cannot_be_had(self, form, method):
         with pytest.raises(SolverError, match=r"0\.001"):
-            hinf(form(PLANT), 1, 1, gamma=1e-3, method=method)
+            hinf(form(PLANT), measurements=1, controls=1, gamma=1e-3, method=method)
 
     def test_levels_that_ask_nothing(self, form):
-        within = hinf(form(PLANT), 1, 1, gamma=1e6).norm
+        within = hinf(form(PLANT), measurements=1, controls=1, gamma=1e6).norm
         for gamma in (1e12, 1e308):
-            answer = hinf(form(PLANT), 1, 1, gamma=gamma)
+            answer = hinf(form(PLANT), measurements=1, controls=1, gamma=gamma)
             assert answer.norm == pytest.approx(within, rel=1e-3)
 
     def test_methods_and_options(self, form):
         with pytest.raises(UnknownNameError, match="riccati"):
-            hinf(form(PLANT), 1, 1, method="dk")
+            hinf(form(PLANT), measurements=1, controls=1, method="dk")
         with pytest.raises(InputError, match=r"Options\(...\)"):
-            hinf(form(PLANT), 1, 1, options=3)
+            hinf(form(PLANT), measurements=1, controls=1, options=3)
 
     def test_plants_of_other_kinds(self, form):
         system = form(PLANT)
-        least = hinf(system, 1, 1).gamma
-        assert hinf(control.ss2tf(system), 1, 1).gamma == pytest.approx(least, rel=1e-9)
+        least = hinf(system, measurements=1, controls=1).gamma
+        assert hinf(control.ss2tf(system), measurements=1, controls=1).gamma == pytest.approx(
+            least, rel=1e-9
+        )
         with pytest.raises(InputError, match="TransferFunction needs the numbers"):
             hinf(control.ss2tf(system))
         with pytest.raises(InputError, match="system must be a StateSpace, not TransferFunction"):
             GeneralisedPlant(control.ss2tf(system), None, 1, 1)
         for wrong in (np.eye(3), control.frd(system, [1.0])):
             with pytest.raises(InputError, match="belong to a StateSpace"):
-                hinf(wrong, 1, 1)
+                hinf(wrong, measurements=1, controls=1)
             with pytest.raises(InputError, match="must be a GeneralisedPlant"):
                 hinf(wrong)
         with pytest.raises(InputError, match="must be a GeneralisedPlant, not StateSpace"):
             HinfSynthesis(system)
 
     def test_a_direct_term_from_control_to_measurement_is_shifted_away(self, form):
-        without = hinf(form(PLANT), 1, 1)
+        without = hinf(form(PLANT), measurements=1, controls=1)
         for D22 in (-3.0, 0.7):
-            answer = hinf(changed(form(PLANT), D=entry(PLANT.D, D22, 2, 2)), 1, 1)
+            answer = hinf(
+                changed(form(PLANT), D=entry(PLANT.D, D22, 2, 2)), measurements=1, controls=1
+            )
             assert answer.gamma == pytest.approx(without.gamma, rel=1e-9)
 
     def test_a_static_plant(self, form):
         D = [[0.5, 2.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.3]]
         static = control.ss([], [], [], D, form(PLANT).dt)
-        assert hinf(static, 1, 1).norm == pytest.approx(0.5 * np.sqrt(1.0 + 16.0), rel=2e-3)
+        assert hinf(static, measurements=1, controls=1).norm == pytest.approx(
+            0.5 * np.sqrt(1.0 + 16.0), rel=2e-3
+        )
         for method, said in (("sb10ad", "with states"), ("clarabel", "no states")):
             with pytest.raises(InputError, match=said):
-                hinf(static, 1, 1, method=method)
+                hinf(static, measurements=1, controls=1, method=method)
 
     def test_a_controller_of_another_size(self, form):
         plant = GeneralisedPlant(form(PLANT), None, 1, 1)
@@ -212,7 +218,10 @@ def assumptions_of(system):
 
 def test_direct_terms_of_a_sampled_plant_are_those_at_half_the_sampling_rate():
     """D12 = 0 costs nothing continuous a control, but a sampled one acts on z one sample later."""
-    assert hinf(changed(sampled(PLANT), D=entry(PLANT.D, 0.0, 1, 2)), 1, 1).norm < np.inf
+    assert (
+        hinf(changed(sampled(PLANT), D=entry(PLANT.D, 0.0, 1, 2)), measurements=1, controls=1).norm
+        < np.inf
+    )
     with pytest.raises(SingularPlantError, match="D12"):
         assumptions_of(changed(PLANT, D=entry(PLANT.D, 0.0, 1, 2)))
     silent = {"C": [[0.0], [0.0], [1.0]], "D": entry(PLANT.D, 0.0, 1, 2)}
@@ -230,17 +239,17 @@ def test_zeros_on_the_stability_boundary_are_placed():
 
 def test_sampling_times_that_are_not_known():
     with pytest.raises(InputError, match="dt True"):
-        hinf(changed(PLANT, dt=True), 1, 1)
+        hinf(changed(PLANT, dt=True), measurements=1, controls=1)
     with pytest.raises(InputError, match="dt True"):
         LoopShaping(control.tf([1.0], [1.0, -0.5], True))
-    assert hinf(changed(PLANT, dt=None), 1, 1).K.dt == 0.0
+    assert hinf(changed(PLANT, dt=None), measurements=1, controls=1).K.dt == 0.0
 
 
 def test_zero_is_claimed_no_closer_than_it_is_known():
     """K cancels w -> z, and what is left are rounding errors."""
     system = control.ss([[-1.0]], [[1.0, 0.1]], [[1.0], [0.1]], [[0.5, 1.0], [1.0, 0.0]])
     for gamma in (None, 1e-6):
-        assert 0.0 < hinf(system, 1, 1, gamma=gamma).norm <= 1e-6
+        assert 0.0 < hinf(system, measurements=1, controls=1, gamma=gamma).norm <= 1e-6
 
 
 def test_poles_too_far_apart_are_perturbed_further():
@@ -376,23 +385,23 @@ def test_a_plant_without_an_h_infinity_step_is_perturbed(method, name, place):
     plant = without(D=entry(UNCERTAIN.system.D, 0.0, *place))
     with pytest.raises(SingularPlantError, match=name):
         checked(standard_plant(plant))
-    own = solve(MuSynthesis(plant), method)
-    regular = solve(MuSynthesis(regularised(plant, 1e-2)), method)
+    own = solve(MuSynthesis(plant), method=method)
+    regular = solve(MuSynthesis(regularised(plant, 1e-2)), method=method)
     assert own.certificate.holds and regular.certificate.holds
     assert own.answer.upper <= 1.05 * regular.answer.upper
 
 
 def test_a_start_is_kept_or_improved_where_steps_must_be_perturbed():
     program = MuSynthesis(without(D=entry(UNCERTAIN.system.D, 0.0, -1, slice(0, -1))), start=K)
-    solution = solve(program, "dk")
+    solution = solve(program, method="dk")
     assert solution.certificate.holds
     assert solution.answer.upper <= 1.01 * program.certified(K).upper
 
 
 def test_methods_of_mu_synthesis_that_cannot_be_used():
     with pytest.raises(UnknownNameError, match="mu-dk"):
-        solve(MuSynthesis(UNCERTAIN), "hinf")
-    assert "give start" in solve(MuSynthesis(UNCERTAIN), "fixed").message
+        solve(MuSynthesis(UNCERTAIN), method="hinf")
+    assert "give start" in solve(MuSynthesis(UNCERTAIN), method="fixed").message
 
 
 @pytest.mark.slow
@@ -408,14 +417,16 @@ def test_a_direct_term_and_a_transfer_function_are_nothing_to_mu_synthesis():
 @pytest.mark.parametrize("method", ["dk", "mu-dk"])
 def test_mu_synthesis_of_a_static_plant(method):
     static = control.ss([], [], [], np.eye(3)[::-1] + 0.1)
-    solution = solve(MuSynthesis(GeneralisedPlant(static, Structure([Full(1, 1)]), 1, 1)), method)
+    solution = solve(
+        MuSynthesis(GeneralisedPlant(static, Structure([Full(1, 1)]), 1, 1)), method=method
+    )
     assert solution.certificate.holds
 
 
 def test_a_performance_that_is_zero():
     system = UNCERTAIN.system
     silent = without(C=entry(system.C, 0.0, 1), D=entry(system.D, 0.0, 1))
-    solution = solve(MuSynthesis(silent), "dk")
+    solution = solve(MuSynthesis(silent), method="dk")
     assert solution.certificate.holds or "D12" in solution.message
 
 
@@ -425,41 +436,44 @@ def test_a_performance_that_is_zero():
 @pytest.mark.parametrize("order", [1.0, 1.5, "1", None, True, -1, 99])
 def test_orders_that_are_none(order):
     with pytest.raises(InputError, match="order is"):
-        approximated(K, order, "balanced")
+        approximated(K, order, method="balanced")
 
 
 @each(
     ("call", "said"),
     [
-        (lambda: approximated(K, 1, "schur"), "method is 'schur'"),
+        (lambda: approximated(K, 1, method="schur"), "method is 'schur'"),
         (lambda: approximated(K, 1), "give the plant"),
         (lambda: approximated(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
         (lambda: approximated(control.append(K, K), 1, plant=UNCERTAIN), "K has 2 inputs"),
         (lambda: approximated(KD, 1, plant=UNCERTAIN), "K is sampled"),
-        (lambda: reduce_order(K, None), "must be a GeneralisedPlant"),
-        (lambda: reduce_order(K, UNCERTAIN, target="a"), "target is 'a'"),
-        (lambda: reduce_order(K, UNCERTAIN, target=np.nan), "target is nan"),
-        (lambda: reduce_order(K, UNCERTAIN, order="a"), "order is 'a'"),
-        (lambda: reduce_order(control.ss([], [], [], [[0.0]]), UNCERTAIN), "unstable.*stabilises"),
-        (lambda: discretised(K, "a"), r"sample_time is 'a'"),
-        (lambda: discretised(K, None), r"sample_time is None"),
-        (lambda: discretised(K, 0.0), r"sample_time is 0.0"),
-        (lambda: discretised(K, 0.1, "euler"), "method is 'euler'"),
+        (lambda: reduce_order(None, K), "must be a GeneralisedPlant"),
+        (lambda: reduce_order(UNCERTAIN, K, target="a"), "target is 'a'"),
+        (lambda: reduce_order(UNCERTAIN, K, target=np.nan), "target is nan"),
+        (lambda: reduce_order(UNCERTAIN, K, order="a"), "order is 'a'"),
+        (lambda: reduce_order(UNCERTAIN, control.ss([], [], [], [[0.0]])), "unstable.*stabilises"),
+        (lambda: discretised(K, "a"), r"dt is 'a'"),
+        (lambda: discretised(K, None), r"dt is None"),
+        (lambda: discretised(K, 0.0), r"dt is 0.0"),
+        (lambda: discretised(K, 0.1, method="euler"), "method is 'euler'"),
         (lambda: discretised(K, 0.1, prewarp="a"), "prewarp is 'a'"),
         (lambda: discretised(K, 0.1, prewarp=np.nan), "prewarp is nan"),
         (lambda: discretised(KD, 0.1), "sampled already"),
         (lambda: discretised(K, 0.01, plant=control.append(G, G)), "the plant has 2 outputs"),
         (lambda: discretised(K, 0.01, plant=KD), "the plant is sampled"),
-        (lambda: sampled_conditions(G, KD, "a"), r"sample_time is 'a'"),
+        (lambda: sampled_conditions(G, KD, "a"), r"dt is 'a'"),
         (lambda: sampled_conditions(G, KD, 0.2), r"K has dt = 0.1.*every 0.2 s"),
         (lambda: sampled_conditions(G, G, 0.1), r"K has dt = 0.*discretised\(\)"),
         (lambda: sampled_conditions(KD, KD, 0.1), "the plant is sampled"),
         (lambda: sampled_conditions(control.append(G, G), KD, 0.1), "the plant has 2 outputs"),
         (lambda: sampled_conditions(G, KD, 0.1, sign="-"), "sign is '-'"),
-        (lambda: sampled_conditions(G, KD, 0.1, "a"), "delay is 'a'"),
-        (lambda: sampled_conditions(G, KD, 0.1, -0.5), "delay is -0.5"),
-        (lambda: sampled_conditions(G, KD, 0.1, np.inf), "delay is inf"),
-        (lambda: sampled_conditions(G, KD, 0.1, 1e9), "delay is 1000000000.0.*to 1000"),
+        (lambda: sampled_conditions(G, KD, 0.1, delay_samples="a"), "delay is 'a'"),
+        (lambda: sampled_conditions(G, KD, 0.1, delay_samples=-0.5), "delay is -0.5"),
+        (lambda: sampled_conditions(G, KD, 0.1, delay_samples=np.inf), "delay is inf"),
+        (
+            lambda: sampled_conditions(G, KD, 0.1, delay_samples=1e9),
+            "delay is 1000000000.0.*to 1000",
+        ),
         (lambda: second_order_sections(K), "discretise it first"),
         (lambda: export(K, "never.h", "c"), r"discretised\(\)"),
         (lambda: export(K, "never.xml", "xml"), "format is 'xml'"),
@@ -479,7 +493,7 @@ def test_a_gain_without_a_sampling_time_has_any():
 
 
 def test_a_target_that_no_order_reaches():
-    assert reduce_order(K, UNCERTAIN, target=1e-3).smallest is None
+    assert reduce_order(UNCERTAIN, K, target=1e-3).smallest is None
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,9 @@ def control_cover(responses):
 
 @pytest.fixture(scope="module")
 def cover():
-    return control_cover(Responses(OMEGA, np.array([each(1j * OMEGA) for each in SYSTEMS]).T))
+    return control_cover(
+        Responses(omega=OMEGA, values=np.array([each(1j * OMEGA) for each in SYSTEMS]).T)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +98,10 @@ def test_a_resonance_between_the_frequencies_counts(parts):
     values = np.array([each(1j * OMEGA) for each in light]).T
     measured, known = (
         control_cover(responses)
-        for responses in (Responses(OMEGA, values), Responses(OMEGA, values, known=light))
+        for responses in (
+            Responses(omega=OMEGA, values=values),
+            Responses(omega=OMEGA, values=values, known=light),
+        )
     )
     radii = [np.interp(2.0, each.omega, each.loop(parts).radius) for each in (measured, known)]
     s, end = 2j, parts["real"].response(np.array([2.0]))[0]

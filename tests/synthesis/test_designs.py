@@ -47,7 +47,7 @@ def task():
         plant=plant,
         regular=regular,
         quadratic=regular.nominal().weighted(exogenous=[limit]),
-        G=control.ss(G * SENSOR),
+        nominal=control.ss(G * SENSOR),
         W_S=control.ss(W_P),
         W_KS=W_U,
         reference=control.ss(control.tf([2.0, 2.0], [0.05, 1.0])),

@@ -81,14 +81,14 @@ def test_a_controller_of_norm_one_for_the_scaled_plant_holds_the_bound_of_the_lo
 @pytest.mark.slow
 def test_without_real_scalars_it_is_d_k_iteration():
     plant = unstable_first_order()
-    first, second = (wb.solve(MuSynthesis(plant), name).answer for name in ("dk", "dgk"))
+    first, second = (wb.solve(MuSynthesis(plant), method=name).answer for name in ("dk", "dgk"))
     assert first.upper == second.upper
     assert len(first.history) == len(second.history)
 
 
 @pytest.mark.slow
 def test_g_lowers_the_mixed_peak_of_two_masses_far_below_d_k_iteration():
-    solution = wb.solve(MuSynthesis(two_mass_plant()), "dgk")
+    solution = wb.solve(MuSynthesis(two_mass_plant()), method="dgk")
     assert solution.certificate.holds, solution.certificate
     assert solution.answer.upper < 0.9  # D-K iteration: 1.074
 
@@ -103,7 +103,7 @@ def test_a_full_d_lowers_the_peak_of_a_repeated_scalar():
     system = control.ss(A, B, C, D)
     repeated = MuSynthesis(GeneralisedPlant(system, Structure([Complex(2)]), 1, 1))
     block = MuSynthesis(GeneralisedPlant(system, Structure([Full(2, 2)]), 1, 1))
-    scalar = wb.solve(block, "dk").answer.K  # one function for both channels
-    full = wb.solve(repeated, "dk")
+    scalar = wb.solve(block, method="dk").answer.K  # one function for both channels
+    full = wb.solve(repeated, method="dk")
     assert full.certificate.holds
     assert full.answer.upper <= repeated.certified(scalar).upper * (1 + 1e-3)

@@ -50,7 +50,7 @@ def times(K, gain):
 
 def stable(plant, K, period, delay=0.0, sign=-1):
     """By python-control's feedback."""
-    loop = control.feedback(sampled(plant, period, delay), K, sign)
+    loop = control.feedback(sampled(plant, period, delay_samples=delay), K, sign)
     return bool(np.abs(loop.poles()).max() < 1)
 
 
@@ -61,7 +61,7 @@ def stable(plant, K, period, delay=0.0, sign=-1):
 @given(st.integers(0, 10_000), st.sampled_from(["tustin", "zoh"]))
 def test_the_response_is_that_of_python_control(seed, method):
     K = random_system(seed)
-    K_d = discretised(K, 0.05, method)
+    K_d = discretised(K, 0.05, method=method)
     theirs = control.sample_system(K, 0.05, method)
     z = np.exp(1j * np.linspace(0.01, 3.1, 30))
     expected = theirs(z, squeeze=False)
@@ -114,24 +114,26 @@ def test_the_focus_loop_at_35_khz():
     # Continuous 57.5 degrees; the hold costs half a sample, 3.5 degrees at the crossover.
     crossover = 2 * np.pi * drives.crossover("focus")
     lag = math.degrees(crossover * T / 2)
-    assert margins.phase == pytest.approx(drives.phase_margin("focus") - lag, abs=0.1)
+    assert margins.phase_deg == pytest.approx(drives.phase_margin("focus") - lag, abs=0.1)
     assert margins.phase_at == pytest.approx(crossover, rel=1e-3)
-    assert margins.delay == pytest.approx(math.radians(margins.phase) / (crossover * T), rel=1e-3)
+    assert margins.delay_samples == pytest.approx(
+        math.radians(margins.phase_deg) / (crossover * T), rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.4, 1.0, 2.7])
 def test_margins_are_where_the_poles_leave_the_circle(delay):
     plant, K = focus()
     K_d = discretised(K, T)
-    (margins,) = sampled_conditions(plant, K_d, T, delay).margins
+    (margins,) = sampled_conditions(plant, K_d, T, delay_samples=delay).margins
 
     def holds(gain=1.0, more=0.0):
         return stable(plant, times(K_d, gain), T, delay + more)
 
     for factor, inside in zip(margins.gain, (1e-4, -1e-4), strict=True):
         assert holds(factor * (1 + inside)) and not holds(factor * (1 - inside))
-    assert holds(more=margins.delay * (1 - 1e-5))
-    assert not holds(more=margins.delay * (1 + 1e-5))
+    assert holds(more=margins.delay_samples * (1 - 1e-5))
+    assert not holds(more=margins.delay_samples * (1 + 1e-5))
 
 
 def test_a_delay_margin_below_a_sample():
@@ -139,10 +141,10 @@ def test_a_delay_margin_below_a_sample():
     s = control.tf("s")
     plant, period = control.ss(1 / (s * (s + 2))), 0.5
     K = control.ss([], [], [], [[2.2]], period)
-    (margins,) = sampled_conditions(plant, K, period, 0.3).margins
-    assert 0.05 < margins.delay < 1.5
-    assert stable(plant, K, period, 0.3 + margins.delay * (1 - 1e-6))
-    assert not stable(plant, K, period, 0.3 + margins.delay * (1 + 1e-6))
+    (margins,) = sampled_conditions(plant, K, period, delay_samples=0.3).margins
+    assert 0.05 < margins.delay_samples < 1.5
+    assert stable(plant, K, period, 0.3 + margins.delay_samples * (1 - 1e-6))
+    assert not stable(plant, K, period, 0.3 + margins.delay_samples * (1 + 1e-6))
 
 
 def test_a_mode_beyond_half_the_sampling_rate_comes_and_goes_with_the_delay():
@@ -152,11 +154,11 @@ def test_a_mode_beyond_half_the_sampling_rate_comes_and_goes_with_the_delay():
     K = control.ss([], [], [], [[0.3]], 0.8)
     hidden = 0
     for delay in (0.0, 0.5, 0.75, 1.25):
-        found = sampled_conditions(plant, K, 0.8, delay)
-        if found.stable and found.margins[0].delay < 10:
-            hidden += found.margins[0].phase == math.inf
+        found = sampled_conditions(plant, K, 0.8, delay_samples=delay)
+        if found.stable and found.margins[0].delay_samples < 10:
+            hidden += found.margins[0].phase_deg == math.inf
             later = [
-                stable(plant, K, 0.8, delay + found.margins[0].delay * (1 + e))
+                stable(plant, K, 0.8, delay + found.margins[0].delay_samples * (1 + e))
                 for e in (-0.5, -1e-6, 1e-6)
             ]
             assert later == [True, True, False]
@@ -167,7 +169,7 @@ def test_two_loops_are_broken_one_at_a_time():
     s = control.tf("s")
     plant = control.ss([[-1.0, 0.3], [0.2, -2.0]], np.eye(2), [[1.0, 0.4], [-0.3, 1.0]], 0.0)
     K = discretised(control.append(control.ss(2 / (s + 0.1)), control.ss(3 / (s + 0.2))), 0.1)
-    found = sampled_conditions(plant, K, 0.1, 0.5)
+    found = sampled_conditions(plant, K, 0.1, delay_samples=0.5)
     assert found.stable and len(found.margins) == 2
     for channel, margins in enumerate(found.margins):
         for e, expected in ((-1e-4, True), (1e-4, False)):
@@ -178,7 +180,7 @@ def test_two_loops_are_broken_one_at_a_time():
     # A delay of one signal, by states of K before it: the margin lies in that sample.
     z = control.tf([1.0, 0.0], [1.0], 0.1)
     for channel, margins in enumerate(found.margins):
-        whole = math.floor(margins.delay)
+        whole = math.floor(margins.delay_samples)
         for steps, expected in ((whole, True), (whole + 1, False)):
             late = [control.ss([], [], [], [[1.0]], 0.1)] * 2
             late[channel] = control.ss(1 / z**steps) if steps else late[channel]
@@ -192,14 +194,14 @@ def test_the_sign_of_the_feedback():
     assert not sampled_conditions(plant, K_d, T, sign=1).stable
     (one,) = sampled_conditions(plant, times(K_d, -1), T, sign=1).margins
     (other,) = sampled_conditions(plant, K_d, T).margins
-    assert one.phase == pytest.approx(other.phase)
+    assert one.phase_deg == pytest.approx(other.phase_deg)
 
 
 def test_a_small_gain_has_endless_margins():
     plant = control.ss(-1.0, 1.0, 1.0, 0.0)
     K = discretised(control.ss(-2.0, 1.0, 0.5, 0.0), 0.1)
     (margins,) = sampled_conditions(plant, K, 0.1).margins
-    assert margins.phase == margins.delay == math.inf
+    assert margins.phase_deg == margins.delay_samples == math.inf
     assert margins.gain[0] == 0.0 and margins.gain[1] > 10
 
 
@@ -220,7 +222,7 @@ def test_the_static_gain_and_integrators():
 def test_no_gain_at_all():
     plant = control.ss(-1.0, 1.0, 1.0, 0.0)
     (margins,) = sampled_conditions(plant, control.ss([], [], [], [[0.0]], 0.1), 0.1).margins
-    assert margins.gain == (0.0, math.inf) and margins.delay == math.inf
+    assert margins.gain == (0.0, math.inf) and margins.delay_samples == math.inf
 
 
 # --- second-order sections --------------------------------------------------------------------
@@ -311,8 +313,8 @@ def test_quantised_controllers_keep_or_lose_the_loop():
     ((own,),) = sections.channels
     two = fixed_point(Sections(((own, own),), T), 16, 16)
     assert not two.overflow_free and two.cascades[0][0].largest[-1] == math.inf
-    exact = sampled_conditions(plant, sections.system, T).margins[0].phase
-    assert fine.conditions(plant).margins[0].phase == pytest.approx(exact, abs=1e-3)
+    exact = sampled_conditions(plant, sections.system, T).margins[0].phase_deg
+    assert fine.conditions(plant).margins[0].phase_deg == pytest.approx(exact, abs=1e-3)
     assert fine.cascades[0][0].moved < 1e-8 < coarse.cascades[0][0].moved < 1e-4
     few = fixed_point(sections, 4, 16)
     assert few.cascades[0][0].moved > 1e-3
@@ -337,11 +339,11 @@ def test_the_absolute_sum_of_a_double_pole_is_bounded():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda G, K: discretised(K, 0.0), "sample_time is 0"),
+        (lambda G, K: discretised(K, 0.0), "dt is 0"),
         (lambda G, K: discretised(K, -T), "positive"),
         (lambda G, K: discretised(discretised(K, T), T), "sampled already"),
-        (lambda G, K: discretised(K, T, "euler"), "'euler'"),
-        (lambda G, K: discretised(K, T, "zoh", 1e3), "prewarp"),
+        (lambda G, K: discretised(K, T, method="euler"), "'euler'"),
+        (lambda G, K: discretised(K, T, method="zoh", prewarp=1e3), "prewarp"),
         (lambda G, K: discretised(K, T, prewarp=1.2e5), "prewarp is 120000"),
         (lambda G, K: discretised(K, 1 / 1200, plant=G), "half the sampling rate 3769.91 rad/s"),
         (lambda G, K: discretised(K, 1 / 1600, plant=G), "unstable"),
@@ -349,7 +351,7 @@ def test_the_absolute_sum_of_a_double_pole_is_bounded():
         (lambda G, K: sampled_conditions(G, K, T), "K has dt = 0"),
         (lambda G, K: sampled_conditions(G, discretised(K, T), 2 * T), "sampled every"),
         (lambda G, K: sampled_conditions(discretised(K, T), K, T), "plant is sampled"),
-        (lambda G, K: sampled_conditions(G, discretised(K, T), T, -1), "delay is -1"),
+        (lambda G, K: sampled_conditions(G, discretised(K, T), T, delay_samples=-1), "delay is -1"),
         (lambda G, K: sampled_conditions(G, discretised(K, T), T, sign=2), "sign is 2"),
         (lambda G, K: second_order_sections(control.ss(K)), "discretise it first"),
         (lambda G, K: fixed_point(Sections(((np.eye(1, 6),),), T), 2, 16), "bits is 2"),

@@ -34,7 +34,7 @@ def constant(gain):
 
 
 def proven(loop, basis, low, high):
-    return highest_proven(loop, basis, low, high, Context(Options()))
+    return highest_proven(loop, basis, low, high, Context(options=Options()))
 
 
 def low_pass(leak=LEAK * CORNER):
@@ -72,11 +72,11 @@ def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equation
 def test_an_unstable_pole_costs_twice_its_gain(p):
     """G = 1 / (s - p), W_u = 1: |K S| is 2 p at least, by Nehari; K = 2 p has it, and |S| = 1."""
     loop = LoopFunctions(constant(0.1 * p), ONE, Rational(NONE, [p], 1.0))
-    basis = AnalyticBasis(p * UNIT.corners, UNIT.band, poles=[p])
+    basis = AnalyticBasis(p * UNIT.corners, UNIT.band_hz, poles=[p])
     found = proven(loop, basis, p, 3 * p)
     assert found is not None
     assert 1.98 * p < found.level <= np.hypot(2.0, 0.1) * p
-    without = AnalyticBasis(p * UNIT.corners, UNIT.band)
+    without = AnalyticBasis(p * UNIT.corners, UNIT.band_hz)
     assert proven(loop, without, 1.5 * p, 3 * p) is None
 
 
@@ -106,7 +106,9 @@ def test_complex_zeros_and_poles_of_the_plant_are_used():
 
     G = control.ss([[-2.0, -5.0], [1.0, 0.0]], [[1.0], [0.0]], [[0.0, 1.0]], 0)  # G(-s)
     least = 1 / np.sqrt(np.linalg.eigvals(control.gram(G, "c") @ control.gram(G, "o")).real.min())
-    found = proven(loop, AnalyticBasis(UNIT.corners, UNIT.band, poles=[p]), 0.5 * least, 2 * least)
+    found = proven(
+        loop, AnalyticBasis(UNIT.corners, UNIT.band_hz, poles=[p]), 0.5 * least, 2 * least
+    )
     assert found is not None
     assert 0.97 * least < found.level <= least * (1 + 1e-2)
 
@@ -119,7 +121,10 @@ ATTACKS = {
     "pure integrators": (low_pass(0.0), Rational(NONE, [-CORNER, -CORNER], CORNER**2), BASIS),
     "damping 1e-6": (
         LoopFunctions(
-            Rational([-5.0], [-1e-3], 1.0), constant(1e-2), RESONANT, Rational([-9.0], [-90.0], 0.5)
+            Rational([-5.0], [-1e-3], 1.0),
+            constant(1e-2),
+            RESONANT,
+            circular=Rational([-9.0], [-90.0], 0.5),
         ),
         Rational(NONE, [-20.0, -20.0], 400.0),
         AnalyticBasis(np.geomspace(0.1, 1e4, 20), (1e-4, 1e5)),
@@ -129,8 +134,8 @@ ATTACKS = {
             Rational([-1e-4 + 7j, -1e-4 - 7j], [-1e-5 + 7j, -1e-5 - 7j], 1.0),
             ONE,
             Rational(NONE, [-1.0, -2.0], 2.0),
-            Rational([-3.0], [-1e-6 + 9j, -1e-6 - 9j], 1e-5),
-            Rational([2.0], [-4.0], 0.4),
+            circular=Rational([-3.0], [-1e-6 + 9j, -1e-6 - 9j], 1e-5),
+            real=Rational([2.0], [-4.0], 0.4),
         ),
         Rational(NONE, [-3.0, -3.0], 9.0),
         UNIT,
@@ -149,7 +154,7 @@ ATTACKS = {
     ),
     "tails that vary": (
         LoopFunctions(
-            Rational([-1e6], [-1e-6], 1e-2), ONE, Rational([-1e7], [-1.0, -1e5], 10.0), ONE
+            Rational([-1e6], [-1e-6], 1e-2), ONE, Rational([-1e7], [-1.0, -1e5], 10.0), circular=ONE
         ),
         Rational(NONE, [-50.0, -60.0], 3000.0),
         UNIT,
@@ -175,7 +180,7 @@ def test_a_level_that_a_stable_T_has_is_never_proven(name):
     omega = np.unique(np.concatenate([np.geomspace(1e-7, 1e9, 20_000), *about]))
     weights = loop.at(omega)
     level = float(weights.mu(T.response(omega)).max()) * (1 + 1e-6)
-    best = dual_candidate(loop, basis, level, Context(Options()))
+    best = dual_candidate(loop, basis, level, Context(options=Options()))
     for factor in (1.0, 1.001, 1.5):
         assert DualCertificate(factor * level, best.coefficients, basis).excess(loop) >= 0.0
     rng = np.random.default_rng(3)
@@ -186,7 +191,7 @@ def test_a_level_that_a_stable_T_has_is_never_proven(name):
 
 def test_a_level_that_one_frequency_forbids_is_proven_by_any_h():
     loop, _, basis = ATTACKS["resonant weights"]
-    pointwise = least_mu(loop.at(2 * np.pi * np.geomspace(*basis.band, 5000))).lower.max()
+    pointwise = least_mu(loop.at(2 * np.pi * np.geomspace(*basis.band_hz, 5000))).lower.max()
     x = np.ones(basis.size)
     assert DualCertificate(0.99 * pointwise, x, basis).excess(loop) == -np.inf
 

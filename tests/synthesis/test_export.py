@@ -188,10 +188,22 @@ def test_limits_clip_outputs_of_sections_and_nothing_else(tmp_path):
     ("format", "change", "words"),
     [
         ("xml", {}, "'xml'.*json, mat, c"),
-        ("c", {"K": control.ss(-1, 1, 1, 0, name="lead")}, "'lead' has dt = 0.*discretised"),
-        ("c", {"K": control.ss(0.5, 1, 1, 0, True)}, "dt = True"),
-        ("c", {"K": control.ss(1e300, 1, 1, 0, 1), "precision": "float"}, "float cannot hold"),
-        ("c", {"K": control.ss(1e-60, 1, 1, 0, 1), "precision": "float"}, "float cannot hold"),
+        (
+            "c",
+            {"controller": control.ss(-1, 1, 1, 0, name="lead")},
+            "'lead' has dt = 0.*discretised",
+        ),
+        ("c", {"controller": control.ss(0.5, 1, 1, 0, True)}, "dt = True"),
+        (
+            "c",
+            {"controller": control.ss(1e300, 1, 1, 0, 1), "precision": "float"},
+            "float cannot hold",
+        ),
+        (
+            "c",
+            {"controller": control.ss(1e-60, 1, 1, 0, 1), "precision": "float"},
+            "float cannot hold",
+        ),
         ("c", {"precision": "half"}, "'half'"),
         ("c", {"name": "2nd"}, "C identifier"),
         ("c", {"name": "a b"}, "C identifier"),
@@ -203,11 +215,11 @@ def test_limits_clip_outputs_of_sections_and_nothing_else(tmp_path):
         ("json", {"metadata": {"a": object()}}, "metadata"),
         ("mat", {"metadata": {1: 2}}, "metadata"),
         ("json", {"metadata": {"a": float("nan")}}, "metadata"),
-        ("json", {"K": control.ss(np.nan, 1, 1, 0)}, "A of K .* not finite"),
+        ("json", {"controller": control.ss(np.nan, 1, 1, 0)}, "A of K .* not finite"),
     ],
 )
 def test_bad_input_is_named_and_writes_nothing(tmp_path, format, change, words):
-    given = {"K": system(), "path": tmp_path / "out", "format": format} | change
+    given = {"controller": system(), "path": tmp_path / "out", "format": format} | change
     with pytest.raises(InputError, match=words):
         export(**given)
     assert not list(tmp_path.iterdir())

@@ -48,7 +48,7 @@ CONSTRUCTED = [
     (lambda: PID.of(1.0, 1.0, 1.0, 0.0), "T positive"),
     (lambda: PID.of(NAN, 1.0, 1.0, 1.0), "finite"),
     (lambda: PID.of(1.0, 1.0, 1.0, INF), "T positive"),
-    (lambda: PID.of(1.0, 1.0, 1.0, 1.0, -1.0), "leak is -1.0"),
+    (lambda: PID.of(1.0, 1.0, 1.0, 1.0, leak=-1.0), "leak is -1.0"),
 ]  # fmt: skip
 
 
@@ -152,7 +152,7 @@ def test_starts_of_two_channels():
     ],
 )
 def test_what_no_member_can_meet(asked, said):
-    found = solve(MuSynthesis(PLANT, **asked), "fixed")
+    found = solve(MuSynthesis(PLANT, **asked), method="fixed")
     assert found.outcome is Outcome.FAILED
     assert re.search(said, found.message), found.message
 

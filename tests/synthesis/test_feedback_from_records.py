@@ -28,8 +28,8 @@ def records(draw=0, radius=0.2, samples=20):
 
 
 def question(criterion, given=None):
-    performance = () if criterion == "decay" else (C, D)
-    return FeedbackFromRecords(given or records(), criterion, *performance)
+    performance = {} if criterion == "decay" else {"C": C, "D": D}
+    return FeedbackFromRecords(given or records(), criterion=criterion, **performance)
 
 
 def members(given, count, seed):
@@ -48,7 +48,7 @@ def members(given, count, seed):
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_methods_of_different_mathematics_agree(criterion):
     program = question(criterion)
-    found = {method: wb.solve(program, method) for method in METHODS}
+    found = {method: wb.solve(program, method=method) for method in METHODS}
     for solution in found.values():
         assert solution.outcome is Outcome.SOLVED, solution
         assert solution.certificate.gap.value < 6e-3
@@ -150,9 +150,11 @@ def test_units_make_no_difference(criterion, method):
     graded = StateRecords(
         given.states * x[:, None], given.inputs * u[:, None], given.following * x[:, None], noise
     )
-    plain = wb.solve(question(criterion, given), method).answer
-    performance = () if criterion == "decay" else (C / x, D / u, np.diag(x))
-    solution = wb.solve(FeedbackFromRecords(graded, criterion, *performance), method)
+    plain = wb.solve(question(criterion, given), method=method).answer
+    performance = {} if criterion == "decay" else {"C": C / x, "D": D / u, "F": np.diag(x)}
+    solution = wb.solve(
+        FeedbackFromRecords(graded, criterion=criterion, **performance), method=method
+    )
     assert solution.certificate.valid, solution
     assert solution.answer.level == pytest.approx(plain.level, rel=1e-3)
     np.testing.assert_allclose(solution.answer.K * x / u[:, None], plain.K, atol=0.03)
@@ -163,7 +165,7 @@ def test_units_make_no_difference(criterion, method):
 
 @pytest.mark.parametrize(("criterion", "method"), CELLS)
 def test_no_gain_is_proven_by_an_exact_ray(criterion, method):
-    solution = wb.solve(question(criterion, records(radius=2.0)), method)
+    solution = wb.solve(question(criterion, records(radius=2.0)), method=method)
     assert solution.outcome is Outcome.INFEASIBLE, solution
     assert solution.certificate.holds
 
@@ -269,7 +271,7 @@ REFUSED = {
     "rank 4 of 5": refused(inputs=np.vstack([GIVEN.states[:1], GIVEN.inputs[:1]])),
     "times the energy allowed": refused(noise=NoiseEnergy(1e-3 * np.eye(3))),
     "has 2 states, not 3": refused(noise=NoiseEnergy(np.eye(2))),
-    "weight of the noise has 4 samples": refused(noise=NoiseEnergy(np.eye(3), np.eye(4))),
+    "weight of the noise has 4 samples": refused(noise=NoiseEnergy(np.eye(3), weight=np.eye(4))),
     "mean of the noise has 4 samples": refused(noise=NoiseEnergy(np.eye(3), mean=np.zeros((3, 4)))),
     "finite rows": refused(states=np.nan * GIVEN.states),
     "are needed": refused(following=GIVEN.following[:, :-1]),
@@ -280,12 +282,14 @@ REFUSED = {
     "radius is": lambda: NoiseEnergy.of_samples(0.0, 3, 4),
     r"\(n, T \+ 1\) is needed": lambda: StateRecords.of_run([1.0], [[1.0]], GIVEN.noise),
     "must be StateRecords": lambda: FeedbackFromRecords(3.0),
-    "one of decay, h2, hinf": lambda: FeedbackFromRecords(GIVEN, "l1"),
-    "has no performance": lambda: FeedbackFromRecords(GIVEN, "decay", C),
-    r"\(3, q\) are needed": lambda: FeedbackFromRecords(GIVEN, "h2", C, D, np.eye(2)),
-    r"\(p, 3\) is needed": lambda: FeedbackFromRecords(GIVEN, "h2"),
-    r"\(5, 2\) is needed": lambda: FeedbackFromRecords(GIVEN, "h2", C, D[:2]),
-    "not both zero": lambda: FeedbackFromRecords(GIVEN, "hinf", 0 * C),
+    "one of decay, h2, hinf": lambda: FeedbackFromRecords(GIVEN, criterion="l1"),
+    "has no performance": lambda: FeedbackFromRecords(GIVEN, criterion="decay", C=C),
+    r"\(3, q\) are needed": lambda: FeedbackFromRecords(
+        GIVEN, criterion="h2", C=C, D=D, F=np.eye(2)
+    ),
+    r"\(p, 3\) is needed": lambda: FeedbackFromRecords(GIVEN, criterion="h2"),
+    r"\(5, 2\) is needed": lambda: FeedbackFromRecords(GIVEN, criterion="h2", C=C, D=D[:2]),
+    "not both zero": lambda: FeedbackFromRecords(GIVEN, criterion="hinf", C=0 * C),
 }
 
 

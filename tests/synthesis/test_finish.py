@@ -59,7 +59,7 @@ def test_the_textbook_case_has_a_controller_of_few_states():
 def test_states_that_do_nothing_are_left_out_and_the_peak_stays(seed):
     rng = np.random.default_rng(seed)
     program = MuSynthesis(unstable_first_order())
-    K = wb.solve(program, "dk").answer.K
+    K = wb.solve(program, method="dk").answer.K
     more = control.rss(6, 1, 1)
     size = 1e-9 * 10 ** rng.uniform(-2, 0)
     larger = K + size * control.ss(more.A - 5 * np.eye(6), more.B, more.C, more.D)
@@ -72,7 +72,7 @@ def test_states_that_do_nothing_are_left_out_and_the_peak_stays(seed):
 @pytest.mark.cases(0)
 def test_no_state_is_left_out_that_the_peak_needs():
     program = MuSynthesis(unstable_first_order())
-    K = wb.solve(program, "dk").answer.K
+    K = wb.solve(program, method="dk").answer.K
     assert with_few_states(program, K, 0.0) is K
 
 
@@ -92,12 +92,12 @@ def late_in(context, monkeypatch, after):
 @pytest.mark.cases(0)
 @pytest.mark.parametrize("after", [1, 40])
 def test_the_limit_ends_a_fit_in_its_midst_and_the_first_controller_is_there(monkeypatch, after):
-    context = Context(Options(time_limit=1000.0))
+    context = Context(options=Options(time_limit=1000.0))
     late_in(context, monkeypatch, after)
-    solution = wb.solve(MuSynthesis(unstable_first_order()), "dk", context=context)
+    solution = wb.solve(MuSynthesis(unstable_first_order()), method="dk", context=context)
     assert solution.outcome is Outcome.TIME_LIMIT and solution.certificate.holds
     assert solution.message.startswith("time limit of 1000 s reached")
-    whole = wb.solve(MuSynthesis(unstable_first_order()), "dk")
+    whole = wb.solve(MuSynthesis(unstable_first_order()), method="dk")
     assert solution.answer.upper >= whole.answer.lower
 
 
@@ -108,7 +108,7 @@ def test_without_time_for_another_certificate_the_last_one_counts(monkeypatch):
     def never(*_):
         raise TimeLimitError("order of the controller: time limit of 1000 s reached")
 
-    context = Context(Options(time_limit=1000.0), watch=lambda _: None)
+    context = Context(options=Options(time_limit=1000.0), watch=lambda _: None)
 
     def watch(rows):
         if len(rows) == 2:
@@ -117,7 +117,7 @@ def test_without_time_for_another_certificate_the_last_one_counts(monkeypatch):
 
     context.watch = watch
     monkeypatch.setattr(finish, "MUCH_BETTER", 1.0)  # only the first one is certified
-    solution = wb.solve(program, "dk", context=context)
+    solution = wb.solve(program, method="dk", context=context)
     assert solution.outcome is Outcome.TIME_LIMIT and solution.certificate.holds
     assert solution.answer.upper == pytest.approx(first.upper, rel=1e-2)
     assert len(solution.answer.history) == 2
@@ -160,7 +160,7 @@ def lag_with(block, gain, *, coupled):
     ],
 )
 def test_a_decoupled_block_is_no_hindrance(method, coupled, gain, block):
-    with_block = wb.solve(MuSynthesis(lag_with(block, gain, coupled=coupled)), method)
+    with_block = wb.solve(MuSynthesis(lag_with(block, gain, coupled=coupled)), method=method)
     assert with_block.certificate.holds, with_block
     assert with_block.answer.lower >= 0.99 * gain * isinstance(block, Complex)
     assert with_block.answer.upper <= 0.51
@@ -180,7 +180,7 @@ def test_a_performance_on_which_nothing_acts_has_the_peak_zero():
         measurement="m",
     )
     for method in ("dk", "mu-dk", "dgk"):
-        solution = wb.solve(MuSynthesis(plant), method)
+        solution = wb.solve(MuSynthesis(plant), method=method)
         assert solution.certificate.holds, solution
         assert solution.answer.upper < 1e-9
 
@@ -189,10 +189,10 @@ def test_a_performance_on_which_nothing_acts_has_the_peak_zero():
 @pytest.mark.parametrize("seed", range(3))
 def test_five_dynamic_blocks_are_done_in_a_minute_nearly_as_well_as_without_a_limit(seed):
     program = MuSynthesis(five_dynamic_blocks(seed))
-    context = Context(Options(time_limit=60.0))
-    short = wb.solve(program, "dk", context=context)
+    context = Context(options=Options(time_limit=60.0))
+    short = wb.solve(program, method="dk", context=context)
     took = short.seconds["solve"] + short.seconds["check"]
-    whole = wb.solve(program, "dk")
+    whole = wb.solve(program, method="dk")
     assert short.certificate.holds
     assert took < 62.0
     assert short.answer.upper <= 1.02 * whole.answer.upper

@@ -70,7 +70,7 @@ def test_a_direct_term_from_control_to_measurement_changes_nothing():
     for D22 in (0.0, 0.7):
         D = np.array(system.D)
         D[2, 2] = D22
-        answer = hinf(control.ss([[1.2]], system.B, system.C, D, 0.1), 1, 1)
+        answer = hinf(control.ss([[1.2]], system.B, system.C, D, 0.1), measurements=1, controls=1)
         assert answer.K.dt == 0.1
         norms.append(answer.norm)
     assert norms[1] == pytest.approx(norms[0], rel=1e-6)
@@ -80,7 +80,7 @@ def test_a_direct_term_from_control_to_measurement_changes_nothing():
 def test_sampled_mixed_sensitivity():
     G = control.tf([1.0], [1.0, -0.5], 0.1)
     W_S = control.tf([1.0, -0.3], [1.0, -0.9], 0.1)
-    program = MixedSensitivity(G, W_S, 1.0)
+    program = MixedSensitivity(G, W_S=W_S, W_KS=1.0)
     answer = hinf(program.plant)
     S = control.feedback(1, G * control.ss2tf(answer.K))
     stack = [W_S * S, control.ss2tf(answer.K) * S]

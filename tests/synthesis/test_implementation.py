@@ -20,7 +20,7 @@ s = control.tf("s")
 G = control.tf([100.0], [1.0, 3.0, 100.0], inputs="u", outputs="y")
 PI = control.tf([0.2, 2.0], [1.0, 0.01], inputs="y", outputs="u") * 40 / (s + 40)
 MODEL = UncertaintyModel(
-    G, 0.05 * (s + 5) / (s / 20 + 5), 0.1 * (s + 10) / (s + 30), "multiplicative"
+    G, 0.05 * (s + 5) / (s / 20 + 5), 0.1 * (s + 10) / (s + 30), form="multiplicative"
 )
 
 
@@ -28,7 +28,7 @@ MODEL = UncertaintyModel(
 def done(request):
     """A task and its solution in each number format."""
     more = {"full_scale": (2.0, 4.0)} if request.param == "fixed" else {}
-    task = Implementation(PI, MODEL, PERIOD, DELAY, request.param, **more)
+    task = Implementation(MODEL, PI, PERIOD, delay_samples=DELAY, precision=request.param, **more)
     return task, solve(task)
 
 
@@ -92,8 +92,8 @@ def test_the_compiled_code_runs_in_the_loop_as_the_model_does(done, tmp_path):
 
 @pytest.mark.slow
 def test_the_best_way_is_not_worse_than_the_others():
-    task = Implementation(PI, MODEL, 0.02, DELAY)
-    found = {name: solve(task, name) for name in ("tustin", "zoh", "foh", "best")}
+    task = Implementation(MODEL, PI, 0.02, delay_samples=DELAY)
+    found = {name: solve(task, method=name) for name in ("tustin", "zoh", "foh", "best")}
     peaks = {name: task.objective(one.answer) for name, one in found.items()}
     assert peaks["best"] == min(peaks.values())
     assert len({round(peak, 6) for peak in peaks.values()}) == 3
@@ -128,7 +128,7 @@ def test_a_generalised_plant_has_the_signs_and_several_channels():
         measurement=["e1", "e2"],
     )
     K = control.append(PI, 0.3 * PI)
-    task = Implementation(K, plant, PERIOD, 0.5, "float")
+    task = Implementation(plant, K, PERIOD, delay_samples=0.5, precision="float")
     found = solve(task)
     assert found.outcome is Outcome.SOLVED and found.answer.peak is None
     assert len(found.answer.margins) == 2
@@ -139,13 +139,19 @@ def test_a_generalised_plant_has_the_signs_and_several_channels():
 def test_order_filter_and_limits_are_heeded(tmp_path):
     filtered = 1 / (s / 2000 + 1)
     task = Implementation(
-        PI, MODEL, PERIOD, DELAY, order=1, anti_aliasing=filtered, limits=([-1.0], [1.0])
+        MODEL,
+        PI,
+        PERIOD,
+        delay_samples=DELAY,
+        order=1,
+        anti_aliasing=filtered,
+        limits=([-1.0], [1.0]),
     )
     answer = solve(task).answer
     assert answer.K.nstates == 1
     assert "anti-windup" in answer.code()
-    plain = solve(Implementation(PI, MODEL, PERIOD, DELAY, order=1)).answer
-    assert answer.margins[0].phase < plain.margins[0].phase
+    plain = solve(Implementation(MODEL, PI, PERIOD, delay_samples=DELAY, order=1)).answer
+    assert answer.margins[0].phase_deg < plain.margins[0].phase_deg
 
 
 @pytest.mark.cases(1)
@@ -157,7 +163,7 @@ def test_anti_windup_shortens_what_a_limit_costs(precision, tmp_path):
     plant = control.tf([1.0], [1.0, 1.0])
     fixed = precision == "fixed"
     ends = {"full_scale": (2.0, 1.5)} if fixed else {"limits": ([-1.5], [1.5])}
-    answer = solve(Implementation(K, plant, 0.01, precision=precision, **ends)).answer
+    answer = solve(Implementation(plant, K, 0.01, precision=precision, **ends)).answer
     board = Compiled(answer, tmp_path)
     state, clipped = np.zeros(answer.K.nstates), []
     held = control.sample_system(control.ss(plant), 0.01)
@@ -232,8 +238,8 @@ def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
     """Poles a millionth from the circle: single precision loses the slow one, and says so."""
     slow = control.tf([1e-3, 1e-6], [1.0, 1e-7])
     plant = control.tf([1.0], [1.0, 1.0])
-    single = solve(Implementation(slow, plant, 1e-5, precision="float"))
-    double = solve(Implementation(slow, plant, 1e-5, precision="double"))
+    single = solve(Implementation(plant, slow, 1e-5, precision="float"))
+    double = solve(Implementation(plant, slow, 1e-5, precision="double"))
     assert double.certificate.valid
     assert double.answer.rounding.share < 1e-4
     assert not single.certificate.valid
@@ -243,14 +249,14 @@ def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"K": "K"}, "K must be a StateSpace.*not str"),
-        ({"K": control.append(PI, PI)}, "K has 2 inputs and 2 outputs; the plant has 1"),
-        ({"K": discretised(PI, 2e-3)}, "K has dt = 0.002; give a continuous controller"),
+        ({"controller": "K"}, "controller must be a StateSpace.*not str"),
+        ({"controller": control.append(PI, PI)}, "has 2 inputs and 2 outputs; the plant has 1"),
+        ({"controller": discretised(PI, 2e-3)}, "has dt = 0.002; give a continuous controller"),
         ({"plant": None}, "plant must be a StateSpace.*NoneType"),
         ({"plant": discretised(PI, 2e-3)}, "the plant is sampled"),
-        ({"period": 0.0}, "period is 0.0; it must be a number, positive"),
-        ({"period": "1 ms"}, "period is '1 ms'"),
-        ({"delay": -1.0}, "delay is -1"),
+        ({"dt": 0.0}, "dt is 0.0; it must be a number, positive"),
+        ({"dt": "1 ms"}, "dt is '1 ms'"),
+        ({"delay_samples": -1.0}, "delay_samples is -1"),
         ({"precision": "half"}, "precision is 'half'; it must be one of"),
         ({"precision": "fixed"}, "fixed point needs full_scale="),
         ({"full_scale": (1.0, 1.0)}, "full_scale belongs to fixed point"),
@@ -270,7 +276,7 @@ def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
     ],
 )  # fmt: skip
 def test_bad_input(change, words):
-    whole = {"K": PI, "plant": MODEL, "period": PERIOD, "delay": DELAY} | change
+    whole = {"controller": PI, "plant": MODEL, "dt": PERIOD, "delay_samples": DELAY} | change
     with pytest.raises(InputError, match=words):
         solve(Implementation(**whole))
 
@@ -278,14 +284,14 @@ def test_bad_input(change, words):
 def test_a_wrong_sign_is_named():
     """K = 2 stabilises 1 / (s - 1) as u = -K y; turned round it does not, whatever the sampling."""
     plant, K = control.ss(control.tf(1, [1, -1])), control.ss([], [], [], [[-2.0]])
-    found = solve(Implementation(K, plant, 0.01))
+    found = solve(Implementation(plant, K, 0.01))
     assert found.outcome is Outcome.FAILED
     assert "with the other sign, u = K y, it is stable: give sign=1" in found.message
-    assert solve(Implementation(K, plant, 0.01, sign=1)).certificate.valid
+    assert solve(Implementation(plant, K, 0.01, sign=1)).certificate.valid
 
 
 def test_an_unstable_loop_says_which_pole():
-    found = solve(Implementation(60 * PI, MODEL, PERIOD, DELAY))
+    found = solve(Implementation(MODEL, 60 * PI, PERIOD, delay_samples=DELAY))
     assert found.outcome is Outcome.FAILED
     assert "the sampled loop is unstable, its largest pole" in found.message
 

@@ -38,8 +38,8 @@ def boards():
 def board(boards, case):
     if case not in boards:
         K, G, options = CASES[case]
-        program = Implementation(K, G, period=0.02, **options)
-        solution = wb.solve(program, "tustin")
+        program = Implementation(G, K, dt=0.02, **options)
+        solution = wb.solve(program, method="tustin")
         assert solution.holds, solution.certificate or solution.message
         boards[case] = program, solution.answer
     return boards[case]
@@ -49,9 +49,9 @@ def changed(answer):
     """The answer with one thing told wrong, by name."""
     first = answer.margins[0]
     told = {
-        "phase": {"phase": first.phase + 20.0},
+        "phase": {"phase_deg": first.phase_deg + 20.0},
         "gain": {"gain": (first.gain[0], first.gain[1] * 1.5 if first.gain[1] < 1e9 else 2.0)},
-        "delay": {"delay": first.delay * 0.8},
+        "delay": {"delay_samples": first.delay_samples * 0.8},
     }
     for name, fields in told.items():
         yield name, replace(answer, margins=(replace(first, **fields), *answer.margins[1:]))
@@ -102,7 +102,9 @@ def test_each_claim_is_refused_by_the_check_of_its_name(board, case, found_once)
     first, share = answer.margins[0], answer.rounding.share
     wrong = {
         "sensitivity": {"sensitivity": 0.99 * answer.sensitivity},
-        "margins": {"margins": (replace(first, phase=0.99 * first.phase), *answer.margins[1:])},
+        "margins": {
+            "margins": (replace(first, phase_deg=0.99 * first.phase_deg), *answer.margins[1:])
+        },
         "rounding": {"rounding": replace(answer.rounding, share=0.99 * share)},
         "controller": {"found": "by a friend"},
     }
@@ -120,7 +122,7 @@ def test_each_claim_is_refused_by_the_check_of_its_name(board, case, found_once)
 
 def test_every_coefficient_is_a_number_of_the_format(found_once):
     K, G, options = CASES["float with limits"]
-    program = Implementation(K, G, period=0.02, **options)
+    program = Implementation(G, K, dt=0.02, **options)
     answer = program.implemented("tustin")
     assert all(check.holds for check in program.checks(answer, 1e-6))
     for name in "ABCD":
@@ -133,7 +135,7 @@ def test_every_coefficient_is_a_number_of_the_format(found_once):
 
 def test_a_bound_of_mu_that_is_claimed_too_small(found_once):
     model = UncertaintyModel(LAG, control.tf([0.1], [1.0]), control.tf([0.2, 0.2], [0.1, 1.0]))
-    program = Implementation(LEAD, model, period=0.02)
+    program = Implementation(model, LEAD, dt=0.02)
     answer = program.implemented("tustin")
     checks = {check.name: check for check in program.checks(answer, 1e-6)}
     assert all(check.holds for check in checks.values())

@@ -18,7 +18,7 @@ from workbench.synthesis.demands.reached import (
 from workbench.uncertainty import Responses, UncertaintyModel
 
 OMEGA = np.geomspace(0.01, 10, 40)
-PLANTS = Responses(OMEGA, np.array([gain / (1j * OMEGA + 1) for gain in (0.9, 1.1)]).T)
+PLANTS = Responses(omega=OMEGA, values=np.array([gain / (1j * OMEGA + 1) for gain in (0.9, 1.1)]).T)
 MODEL = UncertaintyModel(control.tf([1.0], [1.0, 1.0]), control.tf([0.12], [1.0]))
 TIME = np.arange(4000) * 0.01
 
@@ -49,7 +49,7 @@ def board():
     K = control.tf([2.0, 2.0], [1.0, 0.0])
     point = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
     given = {"limits": (0.0, 100.0), "working_point": point}
-    return wb.solve(Implementation(K, MODEL, period=0.05, **given))
+    return wb.solve(Implementation(MODEL, K, dt=0.05, **given))
 
 
 @pytest.mark.slow

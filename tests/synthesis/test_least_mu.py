@@ -37,7 +37,7 @@ def test_no_T_of_a_search_beats_it_and_the_best_comes_close(W_p, W_u, W_c, W_r, 
 
 def test_a_tighter_tolerance_narrows_the_bounds_around_the_same_number():
     many = weights(100, 1)
-    wide, narrow = least_mu(many, 1e-2), least_mu(many, 1e-4)
+    wide, narrow = least_mu(many, tolerance=1e-2), least_mu(many, tolerance=1e-4)
     assert (narrow.lower >= wide.lower * (1 - 1e-12)).all()
     assert (narrow.upper <= wide.upper * (1 + 1e-12)).all()
     assert (narrow.upper / narrow.lower - 1).max() < 1.1e-4
@@ -112,4 +112,4 @@ def test_weights_that_are_none_are_refused(name, value):
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -1e-3])
 def test_a_tolerance_that_is_none_is_refused(tolerance):
     with pytest.raises(InputError, match="tolerance"):
-        least_mu(weights(1, 7), tolerance)
+        least_mu(weights(1, 7), tolerance=tolerance)

@@ -143,7 +143,7 @@ def test_updates_keep_a_hessian_positive():
 
 def test_the_column_in_two_rounds():
     """Alternation alone stops between 0.97 and 1.02, and needs ten rounds or more."""
-    solution = wb.solve(MuSynthesis(PLANTS["distillation"](), target=0.975), "dk")
+    solution = wb.solve(MuSynthesis(PLANTS["distillation"](), target=0.975), method="dk")
     assert solution.certificate.holds, solution.certificate
     answer = solution.answer
     assert answer.upper <= 0.975
@@ -156,7 +156,7 @@ def test_the_column_in_two_rounds():
 
 def test_a_proof_by_scalings_is_stored_with_its_answer():
     program = MuSynthesis(PLANTS["distillation"](), target=1.036)
-    answer = wb.solve(program, "dk").answer
+    answer = wb.solve(program, method="dk").answer
     back = program.from_dataset(program.to_dataset(answer))
     assert program.certify(back, 1e-6).valid
     other = replace(back, K=1.02 * back.K)

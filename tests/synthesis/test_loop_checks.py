@@ -24,7 +24,7 @@ def random_system(seed, dt=0.0):
 
 def test_mixed_sensitivity_of_a_textbook():
     """Skogestad, Postlethwaite, Multivariable Feedback Control (1996), example 2.11: 1.37."""
-    program = MixedSensitivity(DISTURBED, (s / 1.5 + 10) / (s + 1e-3), 1.0)
+    program = MixedSensitivity(DISTURBED, W_S=(s / 1.5 + 10) / (s + 1e-3), W_KS=1.0)
     solution = solve(program)
     assert solution.certificate.holds
     assert solution.answer.norm == pytest.approx(1.37, abs=0.005)
@@ -34,15 +34,15 @@ def test_mixed_sensitivity_of_a_textbook():
 
 
 def test_every_row_of_several_channels():
-    program = MixedSensitivity(random_system(5), (s + 10) / (10 * s + 1), 0.1, 0.2)
-    p, m = program.G.noutputs, program.G.ninputs
+    program = MixedSensitivity(random_system(5), W_S=(s + 10) / (10 * s + 1), W_KS=0.1, W_T=0.2)
+    p, m = program.nominal.noutputs, program.nominal.ninputs
     assert program.plant.performance == 2 * p + m
     assert solve(program).certificate.holds
 
 
 def test_a_controller_of_another_plant_does_not_fit_the_definition():
-    program = MixedSensitivity(1 / (s + 1), (s + 1) / (s + 0.1), 0.1)
-    other = solve(MixedSensitivity(-1 / (s + 1), (s + 1) / (s + 0.1), 0.1)).answer
+    program = MixedSensitivity(1 / (s + 1), W_S=(s + 1) / (s + 0.1), W_KS=0.1)
+    other = solve(MixedSensitivity(-1 / (s + 1), W_S=(s + 1) / (s + 0.1), W_KS=0.1)).answer
     assert program.certify(other, 1e-6).outcome is Outcome.FAILED
 
 
@@ -67,13 +67,13 @@ def test_the_closed_form_is_the_hankel_norm_and_the_general_synthesis(seed, dt):
     least = float(found.message.split()[-1])
     rounding = 1e-10 * least**2  # epsilon_max is a root of a difference of numbers near 1
     assert least * program.epsilon_max == pytest.approx(1.0, rel=1e-6 + rounding)
-    general = solve(program, "riccati")
+    general = solve(program, method="riccati")
     assert general.certificate.holds
     assert general.answer.norm == pytest.approx(found.answer.norm, rel=2e-3)
 
 
 def test_weights_become_part_of_the_controller():
-    program = LoopShaping(DISTURBED, (s + 2) / s, 0.5)
+    program = LoopShaping(DISTURBED, W1=(s + 2) / s, W2=0.5)
     solution = solve(program)
     assert solution.certificate.holds
     K = program.controller(solution.answer)
@@ -99,12 +99,12 @@ def test_a_level_that_cannot_be_had():
     ("make", "message"),
     [
         (lambda: MixedSensitivity(1 / (s + 1)), "no weight"),
-        (lambda: MixedSensitivity("G", 1.0), "G must be"),
-        (lambda: MixedSensitivity(s, 1.0, 1.0), "realisation"),
-        (lambda: MixedSensitivity(1 / (s + 1), WIDE, 1.0), "inputs"),
-        (lambda: MixedSensitivity(1 / (s + 1), "W", 1.0), "W_S must be"),
-        (lambda: LoopShaping(1 / s, 1.0, WIDE), "inputs"),
-        (lambda: LoopShaping(1 / s, control.ss([], [], [], np.ones((2, 1)))), "outputs"),
+        (lambda: MixedSensitivity("G", W_S=1.0), "G must be"),
+        (lambda: MixedSensitivity(s, W_S=1.0, W_KS=1.0), "realisation"),
+        (lambda: MixedSensitivity(1 / (s + 1), W_S=WIDE, W_KS=1.0), "inputs"),
+        (lambda: MixedSensitivity(1 / (s + 1), W_S="W", W_KS=1.0), "W_S must be"),
+        (lambda: LoopShaping(1 / s, W1=1.0, W2=WIDE), "inputs"),
+        (lambda: LoopShaping(1 / s, W1=control.ss([], [], [], np.ones((2, 1)))), "outputs"),
         (lambda: LoopShaping(control.ss([[np.nan]], [[1]], [[1]], [[0]])), "finite"),
         (lambda: LoopShaping(1 / s, gamma=-1.0), "gamma"),
     ],

@@ -89,7 +89,7 @@ def test_blocks_of_any_name_and_size_and_none_at_all_are_drawn():
         0.1 * rng.standard_normal((7, 5)),
         np.zeros((7, 8)),
     )
-    blocks = Structure([Real(2, "a b"), Complex(1, "a b"), Full(2, 1, "")])
+    blocks = Structure([Real(2, name="a b"), Complex(1, name="a b"), Full(2, 1, name="")])
     for structure in (blocks, None):
         given = GeneralisedPlant(system, structure, controls=1, measurements=1)
         loops = drawn_loops(given, K)

@@ -41,7 +41,7 @@ def test_norms_are_those_of_other_code_and_keep_limit_and_bound(plant):
 
 
 def test_solvers_agree_on_the_bound():
-    bounds = [wb.solve(H2HinfSynthesis(PLANT, 3.5), name).answer.bound for name in SOLVERS]
+    bounds = [wb.solve(H2HinfSynthesis(PLANT, 3.5), method=name).answer.bound for name in SOLVERS]
     np.testing.assert_allclose(bounds, bounds[0], rtol=1e-2)
 
 
@@ -54,7 +54,7 @@ def test_a_limit_that_does_not_bind_leaves_the_best_of_all():
     for limit, most in ((20.0 * size, 1.05), (1.2 * size, 1.3)):
         answer = wb.solve(H2HinfSynthesis(PLANT, limit)).answer
         assert free.norm * (1 - 1e-6) <= answer.norm <= most * free.norm
-    least = wb.solve(H2HinfSynthesis(PLANT, 1.2 * size), "fixed").answer
+    least = wb.solve(H2HinfSynthesis(PLANT, 1.2 * size), method="fixed").answer
     assert least.norm == pytest.approx(free.norm, rel=1e-3)
 
 
@@ -76,7 +76,7 @@ def test_a_gain_is_that_of_a_scan(limit):
 @pytest.mark.parametrize("plant", [PLANT, SAMPLED], ids=["continuous", "sampled"])
 def test_descent_of_the_norm_itself_is_no_worse_than_a_common_lyapunov_matrix(plant):
     common = wb.solve(H2HinfSynthesis(plant, 2.8)).answer
-    solution = wb.solve(H2HinfSynthesis(plant, 2.8), "fixed")
+    solution = wb.solve(H2HinfSynthesis(plant, 2.8), method="fixed")
     assert solution.holds and solution.answer.norm <= common.norm * (1 + 1e-6)
     energy, size = norms(plant, solution.answer.K)
     assert energy == pytest.approx(solution.answer.norm, rel=1e-6) and size <= 2.8 * (1 + 1e-6)

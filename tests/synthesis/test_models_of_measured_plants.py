@@ -23,8 +23,8 @@ def test_noise_makes_no_resonances(noise):
     exact = lags(OMEGA[:, None], GAINS)
     error = rng.standard_normal((2, *exact.shape)) / np.sqrt(2)
     values = exact + noise * np.abs(exact) * (error[0] + 1j * error[1])
-    plants = Responses(OMEGA, values, variance=(noise * np.abs(exact)) ** 2)
-    models, errors = measured_plants(plants, 3, 0, Context(Options()))
+    plants = Responses(omega=OMEGA, values=values, variance=(noise * np.abs(exact)) ** 2)
+    models, errors = measured_plants(plants, 3, 0, Context(options=Options()))
     assert [model.poles.size for model in models] == [3] * len(GAINS)
     assert errors.max() < 2 * noise
     fine = np.geomspace(OMEGA[0], OMEGA[-1], 4000)

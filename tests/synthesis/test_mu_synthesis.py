@@ -18,7 +18,7 @@ from workbench.synthesis.mu.figures import bounds_figure
 @pytest.fixture(scope="module")
 def solved():
     program = MuSynthesis(unstable_first_order())
-    return program, wb.solve(program, "dk")
+    return program, wb.solve(program, method="dk")
 
 
 @pytest.mark.cases(0)
@@ -64,7 +64,7 @@ def test_the_states_of_an_answer_are_balanced(solved):
 @pytest.mark.cases(0)
 def test_a_start_is_improved_on(solved):
     program, solution = solved
-    again = wb.solve(replace(program, start=solution.answer.K), "dk")
+    again = wb.solve(replace(program, start=solution.answer.K), method="dk")
     assert again.certificate.holds
     assert again.answer.upper <= solution.answer.upper * 1.001
 
@@ -75,12 +75,12 @@ def test_a_target_ends_it_early_or_is_said_to_be_missed(solved, method):
     _, whole = solved
     start = None if method == "dk" else hinf(unstable_first_order()).K
     within = MuSynthesis(unstable_first_order(), start=start, target=0.8)
-    early = wb.solve(within, method)
+    early = wb.solve(within, method=method)
     assert early.certificate.holds, early.certificate
     assert "target" in early.message
     assert 0.0 < early.answer.upper <= 0.8
     assert method == "fixed" or len(early.answer.history) < len(whole.answer.history)
-    beyond = wb.solve(replace(within, target=0.5), method)
+    beyond = wb.solve(replace(within, target=0.5), method=method)
     assert beyond.outcome is wb.Outcome.FAILED
     assert beyond.answer.upper < 0.75  # the best there is, marked as short of the target
     assert [one.split(":")[0] for one in beyond.certificate.failures] == ["target"]
@@ -115,27 +115,27 @@ def test_a_fixed_order_is_optimised_from_its_start():
     K = hinf(plant).K
     program = MuSynthesis(plant, start=K)
     before = program.answer(K)
-    solution = wb.solve(program, "fixed")
+    solution = wb.solve(program, method="fixed")
     assert solution.certificate.holds, solution.certificate
     assert solution.answer.K.nstates == K.nstates == 3
     assert solution.answer.upper < 0.75 < 1.4 < before.upper
     peaks = [each.peak for each in solution.answer.history]
     assert (np.diff(peaks) < 0).all()
-    assert "start" in wb.solve(MuSynthesis(plant), "fixed").message
+    assert "start" in wb.solve(MuSynthesis(plant), method="fixed").message
 
 
 @pytest.mark.slow
 def test_mu_dk_is_dk_where_nothing_is_real(solved):
     _, first = solved
     program = MuSynthesis(unstable_first_order())
-    solution = wb.solve(program, "mu-dk")
+    solution = wb.solve(program, method="mu-dk")
     assert solution.certificate.holds
     assert solution.answer.upper == pytest.approx(first.answer.upper, rel=2e-3)
 
 
 @pytest.mark.slow
 def test_mu_dk_lowers_the_mixed_peak_of_two_masses_below_what_dk_reaches():
-    solution = wb.solve(MuSynthesis(two_mass_plant()), "mu-dk")
+    solution = wb.solve(MuSynthesis(two_mass_plant()), method="mu-dk")
     assert solution.certificate.holds, solution.certificate
     assert solution.answer.upper < 0.95
 
@@ -143,7 +143,7 @@ def test_mu_dk_lowers_the_mixed_peak_of_two_masses_below_what_dk_reaches():
 @pytest.mark.slow
 def test_two_masses_are_below_one_where_complex_scalings_end_above():
     plant = two_mass_plant()
-    first = wb.solve(MuSynthesis(plant), "dk")
+    first = wb.solve(MuSynthesis(plant), method="dk")
     assert first.certificate.holds
     assert 1.0 < first.answer.upper < 1.1
     # Where a local search ends hangs on rounding, so the best of three counts.
@@ -152,7 +152,7 @@ def test_two_masses_are_below_one_where_complex_scalings_end_above():
         start = first.answer.K
         if start.nstates > order:
             start = approximated(start, order, plant=plant)
-        chained = wb.solve(MuSynthesis(plant, start=start), "fixed")
+        chained = wb.solve(MuSynthesis(plant, start=start), method="fixed")
         assert chained.certificate.holds, chained.certificate
         peaks.append(chained.answer.upper)
     assert min(peaks) < 0.96

@@ -29,7 +29,11 @@ def test_is_that_of_a_search_of_every_pair(seed):
     A, B = rng.standard_normal((2, n, n))
     A *= rng.uniform(0.3, 0.95) / np.abs(np.linalg.eigvals(A)).max()
     B *= rng.uniform(0.5, 1.3) / np.abs(np.linalg.eigvals(B)).max()
-    found, stay = longest_unstable(Mode("in", A, None), Mode("out", B, 1, longest), 400)
+    found, stay = longest_unstable(
+        Mode("in", A, shortest_samples=None),
+        Mode("out", B, shortest_samples=1, longest_samples=longest),
+        400,
+    )
     assert found == every_pair(A, B, longest)
     if found:
         product = np.linalg.matrix_power(A, found) @ np.linalg.matrix_power(B, stay)
@@ -41,7 +45,11 @@ def test_a_stay_that_a_selection_would_pass_over():
     angle = np.pi / 202
     A = 0.99999 * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     B = np.array([[0.0, 1.002], [0.0, 0.0]])
-    found, stay = longest_unstable(Mode("in", A, None), Mode("out", B, 1, 1), 150)
+    found, stay = longest_unstable(
+        Mode("in", A, shortest_samples=None),
+        Mode("out", B, shortest_samples=1, longest_samples=1),
+        150,
+    )
     assert (found, stay) == (every_pair(A, B, 1, 150), 1)
     assert 101 <= found <= 104
 
@@ -53,6 +61,14 @@ def test_units_do_not_matter(scale):
     A, B = 0.8 * A / np.abs(np.linalg.eigvals(A)).max(), 1.1 * B
     T = np.diag([1.0, scale, 1.0])
     changed = [T @ each @ np.linalg.inv(T) for each in (A, B)]
-    other = longest_unstable(Mode("in", changed[0], None), Mode("out", changed[1], 1, 9), 400)
-    assert other == longest_unstable(Mode("in", A, None), Mode("out", B, 1, 9), 400)
+    other = longest_unstable(
+        Mode("in", changed[0], shortest_samples=None),
+        Mode("out", changed[1], shortest_samples=1, longest_samples=9),
+        400,
+    )
+    assert other == longest_unstable(
+        Mode("in", A, shortest_samples=None),
+        Mode("out", B, shortest_samples=1, longest_samples=9),
+        400,
+    )
     assert other[0] > 0

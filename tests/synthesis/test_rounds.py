@@ -67,7 +67,7 @@ def few():
 @pytest.fixture(scope="module")
 def whole_of(program, few):
     """What a method gives that nobody stops."""
-    return cache(lambda name: wb.solve(program, name))
+    return cache(lambda name: wb.solve(program, method=name))
 
 
 # --- stopped ----------------------------------------------------------------------------------
@@ -85,9 +85,9 @@ def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, whole_of, 
                 raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            wb.solve(program, name, context=Context(progress=stop, checkpoint=kept))
+            wb.solve(program, method=name, context=Context(progress=stop, checkpoint=kept))
     context = Context(watch=lambda told: rows.append(len(told)), checkpoint=kept)
-    again = wb.solve(program, name, context=context)
+    again = wb.solve(program, method=name, context=context)
     assert same(again.answer.history, whole.answer.history)
     assert (again.answer.lower, again.answer.upper) == (whole.answer.lower, whole.answer.upper)
     np.testing.assert_array_equal(again.answer.K.A, whole.answer.K.A)
@@ -100,14 +100,14 @@ def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, whole_of, 
 @pytest.mark.parametrize("name", METHODS)
 def test_an_iteration_out_of_time_gives_its_best_and_goes_on_with_more(program, whole_of, name):
     whole, kept = whole_of(name), Memory()
-    context = Context(Options(time_limit=1000.0), checkpoint=kept)
+    context = Context(options=Options(time_limit=1000.0), checkpoint=kept)
 
     def late(description, done, total):
         if done == 3:
             context.started -= 1000.0
 
     context.progress = late
-    short = wb.solve(program, name, context=context)
+    short = wb.solve(program, method=name, context=context)
     rounds = len(short.answer.history)
     assert rounds < len(whole.answer.history)
     assert short.outcome is Outcome.TIME_LIMIT and short.certificate.holds
@@ -115,7 +115,7 @@ def test_an_iteration_out_of_time_gives_its_best_and_goes_on_with_more(program, 
     assert short.answer.upper == pytest.approx(
         min(each.peak for each in short.answer.history), rel=1e-2
     )
-    again = wb.solve(program, name, context=Context(checkpoint=kept))
+    again = wb.solve(program, method=name, context=Context(checkpoint=kept))
     assert again.outcome is Outcome.SOLVED and same(again.answer.history, whole.answer.history)
 
 
@@ -138,8 +138,8 @@ def test_rounds_with_multipliers_that_go_on_late_keep_what_they_had():
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        wb.solve(program, "dgk", context=Context(progress=stop, checkpoint=kept))
-    context = Context(Options(time_limit=1000.0), checkpoint=kept)
+        wb.solve(program, method="dgk", context=Context(progress=stop, checkpoint=kept))
+    context = Context(options=Options(time_limit=1000.0), checkpoint=kept)
 
     def late(description, done, total):
         if description == "multipliers":
@@ -147,7 +147,7 @@ def test_rounds_with_multipliers_that_go_on_late_keep_what_they_had():
             context.started -= 1000.0
 
     context.progress = late
-    short = wb.solve(program, "dgk", context=context)
+    short = wb.solve(program, method="dgk", context=context)
     assert told and short.outcome is Outcome.TIME_LIMIT and short.certificate.holds
     peaks = [each.peak for each in short.answer.history]
     assert short.answer.upper == pytest.approx(min(peaks), rel=1e-2)
@@ -156,7 +156,7 @@ def test_rounds_with_multipliers_that_go_on_late_keep_what_they_had():
 
 def test_before_the_first_controller_there_is_no_answer(program):
     options = Options(time_limit=1e-9)
-    solution = wb.solve(replace(program, start=None), "dk", options)
+    solution = wb.solve(replace(program, start=None), method="dk", options=options)
     assert solution.outcome is Outcome.TIME_LIMIT and solution.answer is None
     assert "before any answer" in solution.message
 
@@ -242,7 +242,7 @@ def histories(draw):
             for name in draw(st.sets(st.sampled_from(["D", "gamma", "G_1"])))
         }
         level = draw(st.sampled_from([np.nan, 1.5]))
-        history.append(Iterate(rng.random(), level, rng.random(), K, scalings))
+        history.append(Iterate(rng.random(), level, rng.random(), K, scalings=scalings))
     return history
 
 

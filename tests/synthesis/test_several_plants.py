@@ -144,7 +144,7 @@ def test_a_pi_of_a_sampled_plant_is_the_trapezoidal_one():
     for gain in (1.0, 1.5):
         G = control.sample_system(control.ss(control.tf([gain], [1.0, 1.0])), dt)
         W = control.sample_system(control.ss(control.tf([0.5, 0.5], [1.0, 0.01])), dt, "tustin")
-        plants.append(MixedSensitivity(G, W, 0.2).plant)
+        plants.append(MixedSensitivity(G, W_S=W, W_KS=0.2).plant)
     solution = wb.solve(HinfSynthesis(plants[0], family=PI(), further_plants=plants[1:]))
     assert solution.holds and solution.answer.K.dt == dt
     K = solution.answer.K

@@ -31,8 +31,8 @@ def servo(leak, effort=0.1, G=None):
 @pytest.mark.cases(0)
 @pytest.mark.parametrize(("method", "effort"), [("dk", 0.1), ("mu-dk", 0.1), ("dk", 0.0)])
 def test_an_integrator_in_a_weight_is_the_limit_of_slow_poles(method, effort):
-    near = wb.solve(MuSynthesis(servo(1e-6, effort)), method)
-    exact = wb.solve(MuSynthesis(servo(0.0, effort)), method)
+    near = wb.solve(MuSynthesis(servo(1e-6, effort)), method=method)
+    exact = wb.solve(MuSynthesis(servo(0.0, effort)), method=method)
     assert exact.certificate.holds, exact
     assert exact.answer.upper == pytest.approx(near.answer.upper, rel=5e-3)
     K = exact.answer.lti

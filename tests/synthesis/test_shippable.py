@@ -44,12 +44,12 @@ PLANT = plant()
 
 @pytest.fixture(scope="module")
 def full():
-    return solve(MuSynthesis(PLANT), "dk")
+    return solve(MuSynthesis(PLANT), method="dk")
 
 
 @pytest.fixture(scope="module")
 def small():
-    return solve(MuSynthesis(PLANT, order=2), "fixed")
+    return solve(MuSynthesis(PLANT, order=2), method="fixed")
 
 
 @pytest.mark.slow
@@ -74,7 +74,7 @@ def test_it_leaves_the_zero_controller(small, order):
         remove_useless_states=False,
     )  # fmt: skip
     task = MuSynthesis(PLANT, start=zero)
-    found = solve(task, "fixed")
+    found = solve(task, method="fixed")
     begun = task.certified(zero).upper
     assert found.answer.upper < 0.1 * begun
     assert small.answer.upper < 0.02 * begun
@@ -93,7 +93,7 @@ def test_open_loop_poles_on_the_axis_are_no_obstacle():
         performance="z",
         measurement="e",
     )
-    found = solve(MuSynthesis(loop, start=control.ss([], [], [], [[2.0]])), "fixed")
+    found = solve(MuSynthesis(loop, start=control.ss([], [], [], [[2.0]])), method="fixed")
     assert found.outcome is Outcome.SOLVED, found.message
     assert found.answer.upper < MuSynthesis(loop).certified(control.ss([], [], [], [[2.0]])).upper
 
@@ -102,7 +102,7 @@ def test_open_loop_poles_on_the_axis_are_no_obstacle():
 def test_stable_and_slow_is_carried_and_certified(small):
     fastest = 60.0
     task = MuSynthesis(PLANT, order=2, stable=True, fastest_pole=fastest)
-    found = solve(task, "fixed")
+    found = solve(task, method="fixed")
     assert found.outcome is Outcome.SOLVED, found.message
     poles = found.answer.K.poles()
     assert poles.real.max() < 0 and np.abs(poles).max() <= fastest * (1 + 1e-9)
@@ -122,7 +122,7 @@ def test_stable_and_slow_is_carried_and_certified(small):
 
 @pytest.mark.slow
 def test_iterations_hand_over_what_they_do_not_meet(full):
-    found = solve(MuSynthesis(PLANT, order=2, fastest_pole=1e3), "dk")
+    found = solve(MuSynthesis(PLANT, order=2, fastest_pole=1e3), method="dk")
     assert full.answer.K.nstates > 2
     assert "not met: order" in found.message and "handed over to fixed" in found.message
     assert found.answer.K.nstates == 2 and found.certificate.valid
@@ -243,14 +243,14 @@ def unstable_loop(G):
 @pytest.mark.parametrize("method", ["dk", "fixed"])
 def test_what_no_stable_controller_can_do_is_proven(method):
     program = MuSynthesis(unstable_loop((s - 1) / ((s - 2) * (s + 1))), stable=True, order=2)
-    found = solve(program, method)
+    found = solve(program, method=method)
     assert found.outcome is Outcome.INFEASIBLE and found.certificate.holds
     assert re.search(r"between its zeros 1 and infinity.*odd.*2 rad/s", found.message)
     assert "every stable controller of any order" in found.certificate.checks[0].over
     with pytest.raises(InputError, match="no certified answer"):
         _ = found.lti
     with pytest.raises(UnknownNameError):
-        solve(program, "dkk")
+        solve(program, method="dkk")
 
 
 def test_a_controller_that_is_not_stable_may_do_it():
@@ -298,13 +298,15 @@ def test_what_the_proof_of_interlacing_does_not_take():
 def test_a_slow_state_and_a_gain_are_found_for_order_one():
     """What fast states of the D-K controller do is left as a gain, else descent ends at 2.5."""
     plant = unstable_first_order()
-    peaks = [solve(MuSynthesis(plant, order=order), "fixed").answer.upper for order in (1, 2)]
+    peaks = [
+        solve(MuSynthesis(plant, order=order), method="fixed").answer.upper for order in (1, 2)
+    ]
     assert peaks[0] < 0.73 and peaks[1] < 1.001 * peaks[0]
 
 
 @pytest.mark.cases(0)
 def test_certificates_tell_what_a_controller_is():
-    found = solve(MuSynthesis(unstable_first_order(), order=1), "fixed").certificate
+    found = solve(MuSynthesis(unstable_first_order(), order=1), method="fixed").certificate
     (told,) = found.facts
     assert re.fullmatch(
         r"controller: order 1, stable itself, fastest pole [\d.]+ rad/s, crossover [\d.]+ Hz", told
@@ -329,10 +331,10 @@ def test_bad_demands(asked, words):
 
 
 def test_fixed_without_start_and_order_says_what_it_needs():
-    found = solve(MuSynthesis(PLANT), "fixed")
+    found = solve(MuSynthesis(PLANT), method="fixed")
     assert found.outcome is Outcome.FAILED and "give start, or order" in found.message
     fast = control.ss([[-100.0]], [[1.0]], [[1.0]], [[0.0]])
-    found = solve(MuSynthesis(PLANT, start=fast, fastest_pole=10.0), "fixed")
+    found = solve(MuSynthesis(PLANT, start=fast, fastest_pole=10.0), method="fixed")
     assert "the start does not meet the demands on the controller: fastest pole" in found.message
 
 
@@ -352,7 +354,7 @@ def test_sampled_plants_as_they_are(method):
     )
     order = 2 if method == "fixed" else None
     program = MuSynthesis(sampled, order=order)
-    found = solve(program, method)
+    found = solve(program, method=method)
     assert found.certificate.holds, found.certificate
     assert found.answer.K.dt == 0.01
     limit = 0.73 if method == "fixed" else 0.685
@@ -362,7 +364,7 @@ def test_sampled_plants_as_they_are(method):
     worse = replace(found.answer, upper=found.answer.upper / 1.01)
     assert not program.certify(worse, 1e-6).holds
     again = MuSynthesis(sampled, start=found.answer.K, stable=True)
-    assert solve(again, "fixed").answer.upper <= found.answer.upper * (1 + 1e-6)
+    assert solve(again, method="fixed").answer.upper <= found.answer.upper * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("demand", [{"fastest_pole": 10.0}])

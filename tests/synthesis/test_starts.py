@@ -235,7 +235,7 @@ def test_what_was_tried_in_vain_is_said_with_the_least_abscissa():
 )
 @pytest.mark.parametrize("G", [1 / S**2, 1 / ((S - 1) * (S - 3)), (S - 1) / ((S - 2) * (S + 1))])
 def test_that_no_gain_stabilises_is_proven(G, asked):
-    found = wb.solve(MuSynthesis(tracking(G, 1.0), **asked), "fixed")
+    found = wb.solve(MuSynthesis(tracking(G, 1.0), **asked), method="fixed")
     assert found.outcome is Outcome.INFEASIBLE and found.certificate.holds, found.message
     assert "no constant gain stabilises" in found.message
     assert all(

@@ -91,7 +91,7 @@ def test_a_pid_for_an_unstable_plant_gets_near_the_best_of_full_order():
     family, x = PID.of(10.0, 10.0, 0.1, 0.01, leak=0.006)
     start = family.system(x)
     before = MuSynthesis(plant).certified(start)
-    solution = wb.solve(MuSynthesis(plant, start=start, family=family, random=1), "fixed")
+    solution = wb.solve(MuSynthesis(plant, start=start, family=family, random=1), method="fixed")
     assert solution.certificate.holds, solution.certificate
     assert solution.answer.K.nstates == 2
     assert solution.answer.upper < 0.9 * before.lower
@@ -101,12 +101,12 @@ def test_a_pid_for_an_unstable_plant_gets_near_the_best_of_full_order():
 @pytest.mark.cases(0)
 def test_a_decentralised_controller_of_the_column_stays_decentralised():
     plant = distillation_column()
-    members = [PID.of(gain, gain / 10, gain / 100, 0.05, 1e-6) for gain in (0.2, -0.2)]
+    members = [PID.of(gain, gain / 10, gain / 100, 0.05, leak=1e-6) for gain in (0.2, -0.2)]
     family, x = Decentralised.of(members)
     start = family.system(x)
     program = MuSynthesis(plant, start=start, family=family)
     before = program.certified(start)
-    solution = wb.solve(program, "fixed", wb.Options(time_limit=15.0))
+    solution = wb.solve(program, method="fixed", options=wb.Options(time_limit=15.0))
     K = solution.answer.K
     response = K(1j, squeeze=False)
     assert abs(response[0, 1]) == abs(response[1, 0]) == 0.0

@@ -23,7 +23,10 @@ STABLE = np.diag([0.9, 0.5])
 def geromel_colaneri(step):
     """The pair of Geromel and Colaneri (2006), sampled."""
     return SwitchedStability(
-        (Mode("first", expm(step * FIRST), None), Mode("second", expm(step * SECOND), None))
+        (
+            Mode("first", expm(step * FIRST), shortest_samples=None),
+            Mode("second", expm(step * SECOND), shortest_samples=None),
+        )
     )
 
 
@@ -49,15 +52,25 @@ def test_one_state_has_a_closed_form(method, a, b, longest):
     exact = longest * math.log(b) / -math.log(a)
     if abs(exact - round(exact)) < 1e-3:
         return
-    program = SwitchedStability((Mode("in", [[a]], None), Mode("out", [[b]], 1, longest)))
-    solution = wb.solve(program, method)
+    program = SwitchedStability(
+        (
+            Mode("in", [[a]], shortest_samples=None),
+            Mode("out", [[b]], shortest_samples=1, longest_samples=longest),
+        )
+    )
+    solution = wb.solve(program, method=method)
     assert solution.certificate.valid
     assert solution.answer.samples == math.floor(exact) + 1
     assert program.destabilising[0] == math.floor(exact)
 
 
 def test_modes_that_commute_may_switch_at_any_time():
-    program = SwitchedStability((Mode("a", STABLE, None), Mode("b", np.diag([0.2, 0.99]), 1)))
+    program = SwitchedStability(
+        (
+            Mode("a", STABLE, shortest_samples=None),
+            Mode("b", np.diag([0.2, 0.99]), shortest_samples=1),
+        )
+    )
     assert wb.solve(program).answer.samples == 1
     assert program.destabilising == (0, "")
 
@@ -65,14 +78,21 @@ def test_modes_that_commute_may_switch_at_any_time():
 def test_one_family_of_functions_needs_as_long_as_each_plant():
     plants = [0.9, 0.8]
     each = [
-        wb.solve(SwitchedStability((Mode("in", [[a]], None), Mode("out", [[1.1]], 1, 5))))
+        wb.solve(
+            SwitchedStability(
+                (
+                    Mode("in", [[a]], shortest_samples=None),
+                    Mode("out", [[1.1]], shortest_samples=1, longest_samples=5),
+                )
+            )
+        )
         for a in plants
     ]
     both = wb.solve(
         SwitchedStability(
             (
-                Mode("in", np.reshape(plants, (2, 1, 1)), None),
-                Mode("out", np.full((2, 1, 1), 1.1), 1, 5),
+                Mode("in", np.reshape(plants, (2, 1, 1)), shortest_samples=None),
+                Mode("out", np.full((2, 1, 1), 1.1), shortest_samples=1, longest_samples=5),
             )
         )
     )
@@ -86,7 +106,12 @@ def test_units_of_a_state_that_one_mode_only_uses(unit):
     def program(unit):
         clean = np.array([[0.9, 0.0], [unit, 0.2]])
         defect = np.array([[0.9, 0.3 / unit], [unit, 0.2]])
-        return SwitchedStability((Mode("clean", clean, None), Mode("defect", defect, 1, 6)))
+        return SwitchedStability(
+            (
+                Mode("clean", clean, shortest_samples=None),
+                Mode("defect", defect, shortest_samples=1, longest_samples=6),
+            )
+        )
 
     solution = wb.solve(program(unit))
     assert solution.certificate.valid
@@ -113,7 +138,13 @@ def test_it_is_stored_and_read_back():
 
 
 def test_no_dwell_within_the_limit():
-    program = SwitchedStability((Mode("in", [[0.99]], None), Mode("out", [[2.0]], 1, 9)), limit=20)
+    program = SwitchedStability(
+        (
+            Mode("in", [[0.99]], shortest_samples=None),
+            Mode("out", [[2.0]], shortest_samples=1, longest_samples=9),
+        ),
+        limit_samples=20,
+    )
     solution = wb.solve(program)
     assert solution.answer is None
     assert solution.claim is wb.Outcome.INFEASIBLE
@@ -125,7 +156,10 @@ def test_with_a_rate_the_dwell_holds_for_all_of_the_hull():
     clean = np.array([[[0.9, 0.5 + d], [-0.1 + d, 0.8]] for d in (-0.05, 0.05)])
     defect = np.array([[[0.9, -0.1 + d], [0.6, 0.9 - d]] for d in (-0.05, 0.05)])
     assert abs(np.linalg.eigvals(clean[0] @ defect[0])).max() > 1.0  # some dwell is needed
-    modes = Mode("clean", clean, None, rate=0.97), Mode("defect", defect, 1, 4)
+    modes = (
+        Mode("clean", clean, shortest_samples=None, rate=0.97),
+        Mode("defect", defect, shortest_samples=1, longest_samples=4),
+    )
     solution = wb.solve(SwitchedStability(modes))
     assert solution.certificate.valid, solution.certificate.failures
     P_c, P_o = solution.answer.P
@@ -134,27 +168,45 @@ def test_with_a_rate_the_dwell_holds_for_all_of_the_hull():
         x = rng.normal(size=2)
         after = np.linalg.matrix_power(A, solution.answer.samples) @ x
         assert after @ P_o @ after < x @ P_c @ x
-    single = wb.solve(SwitchedStability((Mode("clean", clean, None), modes[1])))
+    single = wb.solve(SwitchedStability((Mode("clean", clean, shortest_samples=None), modes[1])))
     assert single.answer.samples <= solution.answer.samples
 
 
 @pytest.mark.parametrize(
     ("modes", "words"),
     [
-        (lambda: [Mode("a", STABLE, None)], "two at least"),
-        (lambda: [Mode("a", STABLE, None), Mode("b", [[0.5]])], "same plants and states"),
+        (lambda: [Mode("a", STABLE, shortest_samples=None)], "two at least"),
+        (
+            lambda: [Mode("a", STABLE, shortest_samples=None), Mode("b", [[0.5]])],
+            "same plants and states",
+        ),
         (lambda: [Mode("a", STABLE), Mode("b", STABLE)], "sought"),
-        (lambda: [Mode("a", STABLE, None), Mode("b", 2 * STABLE)], "no longest stay"),
-        (lambda: [Mode("a", STABLE, None, 5)], "longest must be None"),
-        (lambda: [Mode("a", STABLE, 0)], "positive number of samples"),
-        (lambda: [Mode("a", STABLE, 1.5)], "positive number of samples"),
-        (lambda: [Mode("a", STABLE, 1, -3)], "positive number of samples"),
-        (lambda: [Mode("a", STABLE, 4, 3)], "less than shortest"),
+        (
+            lambda: [Mode("a", STABLE, shortest_samples=None), Mode("b", 2 * STABLE)],
+            "no longest stay",
+        ),
+        (
+            lambda: [Mode("a", STABLE, shortest_samples=None, longest_samples=5)],
+            "longest must be None",
+        ),
+        (lambda: [Mode("a", STABLE, shortest_samples=0)], "positive number of samples"),
+        (lambda: [Mode("a", STABLE, shortest_samples=1.5)], "positive number of samples"),
+        (
+            lambda: [Mode("a", STABLE, shortest_samples=1, longest_samples=-3)],
+            "positive number of samples",
+        ),
+        (lambda: [Mode("a", STABLE, shortest_samples=4, longest_samples=3)], "less than shortest"),
         (lambda: [Mode("a", [[np.nan]])], "not finite"),
         (lambda: [Mode("a", np.ones((2, 3)))], "square"),
         (lambda: [Mode("a", STABLE, rate=1.5)], "rate is 1.5"),
-        (lambda: [Mode("a", STABLE, 1, 9, 0.9)], "must have no longest stay"),
-        (lambda: [Mode("a", STABLE, None, rate=0.01), Mode("b", STABLE)], "above the spectral"),
+        (
+            lambda: [Mode("a", STABLE, shortest_samples=1, longest_samples=9, rate=0.9)],
+            "must have no longest stay",
+        ),
+        (
+            lambda: [Mode("a", STABLE, shortest_samples=None, rate=0.01), Mode("b", STABLE)],
+            "above the spectral",
+        ),
         (lambda: [Mode("a", "nothing")], "no array"),
     ],
 )
@@ -165,7 +217,9 @@ def test_wrong_input_is_named(modes, words):
 
 def test_a_limit_must_be_positive():
     with pytest.raises(InputError, match="limit"):
-        SwitchedStability((Mode("a", STABLE, None), Mode("b", STABLE)), limit=0)
+        SwitchedStability(
+            (Mode("a", STABLE, shortest_samples=None), Mode("b", STABLE)), limit_samples=0
+        )
 
 
 def turning(rng, violation, condition):
@@ -191,8 +245,10 @@ def test_what_is_exactly_unstable_is_refused_in_any_coordinates(seed):
     condition, size = 10 ** rng.uniform(4, 5), 10 ** rng.uniform(-7, -3)
     A, _, P = turning(rng, size, condition)
     stays = int(rng.integers(1, 30))
-    rests = Mode("rests", (1 - 1e-9) * np.eye(2), shortest=None)
-    program = SwitchedStability((Mode("grows", A, shortest=stays, longest=stays + 2), rests))
+    rests = Mode("rests", (1 - 1e-9) * np.eye(2), shortest_samples=None)
+    program = SwitchedStability(
+        (Mode("grows", A, shortest_samples=stays, longest_samples=stays + 2), rests)
+    )
     assert determinant(A) > 1
     answer = Dwell(1, np.stack([P, P]))
     assert not all(check.holds for check in program.checks(answer, 1e-6))
@@ -205,6 +261,6 @@ def test_what_is_just_stable_is_accepted_in_any_coordinates(seed):
     rng = np.random.default_rng(seed)
     A, T, P = turning(rng, -(10 ** rng.uniform(-7, -3)), 10 ** rng.uniform(2, 4))
     B = 0.9 * T @ np.diag([1.0, 0.3]) @ np.linalg.inv(T)
-    program = SwitchedStability((Mode("turns", A), Mode("rests", B, shortest=None)))
+    program = SwitchedStability((Mode("turns", A), Mode("rests", B, shortest_samples=None)))
     certificate = program.certify(Dwell(1, np.stack([P, P])), 1e-6)
     assert certificate.valid, certificate.failures

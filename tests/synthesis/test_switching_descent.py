@@ -20,12 +20,18 @@ def drawn(seed, states=3, plants=1, longest=6):
     stable, other = rng.normal(size=(2, plants, states, states))
     stable *= 0.9 / np.abs(np.linalg.eigvals(stable)).max(axis=1)[:, None, None]
     other *= 1.05 / np.abs(np.linalg.eigvals(other)).max(axis=1)[:, None, None]
-    return SwitchedStability((Mode("in", stable, None), Mode("out", other, 1, longest)), limit=1000)
+    return SwitchedStability(
+        (
+            Mode("in", stable, shortest_samples=None),
+            Mode("out", other, shortest_samples=1, longest_samples=longest),
+        ),
+        limit_samples=1000,
+    )
 
 
 @pytest.mark.parametrize(("step", "dwell"), [(0.5, 6), (0.04, 69)])
 def test_published_example(step, dwell):
-    solution = wb.solve(geromel_colaneri(step), "descent")
+    solution = wb.solve(geromel_colaneri(step), method="descent")
     assert solution.certificate.valid
     assert solution.answer.samples == dwell
 
@@ -36,7 +42,7 @@ def test_published_example(step, dwell):
 def test_it_agrees_with_linear_matrix_inequalities(seed, states, plants):
     """Both are proven; what one misses is a matter of its accuracy, one sample of these."""
     program = drawn(seed, states, plants)
-    found = {name: wb.solve(program, name) for name in ("descent", "clarabel")}
+    found = {name: wb.solve(program, method=name) for name in ("descent", "clarabel")}
     if found["clarabel"].answer is None:  # two plants may have no function in common
         assert found["descent"].answer is None
         return
@@ -77,24 +83,40 @@ def test_the_norm_is_above_the_largest_and_approaches_it():
 def test_units_of_a_state_do_not_matter(unit):
     clean = np.array([[0.9, 0.0], [unit, 0.2]])
     defect = np.array([[0.9, 0.3 / unit], [unit, 0.2]])
-    program = SwitchedStability((Mode("clean", clean, None), Mode("defect", defect, 1, 6)))
-    solution = wb.solve(program, "descent")
+    program = SwitchedStability(
+        (
+            Mode("clean", clean, shortest_samples=None),
+            Mode("defect", defect, shortest_samples=1, longest_samples=6),
+        )
+    )
+    solution = wb.solve(program, method="descent")
     assert solution.certificate.valid
-    assert solution.answer.samples == wb.solve(program, "clarabel").answer.samples
+    assert solution.answer.samples == wb.solve(program, method="clarabel").answer.samples
 
 
 def test_a_rate_is_kept():
     plants = np.array([[[0.9, 0.1], [0.0, 0.8]], [[0.85, -0.1], [0.1, 0.8]]])
     grows = np.stack([1.1 * np.eye(2)] * 2)
-    program = SwitchedStability((Mode("in", plants, None, rate=0.95), Mode("out", grows, 1, 3)))
-    solution = wb.solve(program, "descent")
+    program = SwitchedStability(
+        (
+            Mode("in", plants, shortest_samples=None, rate=0.95),
+            Mode("out", grows, shortest_samples=1, longest_samples=3),
+        )
+    )
+    solution = wb.solve(program, method="descent")
     assert solution.certificate.valid
-    assert solution.answer.samples == wb.solve(program, "clarabel").answer.samples
+    assert solution.answer.samples == wb.solve(program, method="clarabel").answer.samples
 
 
 def test_what_it_cannot_prove_is_a_failure_that_says_so():
-    program = SwitchedStability((Mode("in", [[0.99]], None), Mode("out", [[2.0]], 1, 9)), limit=20)
-    solution = wb.solve(program, "descent")
+    program = SwitchedStability(
+        (
+            Mode("in", [[0.99]], shortest_samples=None),
+            Mode("out", [[2.0]], shortest_samples=1, longest_samples=9),
+        ),
+        limit_samples=20,
+    )
+    solution = wb.solve(program, method="descent")
     assert solution.answer is None
     assert solution.outcome is wb.Outcome.FAILED
     assert "no dwell up to 20 samples" in solution.message

@@ -43,7 +43,7 @@ def thermometer(omega):
 
 
 def plate(delay=0.0):
-    P = sampled(PLATE, PERIOD, delay)
+    P = sampled(PLATE, PERIOD, delay_samples=delay)
     return SampledPlant(P.A, P.B, P.C[:1], P.C[1:], 1.0, PERIOD, thermometer)
 
 
@@ -114,7 +114,7 @@ def test_the_steady_error_is_that_of_the_sampled_loop():
     """Of a disturbance that is known between samples: w - y with y = P K H w / (1 + P_m K)."""
     found = deviations()
     z = np.exp(1j * found.omega * PERIOD)
-    P, K = sampled(PLATE, PERIOD, 1.0)(z), pair()[0](z)
+    P, K = sampled(PLATE, PERIOD, delay_samples=1.0)(z), pair()[0](z)
     u = K * thermometer(found.omega) * found.amplitude / (1 + P[1, 0] * K)
     assert found.steady_error == pytest.approx(found.amplitude - P[0, 0] * u, rel=1e-9)
 
@@ -122,7 +122,10 @@ def test_the_steady_error_is_that_of_the_sampled_loop():
 def test_bounds_hold_for_random_defects_and_are_no_wild_guess():
     found = deviations()
     loop = found.loop
-    clean, defect = Mode("clean", loop.clean[0], None), Mode("defect", loop.defect[0], 1, 8)
+    clean, defect = (
+        Mode("clean", loop.clean[0], shortest_samples=None),
+        Mode("defect", loop.defect[0], shortest_samples=1, longest_samples=8),
+    )
     P = wb.solve(SwitchedStability((clean, defect))).answer.P
     bound = found.proven(P, np.array([60]))[-1, 0]
     rng = np.random.default_rng(5)

@@ -12,7 +12,9 @@ from workbench.synthesis import Implementation, WorkingLoop, WorkingPoint
 from workbench.uncertainty import CircleCover, Responses
 
 OMEGA = np.geomspace(0.01, 10, 60)
-PLANTS = Responses(OMEGA, np.array([gain / (1j * OMEGA + 1) for gain in (0.9, 1.0, 1.1)]).T)
+PLANTS = Responses(
+    omega=OMEGA, values=np.array([gain / (1j * OMEGA + 1) for gain in (0.9, 1.0, 1.1)]).T
+)
 POINT = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
 
 
@@ -21,7 +23,7 @@ def board(leak=0.0, **more):
     cover = wb.solve(CircleCover(PLANTS, order=1))
     K = control.tf([2.0, 1.0], [1.0, leak])
     given = {"limits": (0.0, 100.0), "working_point": POINT} | more
-    return wb.solve(Implementation(K, cover, period=0.1, **given))
+    return wb.solve(Implementation(cover, K, dt=0.1, **given))
 
 
 @pytest.mark.cases(0)

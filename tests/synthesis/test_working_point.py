@@ -33,7 +33,7 @@ def heaters(count=3):
 @cache
 def board(precision="float", K=PI, **more):
     given = {"limits": LIMITS, "working_point": POINT} | dict(MADE[precision]) | more
-    done = solve(Implementation(K, MODEL, PERIOD, 0.0, precision, **given))
+    done = solve(Implementation(MODEL, K, PERIOD, delay_samples=0.0, precision=precision, **given))
     assert done.certificate.holds, done.certificate
     return done
 
@@ -127,7 +127,9 @@ def test_absolute_signals_of_the_code_are_read_back():
     for old, new in (("_rest[1] = {50.0f}", "_rest[1] = {49.0f}"), ("{100.0f}", "{90.0f}")):
         assert not absolute_signals_agree(code.replace(old, new), wanted, np.float32).holds
     assert not absolute_signals_agree(code, wanted | {"change": None}, np.float32).holds
-    turned = Implementation(-PI, MODEL, PERIOD, 0.0, "float", sign=1, working_point=POINT)
+    turned = Implementation(
+        MODEL, -PI, PERIOD, delay_samples=0.0, precision="float", sign=1, working_point=POINT
+    )
     assert solve(turned).certificate.holds  # whose first factor is negative
 
 

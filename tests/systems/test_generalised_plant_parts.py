@@ -65,7 +65,7 @@ def test_more_weights_than_channels_are_refused(plant):
 
 def test_performance_adds_a_full_block(plant):
     assert plant.performance_structure == STRUCTURE.with_performance(3, 2)
-    assert plant.nominal().performance_structure == Structure([Full(2, 3, "performance")])
+    assert plant.nominal().performance_structure == Structure([Full(2, 3, name="performance")])
     no_performance = GeneralisedPlant(
         control.ss(-1.0, 1.0, 1.0, 0.0), Structure([Complex(1)]), 0, 0
     )

@@ -34,7 +34,7 @@ def measured() -> Responses:
     rng = np.random.default_rng(7)
     s = 1j * OMEGA[:, None]
     gain, damping = 1 + 0.1 * rng.normal(size=5), 3 + 0.5 * rng.normal(size=5)
-    return Responses(OMEGA, gain * 100 / (s**2 + damping * s + 100))
+    return Responses(omega=OMEGA, values=gain * 100 / (s**2 + damping * s + 100))
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_a_controller_is_taken_as_solution_answer_and_system(plant, design):
     expected = conditions(plant, design.answer.K).robust_performance.upper
     for K in (design, design.answer):
         assert conditions(plant, K).robust_performance.upper == expected
-    tried = reduce_order(design, plant, target=2 * expected)
+    tried = reduce_order(plant, design, target=2 * expected)
     assert conditions(plant, tried).robust_performance.upper <= 2 * expected
     sections = second_order_sections(discretised(design, PERIOD))
     assert sampled_conditions(plant, sections, PERIOD).stable
@@ -104,10 +104,12 @@ def test_a_number_and_an_array_are_gains(plant):
 
 def test_the_signs_are_those_of_the_sums_in_a_generalised_plant(cover, plant, design):
     K = discretised(design, PERIOD, plant=plant)
-    inside = sampled_conditions(plant, K, PERIOD, 1.0)
-    outside = sampled_conditions(cover, K, PERIOD, 1.0)  # u = -K y, as in control.feedback
+    inside = sampled_conditions(plant, K, PERIOD, delay_samples=1.0)
+    outside = sampled_conditions(
+        cover, K, PERIOD, delay_samples=1.0
+    )  # u = -K y, as in control.feedback
     assert inside.stable and outside.stable
-    assert inside.margins[0].phase == pytest.approx(outside.margins[0].phase, rel=1e-9)
+    assert inside.margins[0].phase_deg == pytest.approx(outside.margins[0].phase_deg, rel=1e-9)
     with pytest.raises(InputError, match="has its signs in its sums"):
         sampled_conditions(plant, K, PERIOD, sign=1)
     with pytest.raises(InputError, match="with the other sign, u = -K y, it is stable"):

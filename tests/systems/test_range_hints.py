@@ -129,18 +129,18 @@ def test_what_takes_frequencies_and_a_system_tells():
     )
     far = LAG(1j * omega)[:, None] * np.array([0.9, 1.1])
     asked = (
-        lambda: frequency_sweep(LAG, ONE, omega),
+        lambda: frequency_sweep(LAG, ONE, omega=omega),
         lambda: performance_sweep(plant, control.ss([], [], [], [[1.0]]), omega),
         lambda: peak(LAG, ONE, band=(1e4, np.inf)),
         lambda: plant.response(omega),
         lambda: (tf([12], [1, 12]) * real("k", 1, percent=10)).response(omega),
         lambda: MatrixResponses.of_systems([LAG, 1.1 * LAG], omega),
         lambda: MatrixCover(MatrixResponses(omega, far[..., None, None]), LAG),
-        lambda: CircleCover(Responses(omega, far), order=1, nominal=LAG),
-        lambda: detectability(model, omega),
+        lambda: CircleCover(Responses(omega=omega, values=far), order=1, nominal=LAG),
+        lambda: detectability(model, omega=omega),
         lambda: transfer(Q, model, ["f"], omega),
         lambda: performance_index(Q, model, (1e4, 1e6)),
-        lambda: bandwidths(LAG, omega),
+        lambda: bandwidths(LAG, frequency_hz=omega),
     )
     for ask in asked:
         with pytest.warns(RangeWarning, match=ABOVE) as caught:
@@ -185,4 +185,4 @@ def test_what_takes_a_sampling_time_and_a_plant_tells():
     with pytest.warns(RangeWarning, match=LONG):
         assert not sampled_conditions(LAG, K, 10.0).stable
     with pytest.warns(RangeWarning, match=LONG):
-        wb.solve(Implementation(K, LAG, period=10.0))
+        wb.solve(Implementation(LAG, K, dt=10.0))

@@ -120,7 +120,7 @@ def test_feedback_repeats_no_element():
 
 def test_blocks_of_dynamics_that_are_not_square():
     delta = dynamics("delta", 3, 2, bound=0.5)
-    assert delta.structure.blocks == (Full(2, 3, "delta"),)
+    assert delta.structure.blocks == (Full(2, 3, name="delta"),)
     D = np.arange(6.0).reshape(2, 3) / 20
     system = np.array([[1.0, 2.0]]) @ delta @ append(LAG, LAG, 1.0)
     assert (system.system.noutputs, system.system.ninputs) == (3 + 1, 2 + 3)
@@ -136,7 +136,7 @@ def test_dynamics_that_occur_twice_are_the_same():
     one = control.ss([[-1.0, 0.3], [0, -2]], np.eye(2), [[0.2, 0], [0.1, 0.4]], 0)
     twice = (delta @ delta).at(delta=one)
     np.testing.assert_allclose(response(twice), response(one) @ response(one), atol=1e-12)
-    assert (dynamics("d", 1, 1) ** 2).structure.blocks == (Complex(2, "d"),)
+    assert (dynamics("d", 1, 1) ** 2).structure.blocks == (Complex(2, name="d"),)
 
 
 def test_a_weight_bounds_the_dynamics():
@@ -157,7 +157,7 @@ def test_members_lie_in_the_set():
     again = [one.A[1, 0] for one in G.sample(20, seed=3)]
     assert again == [one.A[1, 0] for one in G.sample(20, seed=3)]
     assert all(-15 <= value <= -8 for value in again) and np.ptp(again) > 2
-    for delta in [dynamics("d", 2, 3).sample(1, seed)[0] for seed in range(20)]:
+    for delta in [dynamics("d", 2, 3).sample(1, seed=seed)[0] for seed in range(20)]:
         assert delta.poles().real.max() < 0
         assert np.linalg.norm(response(delta), 2, axis=(1, 2)).max() <= 1 + 1e-12
     np.testing.assert_allclose(G.response(OMEGA), response(G.nominal))
@@ -201,7 +201,7 @@ def test_it_is_a_block_and_a_generalised_plant():
     k = real("k", 10, percent=20)
     G = tf([18], [1, 1.8, k])
     plant = append(1.0, G)
-    assert plant.plant(1, 1).structure.blocks == (Real(1, "k"),)
+    assert plant.plant(1, 1).structure.blocks == (Real(1, name="k"),)
     wide = np.array([[1.0], [1.0]]) @ G @ np.array([[0.1, 1.0]])
     found = conditions(wide.plant(1, 1), control.ss(control.tf([-0.5], [1, 1])))
     assert found.nominal_stability and found.robust_performance.upper > 0
@@ -214,13 +214,13 @@ def test_perturbations_of_two_models_are_two():
     for call in (lambda: one * other, lambda: append(one, other), lambda: feedback(one, other)):
         with pytest.raises(InputError, match="two elements are called 'complex'"):
             call()
-    assert (one * one).structure.blocks == (Complex(2, "complex"),)
+    assert (one * one).structure.blocks == (Complex(2, name="complex"),)
 
 
 def test_the_worst_perturbation_goes_back_into_the_system():
     z = complex_scalar("z", 2.0, 0.5)
     loop = feedback(control.ss(control.tf([1], [1, 3, 3, 1])) * z, 1)
-    margin = robust_stability(loop)
+    margin = robust_stability(loop, tolerance=1e-4)
     poles = loop.at(**margin.worst).poles()
     assert np.abs(poles - 1j * margin.omega).min() < 1e-5 * margin.omega
 
@@ -230,12 +230,12 @@ def test_it_is_connected_by_names():
     G = tf([18], [1, 1.8, k])
     loop = {"exogenous": "r", "control": "u", "performance": "e", "measurement": "e"}
     plant = generalised_plant([(G, "u", "y")], {"e": "r - y"}, **loop)
-    assert plant.structure.blocks == (Real(1, "k"),)
+    assert plant.structure.blocks == (Real(1, name="k"),)
     other = tf([1], [1, k])
     with pytest.raises(InputError, match="blocks 1 and 2 both hold the uncertain element 'k'"):
         generalised_plant([(G, "u", "y"), (other, "y", "x")], {"e": "r - x"}, **loop)
     both = generalised_plant([(other * G, "u", "x")], {"e": "r - x"}, **loop)
-    assert both.structure.blocks == (Real(2, "k"),)
+    assert both.structure.blocks == (Real(2, name="k"),)
 
 
 @each(

@@ -45,7 +45,7 @@ def test_mu_synthesis_of_the_documented_unstable_plant():
     whole = block([[error], [1]]) * block([[1, perturbed]])
     assert whole.nstates == 3
     assert whole.structure.rows == 1
-    solution = solve(MuSynthesis(whole.plant(1, 1)), "dk")
+    solution = solve(MuSynthesis(whole.plant(1, 1)), method="dk")
     assert solution.certificate.valid, solution.certificate.failures
     assert solution.answer.upper <= 0.685
 

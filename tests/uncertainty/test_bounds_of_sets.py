@@ -133,7 +133,7 @@ def test_a_delta_is_what_a_set_makes_the_matrix_of():
     ],
 )
 def test_the_shape_is_that_of_the_square_that_a_set_depends_on(W, side, holds):
-    program = MatrixSets(0.1 * TURN[None, None], "diagonal", "diagonal")
+    program = MatrixSets(0.1 * TURN[None, None], left="diagonal", right="diagonal")
     answer = sets(W, np.eye(2)) if side == "W_1" else sets(np.eye(2), W)
     expected = set() if holds else {f"{side} diagonal"}
     assert failed(program.checks(answer, 1e-6)) == expected
@@ -215,7 +215,7 @@ def cover():
 
 @pytest.fixture(scope="module")
 def least(cover):
-    return wb.solve(cover.sets, "barrier").answer
+    return wb.solve(cover.sets, method="barrier").answer
 
 
 def model(W_1, W_2=None, nominal=NOMINAL):

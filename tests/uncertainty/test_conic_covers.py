@@ -20,27 +20,29 @@ SOLVERS = [solver.name for solver in conic_solvers()]
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_family_is_covered_with_smaller_sets_than_by_the_steps(kind, form, solver):
-    program = program_of(kind, Responses(OMEGA, family(1)), form=form)
-    solution = wb.solve(program, solver)
+    program = program_of(kind, Responses(omega=OMEGA, values=family(1)), form=form)
+    solution = wb.solve(program, method=solver)
     assert_covers(program, solution)
-    steps = wb.solve(program, "steps").answer
+    steps = wb.solve(program, method="steps").answer
     assert program.objective(solution.answer) < 0.9 * program.objective(steps)
 
 
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_solvers_agree_on_the_nominal(kind):
-    program = program_of(kind, Responses(OMEGA, family(2)))
-    found = [wb.solve(program, solver).answer.model.nominal.response(OMEGA) for solver in SOLVERS]
+    program = program_of(kind, Responses(omega=OMEGA, values=family(2)))
+    found = [
+        wb.solve(program, method=solver).answer.model.nominal.response(OMEGA) for solver in SOLVERS
+    ]
     for other in found[1:]:
         np.testing.assert_allclose(other, found[0], rtol=1e-3)
 
 
 def test_of_additive_circles_no_numerator_has_smaller_sets():
     """The cone program of circles does not depend on its start where sizes are absolute."""
-    responses = Responses(OMEGA, family(3))
+    responses = Responses(omega=OMEGA, values=family(3))
     program = program_of("circle", responses, form="additive", zeros=1)
-    nominal = wb.solve(program, "clarabel").answer.model.nominal
+    nominal = wb.solve(program, method="clarabel").answer.model.nominal
     basis = NumeratorBasis.over(OMEGA / 30, 1 / program.unit, nominal.poles / 30, 1)
 
     def size(shape):
@@ -55,14 +57,14 @@ def test_of_additive_circles_no_numerator_has_smaller_sets():
 
 
 def test_a_minimum_phase_real_weight_is_kept():
-    program = program_of("stadium", Responses(OMEGA, family(4)), minimum_phase=True)
-    assert_covers(program, wb.solve(program, "clarabel"))
+    program = program_of("stadium", Responses(omega=OMEGA, values=family(4)), minimum_phase=True)
+    assert_covers(program, wb.solve(program, method="clarabel"))
 
 
 def test_a_given_nominal_leaves_nothing_to_choose():
-    program = program_of("circle", Responses(OMEGA, family(1)), nominal=NOMINAL)
+    program = program_of("circle", Responses(omega=OMEGA, values=family(1)), nominal=NOMINAL)
     with pytest.raises(InputError, match="nominal is given; take steps or joint"):
-        wb.solve(program, "clarabel")
+        wb.solve(program, method="clarabel")
 
 
 def test_a_refused_program_is_a_failure_in_the_words_of_the_solver(monkeypatch):
@@ -72,7 +74,9 @@ def test_a_refused_program_is_a_failure_in_the_words_of_the_solver(monkeypatch):
         return wb.Outcome.FAILED, "clarabel: no"
 
     monkeypatch.setattr(conic, "solve_conic", refuses)
-    solution = wb.solve(program_of("circle", Responses(OMEGA, family(1))), "clarabel")
+    solution = wb.solve(
+        program_of("circle", Responses(omega=OMEGA, values=family(1))), method="clarabel"
+    )
     assert solution.answer is None and "clarabel: no" in solution.message
     assert ROUNDS > 1
 

@@ -25,7 +25,7 @@ def fitted(rng, **more):
     deviation = 0.03 * np.maximum(np.abs(truth), 0.05 * np.abs(truth).max())
     parts = rng.standard_normal((2, *truth.shape))
     noisy = truth + deviation * (parts[0] + 1j * parts[1]) / np.sqrt(2)
-    program = RationalModelFit(OMEGA, noisy, deviation**2, (3,), excess=2, **more)
+    program = RationalModelFit(OMEGA, noisy, deviation**2, orders=(3,), excess=2, **more)
     solution = wb.solve(program)
     assert solution.certificate.valid, solution.certificate.failures
     return program.uncertainty(solution.answer.model)
@@ -53,7 +53,7 @@ def test_discs_hold_the_plant_everywhere_in_a_thousand_records():
 @pytest.mark.parametrize("form", ["multiplicative", "additive"])
 def test_the_cover_holds_the_discs(form):
     uncertainty = fitted(np.random.default_rng(2))
-    cover = cover_of_estimate(uncertainty, 4, 0.99, form=form)
+    cover = cover_of_estimate(uncertainty, 4, confidence=0.99, form=form)
     radius = uncertainty.radius(FINE, 0.99, everywhere=True)[:, 0, 0]
     size = np.abs(cover.W_c.response(FINE))
     if form == "multiplicative":

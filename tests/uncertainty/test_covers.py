@@ -51,8 +51,8 @@ def program_of(kind, responses, **keywords):
 
 @cache
 def solved(kind, form, method):
-    program = program_of(kind, Responses(OMEGA, family(1)), form=form)
-    return program, wb.solve(program, method)
+    program = program_of(kind, Responses(omega=OMEGA, values=family(1)), form=form)
+    return program, wb.solve(program, method=method)
 
 
 def response(system, omega):
@@ -128,9 +128,9 @@ def test_a_family_is_covered(kind, method, form):
     st.floats(0.01, 0.4),
 )
 def test_random_families_are_covered(seed, count, kind, method, form, spread):
-    responses = Responses(OMEGA, family(seed, count, spread))
+    responses = Responses(omega=OMEGA, values=family(seed, count, spread))
     program = program_of(kind, responses, form=form)
-    assert_covers(program, wb.solve(program, method))
+    assert_covers(program, wb.solve(program, method=method))
 
 
 def mean_square(program, answer):
@@ -163,48 +163,56 @@ def test_joint_is_never_worse_than_steps(kind, form):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_joint_is_never_worse_than_steps_for_others(seed):
-    program = program_of("circle", Responses(OMEGA, family(seed + 20, 4, 0.4)))
-    sizes = [mean_square(program, wb.solve(program, method).answer) for method in METHODS]
+    program = program_of("circle", Responses(omega=OMEGA, values=family(seed + 20, 4, 0.4)))
+    sizes = [mean_square(program, wb.solve(program, method=method).answer) for method in METHODS]
     assert sizes[1] <= sizes[0] * (1 + 1e-4)
 
 
 @pytest.mark.parametrize("order", [0, 1, 3, 6])
 def test_orders(order):
-    program = program_of("circle", Responses(OMEGA, family(2)), order=order, zeros=None)
+    program = program_of(
+        "circle", Responses(omega=OMEGA, values=family(2)), order=order, zeros=None
+    )
     assert program.zeros == order
-    assert_covers(program, wb.solve(program, "steps"))
+    assert_covers(program, wb.solve(program, method="steps"))
 
 
 def test_a_constant_nominal():
-    program = program_of("circle", Responses(OMEGA, family(36, 12, 0.17)), order=0)
-    solution = wb.solve(program, "joint")
+    program = program_of("circle", Responses(omega=OMEGA, values=family(36, 12, 0.17)), order=0)
+    solution = wb.solve(program, method="joint")
     assert_covers(program, solution)
 
 
 @pytest.mark.parametrize("seed", [9, 17])
 def test_realisations_are_stable_too(seed):
     """Real weights whose fit would be an integrator."""
-    program = program_of("stadium", Responses(OMEGA, family(seed, 13, 0.12)), real_order=2)
-    solution = wb.solve(program, "steps")
+    program = program_of(
+        "stadium", Responses(omega=OMEGA, values=family(seed, 13, 0.12)), real_order=2
+    )
+    solution = wb.solve(program, method="steps")
     assert_covers(program, solution)
     assert np.abs(solution.answer.model.W_r.poles).min() >= 1e-5 * OMEGA[0]
 
 
 def test_few_frequencies_and_two_plants():
     omega = np.geomspace(3, 300, 10)
-    program = program_of("stadium", Responses(omega, family(3, 2, omega=omega)), complex_order=3)
-    assert_covers(program, wb.solve(program, "steps"))
+    program = program_of(
+        "stadium", Responses(omega=omega, values=family(3, 2, omega=omega)), complex_order=3
+    )
+    assert_covers(program, wb.solve(program, method="steps"))
 
 
 def test_constant_weights():
-    program = program_of("stadium", Responses(OMEGA, family(4)), complex_order=0, real_order=0)
-    assert_covers(program, wb.solve(program, "steps"))
+    program = program_of(
+        "stadium", Responses(omega=OMEGA, values=family(4)), complex_order=0, real_order=0
+    )
+    assert_covers(program, wb.solve(program, method="steps"))
 
 
 def test_many_plants():
     omega = np.geomspace(1, 1000, 50)
-    program = program_of("stadium", Responses(omega, family(5, 1000, omega=omega)))
-    assert_covers(program, wb.solve(program, "steps"))
+    program = program_of("stadium", Responses(omega=omega, values=family(5, 1000, omega=omega)))
+    assert_covers(program, wb.solve(program, method="steps"))
 
 
 # --- what may be asked for ------------------------------------------------------------------------
@@ -214,8 +222,8 @@ def test_many_plants():
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_given_nominal_stays(kind, method):
     given_nominal = NOMINAL.state_space()
-    program = program_of(kind, Responses(OMEGA, family(6)), nominal=given_nominal)
-    solution = wb.solve(program, method)
+    program = program_of(kind, Responses(omega=OMEGA, values=family(6)), nominal=given_nominal)
+    solution = wb.solve(program, method=method)
     assert_covers(program, solution)
     found = response(solution.answer.model.systems()["G"], OMEGA)
     np.testing.assert_allclose(found, response(given_nominal, OMEGA), rtol=1e-8)
@@ -225,9 +233,9 @@ def test_a_given_nominal_stays(kind, method):
 def test_what_is_left_out(kind):
     values = family(7, 7)
     values[::3, 2] *= 3 + 2j
-    responses = Responses(OMEGA, values)
+    responses = Responses(omega=OMEGA, values=values)
     program = program_of(kind, responses, leave_out=1)
-    solution = wb.solve(program, "steps")
+    solution = wb.solve(program, method="steps")
     assert_covers(program, solution, leave_out=1)
     assert "but the 1 worst" in solution.certificate.checks[0].statement
     strict = program_of(kind, responses)
@@ -240,8 +248,8 @@ def test_equal_plants_and_one_left_out():
     """Two plants of the same response, farthest out: leaving out one does not rid us of both."""
     values = family(8, 5)
     values = np.column_stack([values, 2 * values[:, 0], 2 * values[:, 0]])
-    program = program_of("circle", Responses(OMEGA, values), leave_out=1)
-    assert_covers(program, wb.solve(program, "steps"), leave_out=1)
+    program = program_of("circle", Responses(omega=OMEGA, values=values), leave_out=1)
+    assert_covers(program, wb.solve(program, method="steps"), leave_out=1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -249,9 +257,9 @@ def test_missing_data(kind):
     values = family(9, 6)
     present = np.random.default_rng(9).random(values.shape) > 0.3
     present[:, 1:3] = True
-    full = Responses(OMEGA, np.where(present, values, np.nan), present)
+    full = Responses(omega=OMEGA, values=np.where(present, values, np.nan), present=present)
     program = program_of(kind, full)
-    solution = wb.solve(program, "steps")
+    solution = wb.solve(program, method="steps")
     assert_covers(program, solution)
     data = program.to_dataset(solution.answer)
     assert np.array_equal(data["present"].values, present)
@@ -260,8 +268,8 @@ def test_missing_data(kind):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_minimum_phase(method):
-    program = program_of("stadium", Responses(OMEGA, family(10)), minimum_phase=True)
-    solution = wb.solve(program, method)
+    program = program_of("stadium", Responses(omega=OMEGA, values=family(10)), minimum_phase=True)
+    solution = wb.solve(program, method=method)
     assert_covers(program, solution)
     assert is_left(solution.answer.model.W_r.zeros)
     assert "W_r minimum phase" in [check.name for check in solution.certificate.checks]
@@ -269,8 +277,10 @@ def test_minimum_phase(method):
 
 @pytest.mark.parametrize("orientation", [narrowest, limited()])
 def test_orientations(orientation):
-    program = program_of("stadium", Responses(OMEGA, family(11)), orientation=orientation)
-    assert_covers(program, wb.solve(program, "steps"))
+    program = program_of(
+        "stadium", Responses(omega=OMEGA, values=family(11)), orientation=orientation
+    )
+    assert_covers(program, wb.solve(program, method="steps"))
 
 
 # --- families without width -----------------------------------------------------------------------
@@ -289,8 +299,8 @@ DEGENERATE = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_degenerate_families_by_steps(kind, name):
     form = FORMS[len(name) % 2]
-    program = program_of(kind, Responses(OMEGA, DEGENERATE[name]), form=form)
-    assert_covers(program, wb.solve(program, "steps"))
+    program = program_of(kind, Responses(omega=OMEGA, values=DEGENERATE[name]), form=form)
+    assert_covers(program, wb.solve(program, method="steps"))
 
 
 @pytest.mark.parametrize(
@@ -299,15 +309,15 @@ def test_degenerate_families_by_steps(kind, name):
 @pytest.mark.parametrize("kind", thinned(KINDS, 2))
 def test_degenerate_families(kind, name):
     form = FORMS[len(name) % 2]
-    program = program_of(kind, Responses(OMEGA, DEGENERATE[name]), form=form)
-    assert_covers(program, wb.solve(program, "joint"))
+    program = program_of(kind, Responses(omega=OMEGA, values=DEGENERATE[name]), form=form)
+    assert_covers(program, wb.solve(program, method="joint"))
 
 
 @pytest.mark.parametrize("form", SLOW_ADDITIVE)
 @pytest.mark.parametrize("kind", thinned(KINDS, 2))
 def test_plants_that_are_the_nominal(kind, form):
     values = np.repeat(NOMINAL.response(OMEGA)[:, None], 2, axis=1)
-    program = program_of(kind, Responses(OMEGA, values), nominal=NOMINAL, form=form)
+    program = program_of(kind, Responses(omega=OMEGA, values=values), nominal=NOMINAL, form=form)
     solution = wb.solve(program)
     assert_covers(program, solution)
     assert solution.answer.model.sizes(OMEGA)[0].max() < 1e-9 * np.abs(values).max() + 1e-9
@@ -405,7 +415,7 @@ def test_wrong_answers_are_refused(kind, name):
 def test_a_model_of_another_form_cannot_be_checked():
     program, solution = solved("circle", "multiplicative", "steps")
     answer = solution.answer
-    model = UncertaintyModel(answer.model.nominal, answer.model.W_c, None, "additive")
+    model = UncertaintyModel(answer.model.nominal, answer.model.W_c, None, form="additive")
     with pytest.raises(InputError, match="the answer is additive, asked for was multiplicative"):
         program.certify(replace(answer, model=model), 1e-6)
 
@@ -419,7 +429,7 @@ def test_another_nominal_than_the_given_one_is_refused():
 
 # --- input ----------------------------------------------------------------------------------------
 
-RESPONSES = Responses(OMEGA, family(13))
+RESPONSES = Responses(omega=OMEGA, values=family(13))
 
 
 @pytest.mark.parametrize(
@@ -437,7 +447,10 @@ RESPONSES = Responses(OMEGA, family(13))
         ({"form": "inverse"}, "form is 'inverse'; it must be one of"),
         ({"leave_out": 5}, "leave_out is 5; it may be 4 at most"),
         ({"leave_out": 1.5}, "leave_out must be a whole number"),
-        ({"leave_out": 4, "responses": Responses(OMEGA, family(1, 5))}, "leaves no spread"),
+        (
+            {"leave_out": 4, "responses": Responses(omega=OMEGA, values=family(1, 5))},
+            "leaves no spread",
+        ),
         ({"nominal": "G"}, "a transfer function or state space is needed, not 'G'"),
         ({"nominal": control.tf([1.0], [1.0, -2.0])}, "the given nominal must be stable"),
         ({"orientation": None}, "orientation must be a function, not None"),
@@ -456,8 +469,8 @@ def test_numpy_integers_are_whole_numbers():
 def test_centres_of_zero_are_named():
     omega = np.geomspace(0.1, 10.0, 20)
     lag = 1.0 / (1j * omega + 1.0)
-    plants = Responses(omega, np.stack([lag, -lag], axis=-1))
-    solution = wb.solve(CircleCover(plants, order=2), "steps")
+    plants = Responses(omega=omega, values=np.stack([lag, -lag], axis=-1))
+    solution = wb.solve(CircleCover(plants, order=2), method="steps")
     assert solution.certificate is None
     assert "centres of the sets are 0 at every frequency" in solution.message
 
@@ -471,7 +484,7 @@ def test_a_nominal_through_zero_is_named():
 
 def test_an_orientation_of_another_shape_is_named():
     program = program_of("stadium", RESPONSES, orientation=lambda omega, away: np.zeros(3))
-    solution = wb.solve(program, "steps")
+    solution = wb.solve(program, method="steps")
     assert solution.certificate is None
     assert "(3,)" in solution.message
 

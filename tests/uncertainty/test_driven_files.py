@@ -91,7 +91,7 @@ def test_lines_whose_regions_have_no_end_are_left_out(files):
     joint = found.ratios.joint.copy()
     joint[3] *= 1e6
     wide = Responses(
-        found.omega, found.values, variance=found.variance, degrees=found.degrees,
+        omega=found.omega, values=found.values, variance=found.variance, degrees=found.degrees,
         ratios=type(found.ratios)(joint, found.ratios.chosen),
     )  # fmt: skip
     with pytest.warns(UserWarning, match="has no end"):
@@ -100,7 +100,7 @@ def test_lines_whose_regions_have_no_end_are_left_out(files):
 
 def test_a_cover_of_driven_plants_holds_and_says_what_was_tested(files):
     found = Responses.from_files(files[0], **NAMES, excitation="set").within(0.005, 0.1)
-    cover = StadiumCover(found, 2, 1, confidence=0.9)
+    cover = StadiumCover(found, 2, zeros=1, confidence=0.9)
     assert cover.facts(None) == found.tested
 
 

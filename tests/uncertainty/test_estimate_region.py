@@ -81,7 +81,7 @@ def test_to_first_order_it_is_the_ellipsoid_of_the_responses():
     found = EstimateRegion(fitted(STABLE, noise=1e-5))
     e = found.sampled(np.random.default_rng(0), 20_000)
     away = np.abs(found.response(OMEGA, e) - found.response(OMEGA, 0 * e[0])).max(axis=0)
-    radius = found.uncertainty.radius(OMEGA, 0.95, everywhere=True)[:, 0, 0]
+    radius = found.uncertainty.radius(OMEGA, confidence=0.95, everywhere=True)[:, 0, 0]
     assert (away <= radius * (1 + 1e-3)).all()
     assert (away >= 0.8 * radius).all()
 
@@ -91,9 +91,9 @@ def share_held(records, confidence, seed):
     for draw in range(records):
         uncertainty = fitted(STABLE, seed=(seed, draw), noise=0.02)
         for region in held:
-            held[region] += EstimateRegion(uncertainty, confidence, region).contains(
-                model_of(STABLE)
-            )
+            held[region] += EstimateRegion(
+                uncertainty, confidence=confidence, region=region
+            ).contains(model_of(STABLE))
     return {region: count / records for region, count in held.items()}
 
 
@@ -127,7 +127,7 @@ def test_an_entry_of_a_matrix_has_a_region_of_its_own():
     truth = truth[:, :, None]
     noise = np.random.default_rng(0).standard_normal((2, *truth.shape))
     noisy = truth * (1 + 0.05 * (noise[0] + 1j * noise[1]) / np.sqrt(2))
-    program = RationalModelFit(omega, noisy, (0.05 * np.abs(truth)) ** 2, (3,), excess=2)
+    program = RationalModelFit(omega, noisy, (0.05 * np.abs(truth)) ** 2, orders=(3,), excess=2)
     uncertainty = program.uncertainty(wb.solve(program).answer.model)
     for row, entry in enumerate((STABLE, STABLE.scaled(0.3))):
         found = EstimateRegion(uncertainty, entry=(row, 0))
@@ -199,8 +199,8 @@ def fitted_sampled():
         omega,
         values + noise[0] + 1j * noise[1],
         2e-6 + 0 * np.abs(values),
-        (1,),
+        orders=(1,),
         excess=1,
-        sample_time=1.0,
+        dt=1.0,
     )
     return program.uncertainty(wb.solve(program).answer.model)

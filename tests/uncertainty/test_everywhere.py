@@ -50,7 +50,7 @@ def family(light=0.02, height=0.03):
 
 def responses(systems, known=True):
     values = np.array([system(1j * OMEGA) for system in systems]).T
-    return Responses(OMEGA, values, known=systems if known else None)
+    return Responses(omega=OMEGA, values=values, known=systems if known else None)
 
 
 def program(kind, data, **more):
@@ -65,7 +65,7 @@ def program(kind, data, **more):
 @cache
 def covered(kind, known, light=0.02, height=0.03):
     task = program(kind, responses(family(light, height), known))
-    return task, wb.solve(task, "steps")
+    return task, wb.solve(task, method="steps")
 
 
 def by_name(certificate):
@@ -129,13 +129,13 @@ def test_smaller_weight_is_refused_and_the_place_is_named():
 
 def test_equal_plants_are_covered():
     one = plant(1.0, 0.1, 1.0)
-    found = wb.solve(program("circle", responses([one, one])), "steps")
+    found = wb.solve(program("circle", responses([one, one])), method="steps")
     assert found.certificate.failures == ()
 
 
 def test_additive_weights_cover_everywhere():
     task = program("circle", responses(family()), form="additive")
-    assert wb.solve(task, "steps").certificate.failures == ()
+    assert wb.solve(task, method="steps").certificate.failures == ()
 
 
 def test_plants_that_are_only_measured_count_at_their_frequencies():
@@ -143,18 +143,18 @@ def test_plants_that_are_only_measured_count_at_their_frequencies():
     data = responses(systems, False)
     mixed = replace(data, known=[*systems[:3], None, None, None])
     task = program("circle", mixed)
-    found = wb.solve(task, "steps")
+    found = wb.solve(task, method="steps")
     assert found.certificate.failures == ()
     checks = by_name(found.certificate)
     assert checks["containment everywhere"].over == "at every frequency, for these 3 plants"
     wide = widened(mixed, 0.9)
     assert len(wide.known_plants) == 3
-    assert wb.solve(program("circle", wide), "steps").certificate.failures == ()
+    assert wb.solve(program("circle", wide), method="steps").certificate.failures == ()
 
 
 def test_points_left_out_leave_the_claim_at_the_frequencies():
     task = program("circle", responses(family()), leave_out=1)
-    certificate = wb.solve(task, "steps").certificate
+    certificate = wb.solve(task, method="steps").certificate
     assert certificate.valid
     assert "containment everywhere" not in by_name(certificate)
 
@@ -168,7 +168,7 @@ def test_members_of_a_parametric_set_are_known():
     box = [Parameter("k", 900.0, 0.2), Parameter("b", 6.0, 0.3)]
     model = parametric(oscillator, box, inputs=["u"], outputs=["y"])
     data = members(model, OMEGA, vertices(box))
-    certificate = wb.solve(program("stadium", data), "steps").certificate
+    certificate = wb.solve(program("stadium", data), method="steps").certificate
     assert certificate.failures == ()
     check = by_name(certificate)["containment everywhere"]
     assert check.over == "at every frequency, for these 4 plants"
@@ -178,8 +178,8 @@ def test_relative_deviation_without_bound_is_said():
     """A nominal that falls faster than the plants: their relative deviation grows for ever."""
     flat = [control.tf([g, g], [1, 2]) for g in (0.9, 1.0, 1.1)]
     values = np.array([system(1j * OMEGA) for system in flat]).T
-    task = program("circle", Responses(OMEGA, values, known=flat), order=2, zeros=0)
-    found = wb.solve(task, "steps")
+    task = program("circle", Responses(omega=OMEGA, values=values, known=flat), order=2, zeros=0)
+    found = wb.solve(task, method="steps")
     assert found.certificate is None
     assert "is unbounded" in found.message
 
@@ -196,7 +196,7 @@ def test_relative_deviation_without_bound_is_said():
 def test_known_plants_that_cannot_be_are_refused(known, words):
     values = np.tile((1 / (1j * OMEGA + 1))[:, None], 2)
     with pytest.raises(InputError, match=words):
-        Responses(OMEGA, values, known=known)
+        Responses(omega=OMEGA, values=values, known=known)
 
 
 def test_grids_of_known_plants_are_refined_between_the_frequencies():
@@ -219,6 +219,6 @@ def test_a_joint_search_on_few_frequencies_sees_what_lies_between():
 
     dense, sizes = stadium_cover("focus", frequencies=1000).refined(), {}
     for frequencies in (40, 200):
-        answer = wb.solve(stadium_cover("focus", frequencies=frequencies), "joint").answer
+        answer = wb.solve(stadium_cover("focus", frequencies=frequencies), method="joint").answer
         sizes[frequencies] = np.sqrt(dense.objective(answer))
     assert sizes[40] < 1.5 * sizes[200]

@@ -99,7 +99,9 @@ def test_corners_are_added_as_plants():
     present = np.ones(values.shape, bool)
     present[3, 1] = False
     values[3, 1] = np.nan
-    wide = widened(Responses(OMEGA, values, present, list("abcde"), unit="m"), 0.9)
+    wide = widened(
+        Responses(omega=OMEGA, values=values, present=present, plants=list("abcde"), unit="m"), 0.9
+    )
     assert wide.plants[:6] == ("a", "b", "c", "d", "e", "predicted 1")
     assert wide.unit == "m"
     assert wide.present[:, 5:].all()
@@ -110,33 +112,33 @@ def test_corners_are_added_as_plants():
 
 
 def test_the_assumption_stands_in_the_certificate():
-    wide = widened(Responses(OMEGA, plants()), 0.95)
-    program = CircleCover(wide, 1, 0, 1)
-    solution = wb.solve(program, "steps")
+    wide = widened(Responses(omega=OMEGA, values=plants()), 0.95)
+    program = CircleCover(wide, 1, zeros=0, complex_order=1)
+    solution = wb.solve(program, method="steps")
     assert solution.certificate.valid
     statement = solution.certificate.checks[0].statement
     assert "bivariate normal distribution" in statement
     assert "probability 0.95" in statement
-    bare = CircleCover(Responses(OMEGA, plants()), 1, 0, 1)
+    bare = CircleCover(Responses(omega=OMEGA, values=plants()), 1, zeros=0, complex_order=1)
     assert "assumed" not in bare.checks(solution.answer, 1e-6)[0].statement
 
 
 def test_what_an_assumption_needs_is_not_left_out():
-    wide = widened(Responses(OMEGA, plants()), 0.95)
+    wide = widened(Responses(omega=OMEGA, values=plants()), 0.95)
     with pytest.raises(InputError, match=r"leave_out is 1, but .* bivariate normal .* all of them"):
-        CircleCover(wide, 1, 0, 1, leave_out=1)
+        CircleCover(wide, 1, zeros=0, complex_order=1, leave_out=1)
 
 
 @pytest.mark.parametrize("content", [0, 1, -0.1, 2, np.nan])
 def test_refused_contents(content):
     with pytest.raises(InputError, match="content is a probability between 0 and 1, it is"):
-        widened(Responses(OMEGA, plants()), content)
+        widened(Responses(omega=OMEGA, values=plants()), content)
 
 
 def test_few_plants_say_little():
     with pytest.raises(InputError, match=r"3 plants at 0.159\d* Hz say too little.*4 or more"):
-        widened(Responses(OMEGA, plants(3)), 0.9)
+        widened(Responses(omega=OMEGA, values=plants(3)), 0.9)
     present = np.ones((12, 5), bool)
     present[7, :2] = False
     with pytest.raises(InputError, match=r"3 plants at 2\.98227 Hz"):
-        widened(Responses(OMEGA, plants(), present), 0.9)
+        widened(Responses(omega=OMEGA, values=plants(), present=present), 0.9)

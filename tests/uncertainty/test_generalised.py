@@ -34,7 +34,7 @@ W_P = control.zpk(  # eq. 6.11
 W_R = control.zpk([-2e3, -4e4], [-8e3, -1e4], 0.3)
 W_C = control.zpk([-1e3], [-5e4], 0.5)
 W_U = control.tf(0.1, 1)
-MIXED = [(Real(1, "r"), "y_r", "u_r"), (Complex(1, "c"), "y_c", "u_c")]
+MIXED = [(Real(1, name="r"), "y_r", "u_r"), (Complex(1, name="c"), "y_c", "u_c")]
 
 
 def focus(actuator, perturbation, sums, weights=()):
@@ -68,7 +68,7 @@ def zpk(system):
 
 def test_the_focus_loop_matches_its_formulas():
     loop_plant = stadium()
-    assert loop_plant.structure == Structure([Real(1, "r"), Complex(1, "c")])
+    assert loop_plant.structure == Structure([Real(1, name="r"), Complex(1, name="c")])
     assert loop_plant.system.input_labels == ["u_r", "u_c", "w_p", "w_u", "u"]
     assert loop_plant.system.output_labels == ["y_r", "y_c", "z_p", "z_u", "f_en"]
     assert (loop_plant.exogenous, loop_plant.performance) == (2, 2)
@@ -121,7 +121,7 @@ def test_a_parametric_model_brings_its_perturbations():
     ]
     uncertain = parametric(actuator, parts, inputs=["v"], outputs=["x"])
     loop_plant = focus(
-        uncertain, [(Complex(1, "c"), "y_c", "u_c")], {"v": "u + u_c"}, [(W_C, "u", "y_c")]
+        uncertain, [(Complex(1, name="c"), "y_c", "u_c")], {"v": "u + u_c"}, [(W_C, "u", "y_c")]
     )
     assert [b.name for b in loop_plant.structure] == ["c", "K_at", "k", "b", "m"]
     assert loop_plant.structure.rows == 5

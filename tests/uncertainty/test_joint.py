@@ -33,7 +33,7 @@ from workbench.uncertainty.covers.weights import (
 )
 
 OMEGA = np.geomspace(1, 1000, 14)
-CONTEXT = Context(Options())
+CONTEXT = Context(options=Options())
 NOMINAL = Rational([-700.0], [-2 + 28j, -2 - 28j], 1.2)
 REAL = Rational([-40.0], [-200.0], 0.3)
 CIRCLE = Rational([-3 + 20j, -3 - 20j], [-9 + 25j, -9 - 25j], 0.2)
@@ -46,7 +46,7 @@ def plants(seed=1, count=6, spread=0.2, omega=OMEGA):
     level, damping, gain = 1 + spread * rng.uniform(-1, 1, (3, count))
     s = 1j * omega[:, None]
     values = 900 * gain * level**2 / (s**2 + 3 * damping * level * s + 900 * level**2)
-    return Responses(omega, values)
+    return Responses(omega=omega, values=values)
 
 
 def program_of(kind, responses, **keywords):
@@ -104,8 +104,8 @@ def test_of_high_power_the_size_is_that_of_sets_that_contain(kind, form):
 def test_a_constant_model_is_the_least_of_all():
     """A constant nominal and radius for real gains, against a search in one variable."""
     gains = np.array([[0.5, 1.0, 2.5], [0.8, 1.1, 1.9]])
-    responses = Responses(np.array([1.0, 2.0]), gains + 0.2j)
-    program = CircleCover(responses, 0, 0, 0, form="additive")
+    responses = Responses(omega=np.array([1.0, 2.0]), values=gains + 0.2j)
+    program = CircleCover(responses, 0, zeros=0, complex_order=0, form="additive")
     start = FoundModel(Rational([], [], 1.0), None, Rational([], [], 1.0))
     found = smallest_model(program, start, (8, 64, 512), CONTEXT)
     least = minimize_scalar(
@@ -170,7 +170,7 @@ def test_units_do_not_matter(kind):
     for unit in (1.0, 1e-150, 1e150):
         responses = plants()
         program = program_of(kind, replace(responses, values=unit * responses.values))
-        solution = wb.solve(program, "joint")
+        solution = wb.solve(program, method="joint")
         assert solution.certificate.valid
         answers.append(program.objective(solution.answer))
     assert answers[1:] == pytest.approx(answers[:1] * 2, rel=0.2)
@@ -179,12 +179,15 @@ def test_units_do_not_matter(kind):
 def test_zeros_that_known_plants_of_excess_poles_leave():
     known = tuple(Rational([], [-w + 0j, -2 * w + 0j], 2 * w**2) for w in (1.0, 1.1))
     values = np.stack([plant.response(OMEGA) for plant in known], axis=1)
-    responses = Responses(OMEGA, values, known=known)
-    assert CircleCover(responses, 3, 3, 2).useful_zeros == 1
-    assert CircleCover(responses, 3, 0, 2).useful_zeros == 0
-    assert CircleCover(responses, 3, 3, 2, form="additive").useful_zeros == 3
-    assert CircleCover(Responses(OMEGA, values), 3, 3, 2).useful_zeros == 3
-    solution = wb.solve(CircleCover(responses, 3, 3, 2), "joint")
+    responses = Responses(omega=OMEGA, values=values, known=known)
+    assert CircleCover(responses, 3, zeros=3, complex_order=2).useful_zeros == 1
+    assert CircleCover(responses, 3, zeros=0, complex_order=2).useful_zeros == 0
+    assert CircleCover(responses, 3, zeros=3, complex_order=2, form="additive").useful_zeros == 3
+    assert (
+        CircleCover(Responses(omega=OMEGA, values=values), 3, zeros=3, complex_order=2).useful_zeros
+        == 3
+    )
+    solution = wb.solve(CircleCover(responses, 3, zeros=3, complex_order=2), method="joint")
     assert solution.certificate.valid
     assert solution.answer.model.nominal.zeros.size <= 1
 
@@ -195,8 +198,8 @@ def test_the_drives_sets_are_small():
     from problems.cd_drive.uncertainty.measured_drives import measured_drives
 
     drives = replace(measured_drives("focus", 100, 5.0, 5000.0), known=())
-    program = StadiumCover(drives, 4, 2, 4, 4, orientation=UPRIGHT)
-    solution = wb.solve(program, "joint")
+    program = StadiumCover(drives, 4, zeros=2, complex_order=4, real_order=4, orientation=UPRIGHT)
+    solution = wb.solve(program, method="joint")
     assert solution.certificate.valid
     assert program.objective(solution.answer) <= 0.045
 
@@ -204,11 +207,13 @@ def test_the_drives_sets_are_small():
 def test_a_start_that_fits_exactly_is_left():
     """Gains of 0.9, 1 and 1.1: with W_r = 0.1 / 1.1 and W_c = 0.1 / 11 the size is 1e-3 / 1.1."""
     s = 1j * OMEGA[:, None]
-    responses = Responses(OMEGA, np.array([0.9, 1.0, 1.1]) / (s / 30 + 1))
-    program = StadiumCover(responses, 1, 0, 1, 1, nominal=Rational([], [-30.0], 30.0))
+    responses = Responses(omega=OMEGA, values=np.array([0.9, 1.0, 1.1]) / (s / 30 + 1))
+    program = StadiumCover(
+        responses, 1, zeros=0, complex_order=1, real_order=1, nominal=Rational([], [-30.0], 30.0)
+    )
     exact = FoundModel(program.nominal, Rational([], [], 0.1), Rational([], [], 1e-4))
     size = ModelSize.of(program, exact)
     assert (np.abs(size(size.start, 4)[1] * size.unit) < 1.0).all()
-    solution = wb.solve(program, "joint")
+    solution = wb.solve(program, method="joint")
     assert solution.certificate.valid
     assert program.objective(solution.answer) <= 0.98e-3

@@ -19,7 +19,7 @@ def drawn(*shape, seed=0):
 
 
 def solved(program, method=None):
-    solution = wb.solve(program, method)
+    solution = wb.solve(program, method=method)
     assert solution.certificate is not None, solution.message
     assert solution.certificate.valid, solution.certificate.failures
     return solution
@@ -31,7 +31,7 @@ def solved(program, method=None):
 def test_the_sets_about_zero_contain_the_matrices_and_are_proven_to_be_the_smallest(
     left, right, size
 ):
-    program = MatrixSets(drawn(3, 9, 3, 2), left, right, size=size)
+    program = MatrixSets(drawn(3, 9, 3, 2), left=left, right=right, size=size)
     solution = solved(program)
     norms = np.linalg.norm(solution.answer.deltas(program.deviations), 2, axis=(2, 3))
     assert norms.max() == pytest.approx(1.0, abs=1e-8)
@@ -42,10 +42,10 @@ def test_the_sets_about_zero_contain_the_matrices_and_are_proven_to_be_the_small
 def test_a_free_centre_makes_them_smaller_and_the_trace_is_proven_least(left):
     E = drawn(2, 8, 2, 2, seed=1) + 3.0
     fixed, free = (
-        solved(MatrixSets(E, left, "diagonal", size="trace", centre=centre))
+        solved(MatrixSets(E, left=left, right="diagonal", size="trace", centre=centre))
         for centre in ("zero", "free")
     )
-    program = MatrixSets(E, left, "diagonal", size="trace", centre="free")
+    program = MatrixSets(E, left=left, right="diagonal", size="trace", centre="free")
     assert free.certificate.gap.value <= 1e-6
     assert (program.sizes(free.answer) < 0.8 * program.sizes(fixed.answer)).all()
 
@@ -54,7 +54,9 @@ def test_a_free_centre_makes_them_smaller_and_the_trace_is_proven_least(left):
 @pytest.mark.parametrize("centre", ["zero", "free"])
 @pytest.mark.parametrize("method", ["clarabel", "scs", "cvxopt"])
 def test_semidefinite_programs_find_the_same_least_trace(method, centre):
-    program = MatrixSets(drawn(2, 6, 2, 3, seed=2), "full", "diagonal", size="trace", centre=centre)
+    program = MatrixSets(
+        drawn(2, 6, 2, 3, seed=2), left="full", right="diagonal", size="trace", centre=centre
+    )
     sizes = [program.sizes(solved(program, name).answer) for name in ("barrier", method)]
     np.testing.assert_allclose(sizes[1], sizes[0], rtol=2e-6)
 
@@ -77,7 +79,7 @@ def test_the_volume_of_one_row_is_that_of_the_least_ellipsoid():
 
 def test_scalar_sets_of_matrices_are_balls():
     E = drawn(4, 7, 2, 3, seed=4)
-    found = solved(MatrixSets(E, "scalar", "scalar")).answer
+    found = solved(MatrixSets(E, left="scalar", right="scalar")).answer
     largest = np.linalg.norm(E, 2, axis=(2, 3)).max(axis=1)
     np.testing.assert_allclose(found.radius, largest, rtol=1e-6)
 
@@ -92,8 +94,8 @@ def test_scalar_sets_of_matrices_are_balls():
 def test_the_least_volume_does_not_depend_on_the_units_of_channels(powers, seed, shape):
     E = drawn(1, 6, 2, 2, seed=seed)
     rows, columns = 10.0 ** np.array(powers[:2]), 10.0 ** np.array(powers[2:])
-    one = MatrixSets(E, shape, shape)
-    other = MatrixSets(rows[:, None] * E * columns, shape, shape)
+    one = MatrixSets(E, left=shape, right=shape)
+    other = MatrixSets(rows[:, None] * E * columns, left=shape, right=shape)
     ratio = np.exp(np.log(rows).mean() + np.log(columns).mean())
     sizes = [program.sizes(solved(program).answer)[0] for program in (one, other)]
     # the floor is found from the sizes of the channels, which equilibration finds to some digits
@@ -138,7 +140,7 @@ def test_hard_matrices_have_proven_sets(name):
 def test_flat_sets_are_as_thick_as_the_floor(floor):
     E = np.zeros((1, 3, 2, 2))
     E[0, :, 0, 0] = [1.0, -1.0, 0.5]
-    found = solved(MatrixSets(E, "diagonal", "diagonal", floor=floor)).answer
+    found = solved(MatrixSets(E, left="diagonal", right="diagonal", floor=floor)).answer
     inner = np.zeros((1, 1, 2, 2))
     inner[0, 0, 1, 1] = floor**2  # the size of a channel without deviations is the floor
     assert np.linalg.norm(found.deltas(inner), 2, axis=(2, 3)).max() <= 1 + 1e-9
@@ -169,7 +171,7 @@ def test_the_proof_holds_for_what_it_claims():
 
 
 def test_an_answer_comes_back_from_its_dataset():
-    program = MatrixSets(drawn(2, 4, 2, 3), "full", "diagonal", centre="free")
+    program = MatrixSets(drawn(2, 4, 2, 3), left="full", right="diagonal", centre="free")
     answer = solved(program).answer
     back = program.from_dataset(program.to_dataset(answer))
     np.testing.assert_array_equal(back.left, answer.left)
@@ -208,4 +210,4 @@ def test_bad_input_is_named(changes, words):
 
 def test_a_volume_is_no_cone_program():
     with pytest.raises(InputError, match="barrier"):
-        wb.solve(MatrixSets(drawn(1, 3, 2, 2)), "clarabel")
+        wb.solve(MatrixSets(drawn(1, 3, 2, 2)), method="clarabel")

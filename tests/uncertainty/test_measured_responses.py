@@ -76,8 +76,8 @@ def test_files_give_responses_with_names_units_and_what_was_found_out(folder):
     assert found.unit == "(rad/s)/Nm"
     for words in ("commas", "units below", "6 periods of 500 samples", "60 excited lines"):
         assert words in found.read
-    np.testing.assert_allclose(found.frequency, LINES * RATE / SAMPLES)
-    error = np.abs(found.values - truth(found.frequency))
+    np.testing.assert_allclose(found.frequency_hz, LINES * RATE / SAMPLES)
+    error = np.abs(found.values - truth(found.frequency_hz))
     assert (error < 5 * np.sqrt(found.variance)).all()
 
 
@@ -85,7 +85,7 @@ def test_without_the_hold_the_response_is_the_plants(folder):
     """Six plants behind a hold: their own responses, to what images add below 0.1 of the rate."""
     found = read(folder, hold=True).within(0.0, 0.1 * RATE)
     assert found.read.endswith("the hold of the input is taken out")
-    s = 2j * np.pi * found.frequency[:, None]
+    s = 2j * np.pi * found.frequency_hz[:, None]
     k = np.arange(PLANTS)
     gain, rate = 1 + 0.05 * k, 2 * np.pi * (20 + 0.4 * k)
     own = gain * rate**2 / (s**2 + 0.6 * rate * s + rate**2)
@@ -93,7 +93,7 @@ def test_without_the_hold_the_response_is_the_plants(folder):
     assert (apart < 5 * np.sqrt(found.variance) + 0.02 * np.abs(own)).all()
     held = read(folder).within(0.0, 0.1 * RATE)
     assert np.abs(held.values[-1] / own[-1] - 1).min() > 0.2
-    turn = held.frequency[:, None] / RATE
+    turn = held.frequency_hz[:, None] / RATE
     size = np.sqrt(held.variance / found.variance)
     np.testing.assert_allclose(size, np.broadcast_to(np.sinc(turn), size.shape))
 
@@ -103,7 +103,7 @@ def test_drive_10_stands_behind_drive_9(tmp_path):
         (tmp_path / f"d{k}.csv").write_text("f,re,im\n1,1,0\n2,2,1\n3,3,1\n")
     found = Responses.from_files(tmp_path / "d*.csv", frequency="f", response=("re", "im"))
     assert found.plants == ("d1", "d2", "d9", "d10")
-    np.testing.assert_allclose(found.frequency, [1, 2, 3])
+    np.testing.assert_allclose(found.frequency_hz, [1, 2, 3])
     assert found.values[1, 0] == 2 + 1j and found.variance is None
 
 
@@ -114,14 +114,14 @@ def test_regions_hold_the_truth_as_often_as_they_say(periodic):
     for seed in range(20 if periodic else 5):
         estimates, _ = record_responses(recorded(seed, periodic=periodic), RATE, 40)
         found = Responses.from_estimates(estimates)
-        away = np.abs(found.values - truth(found.frequency))
+        away = np.abs(found.values - truth(found.frequency_hz))
         inside.append(away <= region_radius(found, 0.9))
     shares = np.mean(inside, axis=(0, 2))
     if periodic:
         assert shares.mean() == pytest.approx(0.9, abs=0.03)
     else:  # what smoothing may hide is counted beside the noise: at least as often as is said
         assert shares.mean() > 0.9
-        assert shares[np.abs(found.frequency - 20) < 12].min() > 0.8
+        assert shares[np.abs(found.frequency_hz - 20) < 12].min() > 0.8
 
 
 def test_of_few_periods_the_neighbouring_lines_tell_the_noise():
@@ -129,7 +129,7 @@ def test_of_few_periods_the_neighbouring_lines_tell_the_noise():
     estimates, said = record_responses(records, RATE, 40)
     assert said.startswith("3 periods of 500 samples, averaged; 60 excited lines, 25 taken")
     found = Responses.from_estimates(estimates)
-    away = np.abs(found.values - truth(found.frequency))
+    away = np.abs(found.values - truth(found.frequency_hz))
     assert (away <= region_radius(found, 0.95)).mean() > 0.93
     assert estimates[0].degrees > 2 * 2  # those of three periods
 
@@ -141,7 +141,7 @@ def test_frequencies_of_which_a_record_tells_nothing_are_left_out_and_said():
     records = [(slow, np.convolve(slow, [0.5, 0.5])[:4000] + one) for one in noise]
     estimates, said = record_responses(records, RATE, 50)
     assert "left out, where a record tells nothing" in said
-    assert estimates[0].frequency.size < 50 and estimates[0].frequency[-1] < 250.0
+    assert estimates[0].frequency_hz.size < 50 and estimates[0].frequency_hz[-1] < 250.0
 
 
 def test_resonances_narrower_than_the_distance_of_the_frequencies_are_said():
@@ -162,17 +162,17 @@ def test_records_of_unlike_lengths_are_used_whole():
     u, y = recorded(4, periodic=False)[0]
     short, _ = record_responses([(u[:800], y[:800])] * 2, RATE, 20)
     both, _ = record_responses([(u[:800], y[:800]), (u, y)], RATE, 20)
-    np.testing.assert_array_equal(both[0].frequency, short[0].frequency)
+    np.testing.assert_array_equal(both[0].frequency_hz, short[0].frequency_hz)
     assert (both[1].variance != both[0].variance).all()
-    away = np.abs(both[1].response[:, 0, 0] - truth(both[1].frequency)[:, 0])
-    assert (away <= both[1].radius(0.95)[:, 0, 0]).mean() > 0.93
+    away = np.abs(both[1].response[:, 0, 0] - truth(both[1].frequency_hz)[:, 0])
+    assert (away <= both[1].radius(confidence=0.95)[:, 0, 0]).mean() > 0.93
 
 
 @pytest.mark.cases(0)
 def test_an_arbitrary_record_is_said_to_be_one():
     estimates, said = record_responses(recorded(periodic=False), RATE, 50)
-    assert estimates[0].frequency.size <= 50
-    lines = estimates[0].frequency.size
+    assert estimates[0].frequency_hz.size <= 50
+    lines = estimates[0].frequency_hz.size
     assert said == f"local models of several widths, averaged, at {lines} frequencies"
     assert all(isinstance(one, ResponseEstimate) for one in estimates)
 
@@ -199,23 +199,27 @@ def test_periods_are_found(samples):
 
 def test_frequencies_are_taken_in_either_unit():
     values = np.array([[1, 2], [2, 3]])
-    one, other = Responses([1.0, 2.0], values), Responses(values=values, frequency=[1.0, 2.0])
+    one, other = (
+        Responses(omega=[1.0, 2.0], values=values),
+        Responses(values=values, frequency_hz=[1.0, 2.0]),
+    )
     np.testing.assert_allclose(other.omega, 2 * np.pi * one.omega)
     with pytest.raises(InputError, match="give the frequencies once"):
-        Responses([1.0, 2.0], values, frequency=[1.0, 2.0])
+        Responses(omega=[1.0, 2.0], values=values, frequency_hz=[1.0, 2.0])
     with pytest.raises(InputError, match="give the frequencies once"):
         Responses(values=values)
     with pytest.raises(InputError, match=r"frequency\[1\] = 2 .* Hz are not increasing"):
-        Responses(values=np.ones((3, 2)), frequency=[1.0, 2.0, 1.5])
+        Responses(values=np.ones((3, 2)), frequency_hz=[1.0, 2.0, 1.5])
 
 
 def test_a_cover_of_regions_holds_the_plants_where_one_of_estimates_does_not():
     """Few noisy periods: sets about the estimates miss true plants, sets about regions do not."""
     estimates, _ = record_responses(recorded(3, noise=0.1), RATE, 60)
     noisy = Responses.from_estimates(estimates).within(2, 40)
-    known = Responses(noisy.omega, truth(noisy.frequency))
+    known = Responses(omega=noisy.omega, values=truth(noisy.frequency_hz))
     plain, sure = (
-        solve(CircleCover(noisy, 2, complex_order=2, confidence=c), "steps") for c in (None, 0.99)
+        solve(CircleCover(noisy, 2, complex_order=2, confidence=c), method="steps")
+        for c in (None, 0.99)
     )
     assert plain.certificate.valid and sure.certificate.valid
     assert contains(sure.answer.model, known)
@@ -232,13 +236,15 @@ def test_a_cover_of_regions_holds_the_plants_where_one_of_estimates_does_not():
 
 
 def test_without_noise_regions_are_points(folder):
-    exact = Responses([1.0, 2.0, 3.0], np.array([[1, 2], [2, 3], [3, 4]]), variance=0.0)
+    exact = Responses(
+        omega=[1.0, 2.0, 3.0], values=np.array([[1, 2], [2, 3], [3, 4]]), variance=0.0
+    )
     corners = with_regions(exact, 0.95).values.reshape(3, 2, -1)
     np.testing.assert_allclose(corners, np.broadcast_to(exact.values[..., None], corners.shape))
 
 
 def test_polygons_contain_their_discs():
-    one = Responses([1.0, 2.0], np.array([[1, 2], [2, 3]]), variance=0.01, degrees=10)
+    one = Responses(omega=[1.0, 2.0], values=np.array([[1, 2], [2, 3]]), variance=0.01, degrees=10)
     radius = region_radius(one, 0.95)
     corners = with_regions(one, 0.95).values.reshape(2, 2, -1) - one.values[..., None]
     edge = (corners + np.roll(corners, -1, axis=-1)) / 2
@@ -247,13 +253,15 @@ def test_polygons_contain_their_discs():
 
 def test_noise_that_hides_a_plant_is_warned_of():
     noisy = Responses(
-        values=np.array([[1, 2], [0.1, 3], [1, 1]]), frequency=[1, 2, 3], variance=0.1
+        values=np.array([[1, 2], [0.1, 3], [1, 1]]), frequency_hz=[1, 2, 3], variance=0.1
     )
     with pytest.warns(IdentificationWarning, match=r"1 of 3 frequencies, from 2 to 2 Hz"):
         with_regions(noisy, 0.95)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with_regions(Responses([1.0, 2.0], np.array([[1, 2], [1, 3]]), variance=0.1), 0.95)
+        with_regions(
+            Responses(omega=[1.0, 2.0], values=np.array([[1, 2], [1, 3]]), variance=0.1), 0.95
+        )
 
 
 def test_channels_of_several_are_chosen_by_name_or_number():
@@ -261,13 +269,15 @@ def test_channels_of_several_are_chosen_by_name_or_number():
     many = [control.frd(k * response, [1.0, 2.0, 3.0], outputs=["a", "b"]) for k in (1, 2)]
     by_name = Responses.from_frd(many, input="u[1]", output="b")
     np.testing.assert_array_equal(by_name.values[:, 0], response[1, 1])
-    np.testing.assert_array_equal(Responses.from_frd(many, 1, 1).values, by_name.values)
+    np.testing.assert_array_equal(
+        Responses.from_frd(many, input=1, output=1).values, by_name.values
+    )
     with pytest.raises(InputError, match="plant 1 has 2 outputs, a, b: choose one, output="):
         Responses.from_frd(many)
     with pytest.raises(UnknownNameError, match="no output is called 'c'; known: a, b"):
-        Responses.from_frd(many, 0, "c")
+        Responses.from_frd(many, input=0, output="c")
     with pytest.raises(InputError, match="no input 7; plant 1 has 2, from 0"):
-        Responses.from_frd(many, 7, 0)
+        Responses.from_frd(many, input=7, output=0)
 
 
 @pytest.mark.parametrize(
@@ -280,7 +290,7 @@ def test_channels_of_several_are_chosen_by_name_or_number():
         (lambda d: read(d, output="sped"), "drive1.csv.*sped.*speed"),
         (lambda d: read(d, output=None), "of a record name input="),
         (lambda d: read(d, frequency="t", response="speed"), "of a record name input="),
-        (lambda d: read(d, sample_rate=1000.0), "either the sample rate or the name of the time"),
+        (lambda d: read(d, dt=1e-3), "either dt or the name of the time"),
         (lambda d: read(d, output="day"), "'2026-01-01' is not a number"),
         (lambda d: read(d, time="torque"), "'torque' is in 'Nm': 'Nm' cannot be converted to 's'"),
         (lambda d: Responses.from_files(d / "*", frequency="t", response="speed", hold=True),
@@ -332,7 +342,7 @@ def test_data_that_are_refused(given, words):
 
 
 def test_responses_without_variance_have_no_regions():
-    plain = Responses([1.0, 2.0], np.array([[1, 2], [2, 3]]))
+    plain = Responses(omega=[1.0, 2.0], values=np.array([[1, 2], [2, 3]]))
     with pytest.raises(InputError, match="the responses have no variance"):
         StadiumCover(plain, 1, confidence=0.9)
     with pytest.raises(InputError, match="0 frequencies lie from 5 to 6 Hz"):

@@ -42,7 +42,7 @@ def distances(model, responses):
 def random_model(rng, form, mixed):
     gains = rng.uniform(0.3, 2, 3)
     parts = [part.scaled(g) for part, g in zip((NOMINAL, W_C, W_R), gains, strict=True)]
-    return UncertaintyModel(parts[0], parts[1], parts[2] if mixed else None, form)
+    return UncertaintyModel(parts[0], parts[1], parts[2] if mixed else None, form=form)
 
 
 @settings(derandomize=True, deadline=None, max_examples=60)
@@ -61,9 +61,9 @@ def test_containment_is_distance(seed, form, mixed, leave_out):
     values = value(model.nominal, OMEGA)[:, None] + spread * noise
     present = rng.random((7, 6)) > 0.2
     present[:, :2] = True
-    responses = Responses(OMEGA, values, present)
+    responses = Responses(omega=OMEGA, values=values, present=present)
     away = np.where(present, distances(model, responses), -np.inf)
-    found = contains(model, responses, leave_out)
+    found = contains(model, responses, leave_out=leave_out)
     np.testing.assert_allclose(found.outside, (away > 1).sum(axis=1))
     worst = np.sort(away, axis=1)[:, -1 - leave_out]
     np.testing.assert_allclose(found.excess, worst - 1, rtol=1e-9, atol=1e-9)
@@ -76,7 +76,7 @@ def test_containment_is_distance(seed, form, mixed, leave_out):
 @pytest.mark.parametrize("mixed", [True, False])
 def test_points_at_the_boundary(form, mixed):
     """A hair inside is inside; a hair outside is outside, and it is the only one."""
-    model = UncertaintyModel(NOMINAL, W_C, W_R if mixed else None, form)
+    model = UncertaintyModel(NOMINAL, W_C, W_R if mixed else None, form=form)
     sets = model.shapes(OMEGA)
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, 100))
     end = sets.half_length * np.exp(1j * sets.angle)
@@ -84,10 +84,10 @@ def test_points_at_the_boundary(form, mixed):
     edge = sets.radius[:, None] * turn
     for factor, inside in ((1 - 1e-7, True), (1 + 1e-7, False)):
         values = sets.center[:, None] + side + factor * edge
-        assert contains(model, Responses(OMEGA, values)).holds is inside
+        assert contains(model, Responses(omega=OMEGA, values=values)).holds is inside
     values = sets.center[:, None] + side + (1 - 1e-7) * edge
     values[4, 17] = (sets.center[:, None] + side + (1 + 1e-7) * edge)[4, 17]
-    responses = Responses(OMEGA, values)
+    responses = Responses(omega=OMEGA, values=values)
     found = contains(model, responses)
     assert found.outside.tolist() == [0, 0, 0, 0, 1, 0, 0]
     assert found.where == f"at {responses.place(4)}"
@@ -100,7 +100,7 @@ def test_every_plant_of_the_model_is_contained():
     complex_ = np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200))
     real = rng.uniform(-1, 1, 200)
     g, c, r = (value(part, OMEGA)[:, None] for part in (NOMINAL, W_C, W_R))
-    assert contains(model, Responses(OMEGA, g * (1 + c * complex_ + r * real)))
+    assert contains(model, Responses(omega=OMEGA, values=g * (1 + c * complex_ + r * real)))
     sizes = model.sizes(OMEGA)
     np.testing.assert_allclose(sizes[0], np.abs(c[:, 0]))
     np.testing.assert_allclose(sizes[1], np.abs(r[:, 0]))
@@ -109,7 +109,7 @@ def test_every_plant_of_the_model_is_contained():
 @pytest.mark.parametrize("mixed", [True, False])
 def test_a_weight_of_zero_contains_nothing(mixed):
     zero = W_C.scaled(0)
-    responses = Responses(OMEGA, value(NOMINAL, OMEGA)[:, None] * np.array([1, 1.1]))
+    responses = Responses(omega=OMEGA, values=value(NOMINAL, OMEGA)[:, None] * np.array([1, 1.1]))
     assert not contains(UncertaintyModel(NOMINAL, zero, W_R if mixed else None), responses)
 
 

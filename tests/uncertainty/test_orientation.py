@@ -56,7 +56,7 @@ def test_the_smooth_path_is_the_cheapest(monkeypatch):
     for seed in range(4):
         away = random_deviations(seed)
         costs = np.log([[half_width(sets, angle) for angle in angles] for sets in away])
-        found = smooth(0.2)(OMEGA, away)
+        found = smooth(weight=0.2)(OMEGA, away)
         path = np.rint(found / (np.pi / 5)).astype(int)
         every = product(range(5), repeat=5)
         least = min(total(costs, np.array(each), angles, 0.2) for each in every)
@@ -81,7 +81,7 @@ def test_what_a_cost_is_given(monkeypatch):
 
 def test_without_weight_every_frequency_stands_alone():
     away = random_deviations(2, 5)
-    together = smooth(0.0)(OMEGA, away)
+    together = smooth(weight=0.0)(OMEGA, away)
     angles = np.arange(360) * np.pi / 360
     for k in range(5):
         alone = angles[np.argmin([half_width(away[k], angle) for angle in angles])]
@@ -102,7 +102,7 @@ def test_smooth_jumps_less():
     away = random_deviations(4, 60)
     jumps = [
         np.sum(apart(angle[1:], angle[:-1]) > 0.3)
-        for angle in (found(omega, away) for found in (narrowest, smooth(), smooth(3.0)))
+        for angle in (found(omega, away) for found in (narrowest, smooth(), smooth(weight=3.0)))
     ]
     assert jumps[0] > jumps[1] >= jumps[2]
 
@@ -111,7 +111,7 @@ def test_limited_forces_where_it_strays():
     omega, away = np.arange(1.0, 31.0), random_deviations(5, 30)
     nominal = np.linspace(0, 6, 30)  # beyond pi: directions have a period
     free = narrowest(omega, away)
-    found = limited(0.4, nominal)(omega, away)
+    found = limited(limit=0.4, nominal=nominal)(omega, away)
     strays = apart(free, nominal) > 0.4
     assert 0 < strays.sum() < 30
     np.testing.assert_allclose(apart(found[strays], nominal[strays]), 0, atol=1e-7)
@@ -120,10 +120,12 @@ def test_limited_forces_where_it_strays():
 
 def test_limited_by_a_number_and_by_the_smooth_one():
     omega, away = np.arange(1.0, 31.0), random_deviations(6, 30)
-    np.testing.assert_allclose(limited(np.pi / 2, 0.1)(omega, away), narrowest(omega, away))
-    assert np.all(apart(limited(0.2, 0.7)(omega, away), 0.7) <= 0.2 + 1e-9)
+    np.testing.assert_allclose(
+        limited(limit=np.pi / 2, nominal=0.1)(omega, away), narrowest(omega, away)
+    )
+    assert np.all(apart(limited(limit=0.2, nominal=0.7)(omega, away), 0.7) <= 0.2 + 1e-9)
     reference = smooth()(omega, away)
-    assert np.all(apart(limited(0.2)(omega, away), reference) <= 0.2 + 1e-9)
+    assert np.all(apart(limited(limit=0.2)(omega, away), reference) <= 0.2 + 1e-9)
 
 
 def test_a_line_of_plants_has_its_own_direction():
@@ -138,15 +140,21 @@ def test_a_line_of_plants_has_its_own_direction():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: smooth(-1), "weight must not be negative, it is -1"),
-        (lambda: smooth(np.nan), "weight must not be negative, it is nan"),
-        (lambda: limited(0.0), r"limit must lie in \(0, pi/2\] rad, it is 0.0"),
-        (lambda: limited(2.0), r"limit must lie in \(0, pi/2\]"),
-        (lambda: limited(np.nan), r"limit must lie in \(0, pi/2\]"),
-        (lambda: limited(0.1, np.zeros(3)), r"shape \(3,\) does not fit 5 frequencies"),
+        (lambda: smooth(weight=-1), "weight must not be negative, it is -1"),
+        (lambda: smooth(weight=np.nan), "weight must not be negative, it is nan"),
+        (lambda: limited(limit=0.0), r"limit must lie in \(0, pi/2\] rad, it is 0.0"),
+        (lambda: limited(limit=2.0), r"limit must lie in \(0, pi/2\]"),
+        (lambda: limited(limit=np.nan), r"limit must lie in \(0, pi/2\]"),
+        (
+            lambda: limited(limit=0.1, nominal=np.zeros(3)),
+            r"shape \(3,\) does not fit 5 frequencies",
+        ),
         (lambda: cheapest(lambda *_: np.zeros(5), 0.1), r"of shape \(5, 360\), without NaN"),
         (lambda: cheapest(lambda *_: np.full((5, 360), np.nan), 0.1), "without NaN"),
-        (lambda: limited(0.1, np.nan), "nominal orientation must be finite, it is nan"),
+        (
+            lambda: limited(limit=0.1, nominal=np.nan),
+            "nominal orientation must be finite, it is nan",
+        ),
     ],
 )
 def test_refused(make, words):

@@ -60,7 +60,7 @@ def test_every_parameter_once_but_the_force_factor():
     uncertain = drive(two_masses)
     counts = {name: after for name, (_, after) in uncertain.repetitions.items()}
     assert counts == dict.fromkeys(NAMES, 1) | {"Bl": 2}
-    assert uncertain.structure.blocks == tuple(Real(counts[name], name) for name in NAMES)
+    assert uncertain.structure.blocks == tuple(Real(counts[name], name=name) for name in NAMES)
     assert all(before >= after for before, after in uncertain.repetitions.values())
     # Elements multiplied out hide that they share a factor: more copies, never fewer.
     assert sum(after for _, after in drive(by_hand).repetitions.values()) == 13

@@ -56,20 +56,22 @@ def test_refused(keywords, words):
 
 
 def test_taken():
-    responses = Responses(OMEGA.tolist(), VALUES.tolist(), plants=iter("abc"), unit="m/V")
-    np.testing.assert_allclose(responses.frequency, [1, 2, 5, 10])
+    responses = Responses(
+        omega=OMEGA.tolist(), values=VALUES.tolist(), plants=iter("abc"), unit="m/V"
+    )
+    np.testing.assert_allclose(responses.frequency_hz, [1, 2, 5, 10])
     assert responses.plants == ("a", "b", "c")
     assert responses.present.all()
     assert np.array_equal(responses.points, VALUES)
     assert responses.place(2) == "5 Hz"
-    assert Responses(OMEGA, VALUES.real + 4).plants == ("1", "2", "3")
+    assert Responses(omega=OMEGA, values=VALUES.real + 4).plants == ("1", "2", "3")
 
 
 def test_what_is_missing_may_be_anything():
     present = np.ones((4, 3), bool)
     present[0, 0] = present[1, 2] = present[2, 1] = False
     values = np.where(present, VALUES, [[np.nan], [np.inf], [0], [7]])
-    points = Responses(OMEGA, values, present).points
+    points = Responses(omega=OMEGA, values=values, present=present).points
     assert np.isfinite(points).all()
     for k in range(4):
         assert set(points[k]) == set(VALUES[k][present[k]])
@@ -77,15 +79,15 @@ def test_what_is_missing_may_be_anything():
 
 @pytest.mark.parametrize("omega", [OMEGA, np.array([1.0, 7.0]), np.geomspace(1e-3, 1e9, 1000)])
 def test_shares_are_those_of_the_logarithmic_axis(omega):
-    shares = Responses(omega, np.ones((omega.size, 2))).shares
+    shares = Responses(omega=omega, values=np.ones((omega.size, 2))).shares
     assert shares.sum() == pytest.approx(1, abs=1e-14)
     assert np.all(shares > 0)
-    even = Responses(np.geomspace(1, 100, 5), np.ones((5, 2))).shares
+    even = Responses(omega=np.geomspace(1, 100, 5), values=np.ones((5, 2))).shares
     np.testing.assert_allclose(even, 0.2)
 
 
 def test_labels():
-    labelled = Responses(OMEGA, VALUES, plants=list("abc"), unit="m/V").labelled()
+    labelled = Responses(omega=OMEGA, values=VALUES, plants=list("abc"), unit="m/V").labelled()
     assert labelled.dims == ("frequency", "plant")
     assert labelled.sel(frequency=5.0, plant="b") == -2
     assert labelled.attrs["units"] == "m/V"
@@ -138,7 +140,7 @@ def test_systems_that_are_no_plants():
 
 def test_a_stated_difference_from_linear_plants_adds_to_the_noise():
     values = np.array([[1.0, 2j], [3.0, 4.0]])
-    known = Responses(np.array([1.0, 2.0]), values, variance=0.04, degrees=60.0)
+    known = Responses(omega=np.array([1.0, 2.0]), values=values, variance=0.04, degrees=60.0)
     wider = known.linear_within(0.1)
     np.testing.assert_allclose(wider.variance, 0.04 + 0.01 * np.abs(values) ** 2)
     assert (region_radius(wider, 0.99) > region_radius(known, 0.99)).all()
@@ -149,14 +151,16 @@ def test_a_stated_difference_from_linear_plants_adds_to_the_noise():
         with pytest.raises(InputError, match="share is"):
             known.linear_within(wrong)
     with pytest.raises(InputError, match="no variance"):
-        Responses(known.omega, values).linear_within(0.1)
+        Responses(omega=known.omega, values=values).linear_within(0.1)
 
 
 def test_a_ratio_has_the_difference_in_its_numerator():
     values = np.array([[2.0, 4j], [2.0, 4.0]])
     joint = np.broadcast_to(1e-6 * np.eye(2), (2, 2, 2, 2)).astype(complex)
     ratios = Ratios(joint, np.ones(2))
-    known = Responses(np.array([1.0, 2.0]), values, variance=1e-6, degrees=60.0, ratios=ratios)
+    known = Responses(
+        omega=np.array([1.0, 2.0]), values=values, variance=1e-6, degrees=60.0, ratios=ratios
+    )
     wider = region_radius(known.linear_within(0.05), 0.95)
-    plain = Responses(np.array([1.0, 2.0]), values, variance=1e-6, degrees=60.0)
+    plain = Responses(omega=np.array([1.0, 2.0]), values=values, variance=1e-6, degrees=60.0)
     np.testing.assert_allclose(wider, region_radius(plain.linear_within(0.05), 0.95), rtol=0.02)

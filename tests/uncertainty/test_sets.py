@@ -26,7 +26,7 @@ def random_responses(seed, count, grid=False, frequencies=3):
     values = rng.normal(size=(frequencies, count)) + 1j * rng.normal(size=(frequencies, count))
     if grid:
         values = np.round(2 * values)
-    return Responses(np.arange(1.0, frequencies + 1), values + 20)
+    return Responses(omega=np.arange(1.0, frequencies + 1), values=values + 20)
 
 
 def test_deviations():
@@ -40,7 +40,7 @@ def test_deviations():
 
 @pytest.mark.parametrize("small", [0.0, 1e-12])
 def test_a_vanishing_nominal_is_named(small):
-    responses = Responses(OMEGA, np.ones((3, 2)))
+    responses = Responses(omega=OMEGA, values=np.ones((3, 2)))
     nominal = np.array([1, small, 1], dtype=complex)
     words = 'through zero at 2 Hz: .* undefined there, ask for form="additive"'
     with pytest.raises(InputError, match=words):
@@ -107,7 +107,7 @@ def test_copies_count_each(copied, leave_out):
         farthest = np.argsort(-np.abs(values - values.mean(axis=1, keepdims=True)), axis=1)
         copy = np.take_along_axis(values, farthest[:, copied][:, None], axis=1)
         values = np.hstack([copy, values])
-        rest = kept(Responses(OMEGA, values), leave_out, "circle")
+        rest = kept(Responses(omega=OMEGA, values=values), leave_out, "circle")
         for points, left in zip(values, rest, strict=True):
             assert radius_of(left) == pytest.approx(brute_force(points, leave_out), rel=1e-9)
 
@@ -120,7 +120,9 @@ def test_missing_plants_are_not_among_those_left_out(leave_out):
     for row in present:
         row[rng.choice(7, 2, replace=False)] = False
     values = np.where(present, responses.values, np.nan)
-    rest = kept(Responses(responses.omega, values, present), leave_out, "circle")
+    rest = kept(
+        Responses(omega=responses.omega, values=values, present=present), leave_out, "circle"
+    )
     for points, here, left in zip(values, present, rest, strict=True):
         assert set(left) <= set(points[here])
         assert radius_of(left) == pytest.approx(brute_force(points[here], leave_out), rel=1e-9)
@@ -141,13 +143,13 @@ def test_stadiums_gain(seed, count, leave_out, grid):
 def test_a_stray_plant_is_left_out():
     for kind in ("circle", "stadium"):
         values = np.array([[1, 1.1, 1.2, 0.9, 5 + 5j], [1, 9 - 4j, 1.2, 0.9, 1.1]])
-        rest = kept(Responses(OMEGA[:2], values), 1, kind)
+        rest = kept(Responses(omega=OMEGA[:2], values=values), 1, kind)
         assert 5 + 5j not in rest[0]
-    assert np.abs(kept(Responses(OMEGA[:2], values), 1, "circle") - 1).max() < 0.3
+    assert np.abs(kept(Responses(omega=OMEGA[:2], values=values), 1, "circle") - 1).max() < 0.3
 
 
 def test_equal_plants_are_taken():
-    responses = Responses(OMEGA, np.ones((3, 6)))
+    responses = Responses(omega=OMEGA, values=np.ones((3, 6)))
     for kind in ("circle", "stadium"):
         assert np.all(kept(responses, 3, kind) == 1)
 
@@ -171,7 +173,7 @@ def test_refused(leave_out, words):
 def test_too_few_at_one_frequency():
     present = np.ones((3, 6), bool)
     present[1, :3] = False
-    responses = Responses(OMEGA, np.ones((3, 6)), present)
+    responses = Responses(omega=OMEGA, values=np.ones((3, 6)), present=present)
     assert kept(responses, 1, "circle").shape == (3, 6)
     with pytest.raises(InputError, match="leaving out 2 of the 3 plants at 2 Hz"):
         kept(responses, 2, "circle")

@@ -58,11 +58,11 @@ def test_the_level_is_the_mu_of_two_full_blocks(shape):
 def test_sets_of_least_mu_are_proven_and_cost_less_than_the_smallest_ones(left, right, performance):
     q, r = performance
     E, loop = drawn(3, 9, 3, 2), drawn(3, 2 + q, 3 + r, seed=1)
-    program = MatrixSets(E, left, right, size="mu", loop=loop)
+    program = MatrixSets(E, left=left, right=right, size="mu", loop=loop)
     solution = wb.solve(program)
     assert solution.certificate.holds, solution.certificate
     assert solution.certificate.gap.value <= 1e-6
-    small = wb.solve(MatrixSets(E, left, right)).answer
+    small = wb.solve(MatrixSets(E, left=left, right=right)).answer
     assert (program.log_mu(solution.answer) <= program.log_mu(small) + 1e-3).all()
     norms = np.linalg.norm(solution.answer.deltas(E), 2, axis=(2, 3))
     assert norms.max() <= 1 + 1e-9
@@ -154,7 +154,7 @@ def column(a=0.0, b=0.0):
 def loop_of(form, weight=0.5):
     K = control.ss(control.tf([11.25, 0.15], [1, 1e-5])) * np.diag([1.0, -1.0])
     W = weight * control.append(*[control.ss(control.tf([10, 1], [10, 1e-5]))] * 2)
-    return W * feedback(np.eye(2), MatrixModel.unweighted(column(), form) * K)
+    return W * feedback(np.eye(2), MatrixModel.unweighted(column(), form=form) * K)
 
 
 def plants():
@@ -165,7 +165,7 @@ def plants():
 def cover(form="additive", performance=True, **changes):
     shapes = {"left_order": 1, "right_order": 1} | changes
     return MatrixCoverForLoop(
-        plants(), column(), form, loop=loop_of(form), performance=performance, **shapes
+        plants(), column(), form=form, loop=loop_of(form), performance=performance, **shapes
     )
 
 
@@ -178,7 +178,7 @@ def test_covers_cost_about_as_little_as_sets_of_any_weights(form, performance):
     assert solution.certificate.holds, solution.certificate
     metrics = solution.metrics
     assert metrics["mu_peak"] <= 1.02 * metrics["mu_peak_least"]
-    small = wb.solve(program.without_loop(), "descent").answer
+    small = wb.solve(program.without_loop(), method="descent").answer
     assert program.objective(solution.answer) <= program.objective(small) + 1e-6
 
 
@@ -187,14 +187,14 @@ def test_full_weights_leave_the_loop_much_more_robust_than_diagonal_ones():
     """The column is ill-conditioned: what its outputs do together is what its inputs can do."""
     diagonal = wb.solve(cover(performance=False)).metrics["mu_peak"]
     program = cover(performance=False, left="full", right="full")
-    full = wb.solve(program, "steps")
+    full = wb.solve(program, method="steps")
     assert full.certificate.holds, full.certificate
     assert full.metrics["mu_peak"] <= 0.05 * diagonal
 
 
 def test_its_mu_is_that_of_the_loop_with_the_found_model():
     program = cover("output")
-    model = wb.solve(program, "steps").answer.model
+    model = wb.solve(program, method="steps").answer.model
     K = control.ss(control.tf([11.25, 0.15], [1, 1e-5])) * np.diag([1.0, -1.0])
     W = 0.5 * control.append(*[control.ss(control.tf([10, 1], [10, 1e-5]))] * 2)
     loop = W * feedback(np.eye(2), model * K)
@@ -208,7 +208,7 @@ def test_its_mu_is_that_of_the_loop_with_the_found_model():
 @pytest.mark.cases(0)
 def test_figures_show_mu_beside_the_least_one_and_answers_come_back():
     program = cover()
-    answer = wb.solve(program, "steps").answer
+    answer = wb.solve(program, method="steps").answer
     assert set(program.figures(answer)) == {"mu", "magnitudes", "radius", "deltas"}
     back = program.from_dataset(program.to_dataset(answer))
     assert program.objective(back) == pytest.approx(program.objective(answer), rel=1e-9)
@@ -255,7 +255,7 @@ def test_bad_loops_of_covers_are_named(loop, words):
 
 def test_other_bad_input_is_named():
     with pytest.raises(InputError, match="take descent"):
-        wb.solve(cover(), "joint")
+        wb.solve(cover(), method="joint")
     with pytest.raises(InputError, match="performance is 1"):
         cover(performance=1)
     assert isinstance(cover().without_loop(), MatrixCover)

@@ -44,8 +44,8 @@ def test_every_plant_within_the_spread_lies_between_the_stated_ones():
 def test_shifted_resonances_are_among_the_stated_ones(shift):
     found = Responses.from_estimates([RIG], resonance_shift=0.1)
     assert found.values.shape[1] == 5
-    assert FREQUENCY[0] < found.frequency[0] and found.frequency[-1] < FREQUENCY[-1]
-    moved = resonance(found.frequency, at=2.0 * (1 + shift))
+    assert FREQUENCY[0] < found.frequency_hz[0] and found.frequency_hz[-1] < FREQUENCY[-1]
+    moved = resonance(found.frequency_hz, at=2.0 * (1 + shift))
     apart = np.abs(found.values - moved[:, None]).max(axis=0).min()
     assert apart < 0.01 * np.abs(moved).max()  # straight lines between the frequencies
 
@@ -61,9 +61,9 @@ def test_both_are_stated_about_each_of_several_plants():
 
 def test_a_cover_about_one_plant_holds_what_the_spread_allows_and_not_more():
     found = Responses.from_estimates(RIG, spread=0.2)
-    answer = solve(CircleCover(found, 2, complex_order=2, confidence=0.95), "steps").answer
+    answer = solve(CircleCover(found, 2, complex_order=2, confidence=0.95), method="steps").answer
     inside, outside = (
-        Responses(found.omega, np.outer(resonance(FREQUENCY), gains))
+        Responses(omega=found.omega, values=np.outer(resonance(FREQUENCY), gains))
         for gains in ([0.81, 1.19], [0.5, 1.5])
     )
     assert contains(answer.model, inside).holds and not contains(answer.model, outside).holds

@@ -30,8 +30,10 @@ def test_weights_hold_their_size_beyond_the_frequencies(method):
     s = 1j * OMEGA[:, None]
     corner = 10 * (1 + 0.1 * rng.uniform(-1, 1, 8))
     values = (1 + 0.1 * rng.uniform(-1, 1, 8)) * corner**2 / (s**2 + 0.4 * corner * s + corner**2)
-    program = StadiumCover(Responses(OMEGA, values), 2, 0, 2, 2)
-    model = wb.solve(program, method).answer.model
+    program = StadiumCover(
+        Responses(omega=OMEGA, values=values), 2, zeros=0, complex_order=2, real_order=2
+    )
+    model = wb.solve(program, method=method).answer.model
     for weight in (model.W_c, model.W_r):
         size = np.abs(weight.response(OMEGA)).max()
         assert np.abs(weight.response(np.geomspace(1e-3, 1e5, 10_000))).max() < 3 * size
@@ -40,7 +42,7 @@ def test_weights_hold_their_size_beyond_the_frequencies(method):
 def test_a_complex_weight_has_no_resonance_between_coarse_frequencies():
     """Sets that all but vanish tempted a fit of order 4 to a spike between two of them."""
     drives = measured_drives("focus", 120, 5.0, 5000.0, gain="agc")
-    solution = wb.solve(CircleCover(drives, 4, 2, 4), "steps")
+    solution = wb.solve(CircleCover(drives, 4, zeros=2, complex_order=4), method="steps")
     weight = solution.answer.model.W_c
     dense = np.geomspace(drives.omega[0], drives.omega[-1], 100_000)
     at_drives = np.log(np.abs(weight.response(drives.omega)))

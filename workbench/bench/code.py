@@ -46,7 +46,7 @@ def code_hash(
     found, packages = closure(modules)
     lines = sorted(f"{_label(name)} {facts.digest}\n" for name, facts in found.items())
     counted = {*packages.intersection(PACKAGES), *solvers}
-    return digest("".join([*lines, *upstream]) + canonical(versions(sorted(counted))))[:16]
+    return digest("".join([*lines, *upstream]) + canonical(versions(packages=sorted(counted))))[:16]
 
 
 def source_digests(folders: Iterable[Path]) -> dict[str, str]:

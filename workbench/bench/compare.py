@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.bench.cells.answer import Cell, answer, answer_apart, cell_workers, store_lost
 from workbench.bench.cells.plan import Plan, plan
 from workbench.bench.cells.record import Record
@@ -31,7 +32,6 @@ from workbench.bench.run import Bound, default_bench
 from workbench.bench.store import Store
 from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
-from workbench.heavy_types import Dataset
 from workbench.program import is_registered
 from workbench.solvers import ACCURACY, Options, Outcome
 

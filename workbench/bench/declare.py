@@ -37,7 +37,7 @@ class Ref:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
-def ref(name: str, method: str | None = None, **parameters: Any) -> Ref:
+def ref(name: str, *, method: str | None = None, **parameters: Any) -> Ref:
     """A reference to a result of another problem, for ``needs``."""
     return Ref(name, method, parameters)
 

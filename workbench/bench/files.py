@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from workbench._core.heavy_types import Figure
 from workbench.bench.question import plain
 from workbench.bench.trust.untrusted import file_stem
 from workbench.figures.formats import png, svg
-from workbench.heavy_types import Figure
 
 
 def write_json(file: Path, content: Mapping[str, Any]) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from workbench._core.heavy_types import Dataset
 from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.results import Run
 from workbench.certificate import told_apart
 from workbench.executor import Row, shown
-from workbench.heavy_types import Dataset
 from workbench.solution import Solution
 from workbench.solvers import Options, Outcome
 

@@ -15,11 +15,12 @@ import fnmatch
 import html
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.comparison import Comparison
 from workbench.bench.declare import Fed
 from workbench.bench.files import Picture, picture
@@ -34,7 +35,6 @@ from workbench.certificate import Certificate, told_apart
 from workbench.errors import ResultError
 from workbench.figures.printed import PrintedFigure
 from workbench.figures.styles import drawn_in, printing_style, settle
-from workbench.heavy_types import Dataset, Figure
 from workbench.program import Task
 from workbench.solution import certified_answer, proof_task
 from workbench.solvers import Outcome
@@ -57,6 +57,7 @@ class Run(Fed):
     """
 
     path: Path
+    _: KW_ONLY
     reused: bool = False
     note: str = ""
 
@@ -194,17 +195,17 @@ class Run(Fed):
         """Text of the log."""
         return read_text(self.path / "log.txt")
 
-    def show(self, figure: str | None = None) -> Picture:
+    def show(self, *, figure: str | None = None) -> Picture:
         """The main figure (default: the first), as an image for a notebook."""
         figures = self.figures
         return picture(figures[self._figure_name(figures, figure)])
 
     def plot(self, *, name: str | None = None) -> Picture:
         """The same as `show`, under the name that all answers have for it."""
-        return self.show(name)
+        return self.show(figure=name)
 
     def figure(
-        self, name: str | None = None, *, style: str = "paper", width: str | float = "column"
+        self, *, name: str | None = None, style: str = "paper", width: str | float = "column"
     ) -> PrintedFigure:
         """A figure (default: the first) drawn for a paper, to be saved as PDF, SVG and PGF.
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import workbench
+from workbench._core.heavy_types import Dataset
 from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.code import code_hash
@@ -33,7 +34,6 @@ from workbench.bench.trust.information import FORMAT
 from workbench.certificate import Certificate, Check
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Row, Watch, silent, unwatched
-from workbench.heavy_types import Dataset
 from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, solve
 from workbench.solvers import Options, Outcome, versions
@@ -138,8 +138,14 @@ class Bench:
         earlier = earlier_run(writer.final, question)
         started, clock = now(), time.perf_counter()
         checkpoint = self._checkpoint(question, code, writer)
-        context = Context(self.options, self.progress, self.watch, checkpoint, self.executor)
-        solution = solve(bound.task, question.method, context=context)
+        context = Context(
+            options=self.options,
+            progress=self.progress,
+            watch=self.watch,
+            checkpoint=checkpoint,
+            executor=self.executor,
+        )
+        solution = solve(bound.task, method=question.method, context=context)
         notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
         solution, data = _stored_form(bound, solution)
         if data is not None:
@@ -319,7 +325,9 @@ def _metrics_and_files(
         return solution, metrics, files
     except Exception as error:
         said = f"{type(error).__name__}: {error}"
-        failed = Check("metrics", "whether metrics or files raise an error", 1.0, 0.0, f"({said})")
+        failed = Check(
+            "metrics", "whether metrics or files raise an error", 1.0, 0.0, where=f"({said})"
+        )
         certificate = solution.certificate
         assert certificate is not None
         certificate = replace(certificate, checks=(*certificate.checks, failed))

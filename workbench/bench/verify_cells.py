@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.bench.cells.record import CELL, Record, certified_gap
 from workbench.bench.cells.stored import light_records
 from workbench.bench.compare import asked_for
@@ -18,7 +19,6 @@ from workbench.bench.comparison.numbers import counts
 from workbench.bench.comparison.verdicts import judged
 from workbench.bench.results import Run, root_of
 from workbench.bench.store import Store
-from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
 
 CHANGING = {Outcome.TIME_LIMIT, Outcome.MEMORY_LIMIT, Outcome.CRASHED}

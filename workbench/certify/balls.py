@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from flint import acb, acb_mat, arb, ctx
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.certify.modes.modal_form import PRECISIONS, real_balls, real_doubles
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
 from workbench.certify.stable_system import StableSystem, bilinear_frequency

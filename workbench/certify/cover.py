@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, BoolArray, RealArray
+from workbench._core.arrays import Array, BoolArray, RealArray
 from workbench.certify.interval import (
     END_MARGIN,
     Multipliers,

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from workbench.arrays import EPS, Array, BoolArray, RealArray
+from workbench._core.arrays import EPS, Array, BoolArray, RealArray
 from workbench.certify.modes.real_eigenvalues import real_pencil
 from workbench.certify.rounding import (
     UPWARD,

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from flint import acb, acb_mat, ctx
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certify.balls import (
     Matrix,
     above,

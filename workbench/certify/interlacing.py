@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from flint import arb, fmpq, fmpq_mat, fmpq_poly
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 
 Range = tuple[float, float]
 """Ends of a range of the real axis [rad/s]; if both are infinite, the range is the point at

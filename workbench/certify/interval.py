@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, Array
+from workbench._core.arrays import EPS, Array
 from workbench.certify.eigenvalues import (
     Discs,
     linear_discs,

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import EPS, ComplexArray
+from workbench._core.arrays import EPS, ComplexArray
 from workbench.structure import Full, Real, Structure
 
 CHUNK_MATRICES = 4096

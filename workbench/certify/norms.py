@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.cover import BandCover, FrequencyBounds, refined_bounds, with_peak
 from workbench.certify.modes.band_peak import largest_singular_value, proven_peak
 from workbench.certify.modes.partial_fractions import enclosed_fractions
 from workbench.certify.rounding import Enclosure, exact, nearest_power_of_two
 from workbench.certify.stable_system import StableSystem, stable_system
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import with_state_units
 from workbench.systems.realisation import realisation
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from flint import acb, arb, ctx
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certify.balls import (
     Matrix,
     balls,

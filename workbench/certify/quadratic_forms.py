@@ -12,7 +12,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 from scipy.linalg import eigh
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.certify.modes.modal_form import real_balls, real_doubles
 from workbench.certify.rounding import Enclosure, exact, positive_definite
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
 
 UPWARD = 1.0 + 2.0**-20
 """Factor on each computed radius. A sum of up to 2^30 nonnegative terms has a smaller relative

@@ -18,9 +18,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
 
 ROUNDING = 1e-10

@@ -29,7 +29,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgebal, zgebal
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.certify.balls import (
     Matrix,
     above,

@@ -13,7 +13,7 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certify.balls import Matrix, balls, below, identity, submatrix
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.singularity import (

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.eigenvalues import FEWEST_KEPT, Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.modal_form import MODAL_FORMS, real_balls
 from workbench.certify.rounding import TINY, exact
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing, with_state_units
 
 SHARP_SHARE = 1e-5
@@ -36,7 +36,7 @@ def stability_of(loop: StateSpace) -> Check:
     where = "" if worst is None else f"at {worst:.6g}"
     statement = "distance of the worst closed-loop pole beyond the stability boundary"
     return Check(
-        "internal stability", statement, value, -TINY, where, over=THIS_SYSTEM, proven=True
+        "internal stability", statement, value, -TINY, where=where, over=THIS_SYSTEM, proven=True
     )
 
 

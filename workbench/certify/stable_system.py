@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.enclosed_realisation import (
     Coordinates,

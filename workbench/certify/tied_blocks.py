@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 from flint import acb, acb_mat, arb
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.certify.balls import Matrix, above, length
 from workbench.structure import Block, Full, Real, Structure
 

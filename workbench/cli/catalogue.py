@@ -10,8 +10,8 @@ import click
 import workbench
 from workbench.bench.project import registry, results_root
 from workbench.cli.group import AS_JSON, main, tell_unfit
+from workbench.cli.guidance.completion import problem_names
 from workbench.cli.terminal import certificate_word, print_json, print_table, row
-from workbench.guidance.completion import problem_names
 
 if TYPE_CHECKING:
     from workbench.bench.results import Run
@@ -52,7 +52,7 @@ def show(name: str, as_json: bool) -> None:
 @click.argument("name", shell_complete=problem_names)
 def cite(name: str) -> None:
     """BibTeX of the software, the thesis and the methods that a problem's results rest on."""
-    from workbench.guidance.citation import citation
+    from workbench.cli.guidance.citation import citation
 
     click.echo(citation(name))
 
@@ -67,7 +67,7 @@ def results(pattern: str, as_json: bool) -> None:
     """
     from workbench.bench.results import damaged
 
-    runs = workbench.results(pattern)
+    runs = workbench.results(pattern=pattern)
     for folder, reason in damaged(results_root()).items():
         click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     if as_json:

@@ -9,8 +9,8 @@ import click
 
 import workbench
 from workbench.cli.group import AS_JSON, SCHEDULER, cluster, main, settings_of, tell_unfit
+from workbench.cli.guidance.completion import method_names, problem_names
 from workbench.cli.terminal import print_comparison, print_plan
-from workbench.guidance.completion import method_names, problem_names
 
 _UNITS = {"": 1, "B": 1, "kB": 1000, "MB": 1000**2, "GB": 1000**3}
 _UNITS |= {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30}

@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 
 import workbench
-from workbench.batch import workers
 from workbench.bench.project import results_root
+from workbench.cli.batch import workers
 from workbench.cli.group import AS_JSON, main
 from workbench.cli.terminal import print_json
 
@@ -127,7 +127,7 @@ def report(
         page = single_page(single, output)
     else:
         with workers(jobs or os.cpu_count() or 1) as executor:
-            page = workbench.report(root, output, executor=executor)
+            page = workbench.report(root=root, output=output, executor=executor)
         for folder, reason in damaged(root or results_root()).items():
             click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     click.echo(page)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import workbench
-from workbench.batch import ended
 from workbench.bench.project import registry
+from workbench.cli.batch import ended
 from workbench.cli.group import AS_JSON, SCHEDULER, cluster, main, settings_of, tell_unfit
+from workbench.cli.guidance.completion import method_names, parameter_names, problem_names
 from workbench.cli.terminal import (
     print_details,
     print_json,
@@ -21,7 +22,6 @@ from workbench.cli.terminal import (
     verdict,
 )
 from workbench.errors import WorkbenchError
-from workbench.guidance.completion import method_names, parameter_names, problem_names
 from workbench.solvers import Options
 
 if TYPE_CHECKING:
@@ -148,13 +148,15 @@ def sweep(
     over = {key: value.split(",") for one in given for key, value in one.items()}
     asked = {**options, **settings_of(settings)}
     if plan:
-        from workbench.sweeps import grid_of
+        from workbench.bench.sweeps import grid_of
 
-        wanted = Options(options["tolerance"], options["time_limit"], seed=options["seed"])
+        wanted = Options(
+            tolerance=options["tolerance"], time_limit=options["time_limit"], seed=options["seed"]
+        )
         grid = grid_of(name, over, method, wanted, settings_of(settings), fresh=options["fresh"])
         print_plan(list(grid.axes), grid.planned(), as_json)
         return
     with cluster(scheduler, options["jobs"]) as executor:
-        done = workbench.sweep(name, over, method, executor=executor, **asked)
+        done = workbench.sweep(name, over, method=method, executor=executor, **asked)
     print_sweep(done, as_json)
     sys.exit(0 if done.holds else 1)

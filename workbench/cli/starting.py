@@ -33,7 +33,12 @@ def share(text: str | None, option: str) -> float | None:
 @click.option("--output", metavar="NAME", help="Column of the output [found by its name].")
 @click.option("--time", metavar="NAME", help="Column of the time [the equidistant one].")
 @click.option(
-    "--sample-rate", type=float, metavar="HZ", help="Sampling rate, if no column holds the time."
+    "--sample-rate",
+    "record_dt",
+    type=float,
+    callback=lambda _, __, rate: None if rate is None else 1 / rate if rate else rate,
+    metavar="HZ",
+    help="Sampling rate, if no column holds the time.",
 )
 @click.option(
     "--excitation",
@@ -51,7 +56,11 @@ def share(text: str | None, option: str) -> float | None:
     help="Sampling time of the controller [that of the records].",
 )
 @click.option(
+    "--period", "dt", type=float, metavar="S", help="Of the controller [that of the records]."
+)
+@click.option(
     "--delay",
+    "delay_samples",
     type=float,
     default=1.0,
     show_default=True,
@@ -133,12 +142,12 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     folder = folders[0]
     chosen = write_study(folder, [data, *files] if files else data, **given)
     click.echo(f"read: {chosen.columns}")
-    width = max(map(len, chosen.reasons))
+    width = max(len(name.removesuffix("_hz")) for name in chosen.reasons)
     for name, reason in chosen.reasons.items():
-        value = getattr(chosen, name)
-        values = value if name == "band" else [value]
+        value, label = getattr(chosen, name), name.removesuffix("_hz")
+        values = value if name == "band_hz" else [value]
         told = " to ".join(one if isinstance(one, str) else f"{one:.4g}" for one in values)
-        click.echo(f"{name:<{width}}  {told:<12}  {reason}")
+        click.echo(f"{label:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
     # Assumptions that were tested and are usual are listed in the README only; the one about a
@@ -151,7 +160,7 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     peak, _ = told_apart(chosen.peak, 1.0, digits=3)
     if not chosen.peak < 1:
         click.secho(
-            f"! no controller was found that keeps its weights: at {chosen.bandwidth:g} Hz the "
+            f"! no controller was found that keeps its weights: at {chosen.bandwidth_hz:g} Hz the "
             f"certified peak of mu is {peak}, and must be below 1. {folder} is written; "
             "change BANDWIDTH, EFFORT or BAND there (README.md says how); "
             f"workbench run {folder.name}/demands says which demands exclude each other",
@@ -205,7 +214,7 @@ def examples(folder: Path) -> None:
 @click.option("--no-test", is_flag=True, help="Leave out the self-test of some seconds.")
 def doctor(no_test: bool) -> None:
     """Versions, solvers, threads, cache, and a self-test whose answers are certified."""
-    from workbench.guidance.doctor import examination
+    from workbench.cli.guidance.doctor import examination
 
     well = True
     for one in examination(test=not no_test):

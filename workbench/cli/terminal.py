@@ -13,8 +13,8 @@ from workbench.bench.project import added_problems
 from workbench.solvers import Outcome
 
 if TYPE_CHECKING:
+    from workbench._core.heavy_types import Dataset
     from workbench.bench.results import Run
-    from workbench.heavy_types import Dataset
 
 
 def print_json(value: Any) -> None:

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
+from workbench._core.on_demand import no_more_names
 from workbench.collections.cbf import read_cbf
 from workbench.collections.matlab_plants import read_plant
 from workbench.collections.sdpa import read_sdpa
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)

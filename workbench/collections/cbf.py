@@ -100,7 +100,7 @@ def read_cbf(file: str | PathLike[str]) -> ConicProgram:
     >>> head = ["VER", "1", "OBJSENSE", "MIN", "VAR", "1 1", "F 1", "CON", "1 1", "L+ 1"]
     >>> body = ["OBJACOORD", "1", "0 1.0", "ACOORD", "1", "0 0 1.0", "BCOORD", "1", "0 -3.0"]
     >>> _ = file.write_text("\n".join(head + body))
-    >>> round(wb.solve(read_cbf(file), "clarabel").metrics["value"], 5)
+    >>> round(wb.solve(read_cbf(file), method="clarabel").metrics["value"], 5)
     3.0
     """
     lines = Lines(file, "#")
@@ -224,7 +224,9 @@ def _program(found: _File) -> ConicProgram:
     for m, order in enumerate(found.orders["PSDVAR"]):
         slack.matrix(order, [_Row(None, variables[m] + k) for k in range(_triangle(order))])
     sign = -1.0 if found.maximise else 1.0
-    return ConicProgram(slack.found.form(sign * c, slack.cones), found.constant, found.maximise)
+    return ConicProgram(
+        slack.found.form(sign * c, slack.cones), constant=found.constant, maximise=found.maximise
+    )
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConicForm
 from workbench.errors import InputError
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.files.matlab import mat_arrays
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -22,7 +22,7 @@ PERIODS = ("dt", "Ts", "ts")
 
 
 def read_plant(
-    file: str | PathLike[str], measurements: int | None = None, controls: int | None = None
+    file: str | PathLike[str], *, measurements: int | None = None, controls: int | None = None
 ) -> GeneralisedPlant:
     """Read a generalised plant without uncertainty from a MATLAB file.
 

@@ -42,7 +42,7 @@ def read_sdpa(file: str | PathLike[str]) -> ConicProgram:
     >>> file = Path("largest_eigenvalue.dat-s")  # the least t with t I >= diag(1, 2)
     >>> lines = ["1", "1", "2", "1.0", "0 1 1 1 1.0", "0 1 2 2 2.0", "1 1 1 1 1.0", "1 1 2 2 1.0"]
     >>> _ = file.write_text("\n".join(lines))
-    >>> round(wb.solve(read_sdpa(file), "clarabel").metrics["value"], 5)
+    >>> round(wb.solve(read_sdpa(file), method="clarabel").metrics["value"], 5)
     2.0
     """
     lines = Lines(file, '"*')

@@ -7,12 +7,12 @@ Rests on: weak duality and the theorem of alternatives.
 
 from typing import TYPE_CHECKING
 
+from workbench._core.on_demand import no_more_names
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm
 from workbench.conic.claims import ConicallyStated, NoLeastValue, NoSolution
 from workbench.conic.cvxpy_program import CvxpyProgram
 from workbench.conic.named_solvers import conic_solver
 from workbench.conic.program import ConicProgram
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)

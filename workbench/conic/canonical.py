@@ -15,7 +15,7 @@ from cvxpy.error import SolverError
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from scipy.sparse import csr_array
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.errors import InputError
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from flint import fmpq
 
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import Certificate, Check
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import Rational, outside
@@ -17,7 +18,6 @@ from workbench.certify.cones.rays import conic_slack, dot, excluded_radius
 from workbench.conic.ray_search import dual_ray, falling_ray, feasible_point, settled_ray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset
 from workbench.program import Claim, Program, ProofTask, Task
 from workbench.second_opinion import conic_proofs
 from workbench.solvers import Outcome
@@ -90,7 +90,7 @@ class NoSolution(_ConicClaim):
     >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
     >>> form = ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 1.0], cones)  # x >= 2 and x <= 1
     >>> program = ConicProgram(form)
-    >>> solution = wb.solve(program, "clarabel")
+    >>> solution = wb.solve(program, method="clarabel")
     >>> print(solution.outcome, solution.certificate.holds)
     infeasible True
     """
@@ -164,7 +164,7 @@ class NoLeastValue(_ConicClaim):
     >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
     >>> form = ConicForm([-1.0], [[-1.0], [0.0]], [0.0, 1.0], cones)  # the largest x >= 0
     >>> program = ConicProgram(form)
-    >>> solution = wb.solve(program, "clarabel")
+    >>> solution = wb.solve(program, method="clarabel")
     >>> print(solution.outcome, solution.certificate.holds)
     unbounded True
     """

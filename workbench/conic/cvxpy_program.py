@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import Check, worst
 from workbench.certify.cones.form import ConeKind, ConicForm
 from workbench.certify.cones.rays import dual_bound, excluded_radius
@@ -29,7 +30,6 @@ from workbench.conic.expressions import (
 from workbench.conic.ray_search import dual_point, dual_ray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset
 from workbench.program import Claim, conic_method
 from workbench.second_opinion import conic_proofs, lagrangians
 from workbench.solution import Solution, solve
@@ -74,7 +74,7 @@ class CvxpyProgram(ConicallyStated):
     >>> from workbench.conic import CvxpyProgram
     >>> x = cp.Variable(2, name="x")
     >>> program = CvxpyProgram(cp.Problem(cp.Minimize(cp.norm(x)), [cp.sum(x) == 2]))
-    >>> solution = wb.solve(program, "scs")
+    >>> solution = wb.solve(program, method="scs")
     >>> solution.certificate.holds, solution.answer["x"].values.round(5).tolist()
     (True, [1.0, 1.0])
     """
@@ -227,7 +227,7 @@ def solve_problem(
     from cvxpy.reductions.solution import Solution as Told
 
     program = CvxpyProgram(problem)
-    solution = solve(program, method, options, context)
+    solution = solve(program, method=method, options=options, context=context)
     problem._clear_solution()  # CVXPY has no public name for it
     outcome, answer = solution.outcome, solution.answer
     if solution.proof is not None:
@@ -257,7 +257,7 @@ def _distance(
 ) -> Check:
     value, where = worst(values, lambda place: f"of {labels[place[0]]}")
     statement = f"distance from {what}, relative to 1 + the magnitudes of its terms"
-    return Check(name, statement, value, tolerance, where)
+    return Check(name, statement, value, tolerance, where=where)
 
 
 def _largest(values: Array) -> float:

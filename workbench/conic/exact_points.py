@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.cones.form import ConeKind, ConicForm
 from workbench.certify.cones.membership import Rational, outside
 from workbench.certify.cones.rays import conic_slack

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 
 CONSTRAINTS = ("Equality", "Zero", "Inequality", "NonPos", "NonNeg", "SOC", "PSD")
 """Classes of CVXPY's constraints that are checked."""

@@ -11,7 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, triangle
 
 Combination = dict[int, Fraction]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array, hstack, vstack
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 
 SCALING_ROUNDS = 10

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import Check, worst
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.certify.cones.rays import dual_bound
@@ -17,7 +18,6 @@ from workbench.conic.claims import ConicallyStated, parsed_rational
 from workbench.conic.ray_search import dual_point
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset
 from workbench.input_checks import need_kind, need_numbers
 from workbench.program import Claim, conic_method
 from workbench.second_opinion import conic_proofs
@@ -45,12 +45,13 @@ class ConicProgram(ConicallyStated):
     >>> from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
     >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
     >>> program = ConicProgram(ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 5.0], cones))
-    >>> solution = wb.solve(program, "clarabel")
+    >>> solution = wb.solve(program, method="clarabel")
     >>> solution.certificate.holds, round(float(solution.answer["x"][0]), 5)  # the least x >= 2
     (True, 2.0)
     """
 
     form: ConicForm
+    _: KW_ONLY
     constant: float = 0.0
     maximise: bool = False
 
@@ -100,7 +101,7 @@ class ConicProgram(ConicallyStated):
         off = [relative_violation(cone, s[rows], size[rows]) for cone, rows in form.blocks]
         value, where = worst(off, lambda place: f"of cone {place[0]}")
         statement = "distance of b - A x from its cone, relative to 1 + |b| + |A| |x| of its rows"
-        return [Check("solution", statement, value, tolerance, where)]
+        return [Check("solution", statement, value, tolerance, where=where)]
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
         form, x = self.form, answer["x"].values

@@ -9,7 +9,7 @@ import cvxpy as cp
 import numpy as np
 from cvxpy.reductions.eval_params import EvalParams
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
 from workbench.conic.expressions import CONSTRAINTS, dense
 from workbench.errors import InputError
 

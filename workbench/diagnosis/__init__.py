@@ -8,7 +8,7 @@ Rests on: null spaces of rational matrices (exact decoupling), H-infinity and mu
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.diagnosis.estimation.fault_loop import EstimationDemands, FaultLoop

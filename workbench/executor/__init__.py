@@ -6,13 +6,13 @@ they run in this process, in a pool of processes that can be killed, or on a clu
 
 from typing import TYPE_CHECKING, Any
 
+from workbench._core.on_demand import no_more_names
 from workbench.executor.cluster import Cluster
 from workbench.executor.context import Checkpoint, Context
 from workbench.executor.local import InProcess, Threads
 from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
 from workbench.executor.spread import as_they_end, spread
 from workbench.executor.workers import Workers
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)

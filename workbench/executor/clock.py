@@ -35,7 +35,7 @@ def clocked_by(context: Context) -> Iterator[None]:
     >>> from workbench.executor import Context
     >>> from workbench.executor.clock import clocked_by, tick
     >>> try:
-    ...     with clocked_by(Context(Options(time_limit=1e-9))):
+    ...     with clocked_by(Context(options=Options(time_limit=1e-9))):
     ...         tick("search")
     ... except TimeLimitError as error:
     ...     print(error)

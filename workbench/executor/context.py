@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -62,7 +62,7 @@ class Context:
     --------
     >>> from workbench import Options
     >>> from workbench.executor import Context
-    >>> context = Context(Options("low", seed=1))
+    >>> context = Context(options=Options(tolerance="low", seed=1))
     >>> for number in context.rounds(3, "search"):
     ...     context.record({"round": number, "peak": 2.0 / (number + 1)})
     ...
@@ -70,6 +70,7 @@ class Context:
     (3, 0.001)
     """
 
+    _: KW_ONLY
     options: Options = field(default_factory=Options)
     progress: Progress = silent
     watch: Watch = unwatched
@@ -140,11 +141,13 @@ class Context:
 
         if self.executor is not None:
             batch = max(1, len(items) // TASKS)
-            return spread(function, items, self.executor, heard, description, batch)
+            return spread(
+                function, items, self.executor, progress=heard, description=description, batch=batch
+            )
         with Threads() if len(items) > 1 else InProcess() as pool:
-            return spread(in_time, items, pool, self.progress, description)
+            return spread(in_time, items, pool, progress=self.progress, description=description)
 
-    def rounds(self, count: int, description: str, first: int = 0) -> Iterator[int]:
+    def rounds(self, count: int, description: str, *, first: int = 0) -> Iterator[int]:
         """Numbers of an iteration's rounds; those before ``first`` were done by an earlier run.
 
         Each recorded round must have an answer, though perhaps not the best. So the time limit ends

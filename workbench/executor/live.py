@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from workbench.compiled import watched_by
+from workbench._core.compiled import watched_by
 from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
 from workbench.executor.worker import in_worker
 

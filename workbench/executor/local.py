@@ -48,13 +48,13 @@ class Threads(ThreadPoolExecutor):
     Examples
     --------
     >>> from workbench.executor import Threads, spread
-    >>> with Threads(2) as threads:
+    >>> with Threads(workers=2) as threads:
     ...     print(spread(abs, [-1, 2, -3], threads))
     ...
     [1, 2, 3]
     """
 
-    def __init__(self, workers: int | None = None) -> None:
+    def __init__(self, *, workers: int | None = None) -> None:
         super().__init__(os.cpu_count() if workers is None else workers)
         self._limits = _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
 

@@ -17,6 +17,7 @@ def spread(
     function: Callable[[T], S],
     items: Sequence[T],
     executor: Executor,
+    *,
     progress: Progress = silent,
     description: str = "",
     batch: int = 1,
@@ -31,7 +32,7 @@ def spread(
     >>> from workbench.executor import InProcess, spread
     >>> told = []
     >>> progress = lambda what, done, total: told.append((done, total))
-    >>> spread(abs, [-1, 2, -3], InProcess(), progress), told[-1]
+    >>> spread(abs, [-1, 2, -3], InProcess(), progress=progress), told[-1]
     ([1, 2, 3], (3, 3))
     """
     if batch < 1:
@@ -66,7 +67,7 @@ def _each(function: Callable[[T], S], items: Sequence[T]) -> list[S]:
 
 
 def as_they_end(
-    executor: Executor, calls: Iterable[tuple[T, tuple[Any, ...]]], window: int | None = None
+    executor: Executor, calls: Iterable[tuple[T, tuple[Any, ...]]], *, window: int | None = None
 ) -> Iterator[tuple[T, Future[Any]]]:
     """Yield labels and finished futures of many calls, as they end.
 

@@ -68,7 +68,7 @@ class Workers(Executor):
     Examples
     --------
     >>> from workbench.executor import Workers, spread
-    >>> with Workers(1) as workers:
+    >>> with Workers(count=1) as workers:
     ...     print(spread(abs, [-1, 2, -3], workers, batch=3))
     ...
     [1, 2, 3]
@@ -76,8 +76,8 @@ class Workers(Executor):
 
     def __init__(
         self,
-        count: int = 1,
         *,
+        count: int = 1,
         threads: int = 1,
         memory_limit: int | None = None,
         preload: Sequence[str] = (),

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Axes, Figure
 from workbench.figures.limits import finite_axes, mend_limits
 from workbench.figures.styles import current_style
 from workbench.figures.ticks import house_ticks
-from workbench.heavy_types import Axes, Figure
 
 # Okabe and Ito's colours, which colour-blind readers tell apart.
 BLACK, BLUE, ORANGE, GREEN = "#222222", "#0072b2", "#d55e00", "#009e73"

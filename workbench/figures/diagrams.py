@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Literal
 
+from workbench._core.heavy_types import Figure
 from workbench.errors import InputError
 from workbench.figures import BLACK, axes
-from workbench.heavy_types import Figure
 
 Point = tuple[float, float]
 SUM_RADIUS, DOT_RADIUS = 0.16, 0.05

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
+from workbench._core.heavy_types import Figure
 from workbench.figures.limits import mend_limits
 from workbench.figures.ticks import house_ticks
-from workbench.heavy_types import Figure
 
 
 def png(figure: Figure) -> bytes:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.heavy_types import Axes
+from workbench._core.heavy_types import Axes
 
 ROOM = 1.2
 """Factor by which a logarithmic axis extends beyond its data."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from workbench._core.heavy_types import Figure
 from workbench.errors import ResultError
 from workbench.figures import formats
 from workbench.figures.styles import FigureStyle, drawn_in
-from workbench.heavy_types import Figure
 
 TEX_PROGRAMS = ("pdflatex", "xelatex", "lualatex")
 """Programs that can measure the letters of a PGF figure, the fastest first."""

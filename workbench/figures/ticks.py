@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.heavy_types import Axes
+from workbench._core.heavy_types import Axes
 
 NARROW_AXIS = 1.7
 """Logarithmic axes of at most so many decades also have labels between powers of ten."""

@@ -9,7 +9,7 @@ Rests on: differential correction, which finds the global minimax fit of a magni
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.fitting.fitted_system import FittedSystem

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import unchecked
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import unchecked
 
 LARGEST_LOGARITHM = 40.0
 """Largest |logarithm| of a coefficient; beyond it the root is far from all data."""

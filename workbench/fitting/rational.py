@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 
 if TYPE_CHECKING:
     from flint import fmpq, fmpq_poly

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.fitting.factored import FactoredRational
 
 DAMPING, FREQUENCY = np.array([-0.5, 1.0, -0.5]), np.array([0.5, 0.0, -0.5])

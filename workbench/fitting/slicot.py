@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational, from_system
 from workbench.solvers import slicot_routine

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from workbench._core.heavy_types import Dataset
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import Dataset
 
 
 def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:

@@ -7,7 +7,7 @@ Rests on: weak duality for circles; convex hulls and rotating calipers for stadi
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.geometry.area import SmallestAreaStadium, smallest_area_stadium

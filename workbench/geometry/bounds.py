@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
 
 LONG_EPS = np.finfo(np.longdouble).eps
 """Relative spacing of extended-precision numbers."""

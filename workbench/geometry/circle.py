@@ -8,16 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import EPS
+from workbench._core.heavy_types import Dataset
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.answer import ProgramAnswer, answer_of
-from workbench.arrays import EPS
 from workbench.conic import ConeFactor, ConeKind, ConicallyStated, ConicForm
 from workbench.executor import Context
 from workbench.geometry.bounds import circle_radius_bound
 from workbench.geometry.cover import Cover, relative
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.thesis import thesis_circle
-from workbench.heavy_types import Dataset
 from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 
@@ -78,7 +78,7 @@ class SmallestCircle(Cover, ConicallyStated):
 
 
 def smallest_circle(
-    points: ArrayLike, method: str = "exact", options: Options | None = None
+    points: ArrayLike, *, method: str = "exact", options: Options | None = None
 ) -> Circle:
     """Smallest circle around each set of points.
 

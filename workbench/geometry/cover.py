@@ -13,13 +13,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import Check, these, worst
 from workbench.errors import InputError
 from workbench.geometry.figures import shape_figures
 from workbench.geometry.points import as_points
 from workbench.geometry.shapes import Shape
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.support import reach_beyond
 
@@ -122,7 +122,7 @@ class Cover(Program):
             "centre, radius, half-length and angle are finite, no size is negative",
             improper,
             0.0,
-            where if improper else "",
+            where=where if improper else "",
         )
         excess, where = worst(self.excess(answer), self.place)
         containment = Check(
@@ -131,7 +131,7 @@ class Cover(Program):
             "relative to the radius",
             excess,
             CONTAINMENT_TOLERANCE,
-            where,
+            where=where,
         )
         return [properness, containment]
 
@@ -141,7 +141,7 @@ class Cover(Program):
         excess = relative(excess - 8 * EPS * self.reach, answer.radius)
         value, where = worst(excess, self.place)
         statement = "how far the points reach beyond their shape in a direction, over the radius"
-        return [Check("support", statement, value, SUPPORT_TOLERANCE, where)]
+        return [Check("support", statement, value, SUPPORT_TOLERANCE, where=where)]
 
     def distance(self, answer: Shape) -> np.ndarray:
         """Distance (..., N) of every point from its shape's segment, in extended precision."""

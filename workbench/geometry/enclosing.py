@@ -5,18 +5,18 @@ A stadium is the set of points within ``radius`` of a segment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.arrays import EPS
+from workbench._core.heavy_types import Dataset
 from workbench.answer import ProgramAnswer
-from workbench.arrays import EPS
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.geometry.cover import Cover, relative
 from workbench.geometry.points import canonical_angle
-from workbench.heavy_types import Dataset
 
 CENTRE_TOLERANCE = 4 * EPS
 """Largest distance of the answer's centre from a given one, relative to |centre|: rounding only."""
@@ -62,6 +62,7 @@ class EnclosingStadium(Cover):
     True
     """
 
+    _: KW_ONLY
     center: Any = None  # an ndarray after construction, if given
     angle: Any = None
 
@@ -104,12 +105,12 @@ class EnclosingStadium(Cover):
             away = relative(np.abs(answer.center - self.center), np.abs(self.center))
             value, where = worst(away, self.place)
             statement = "distance from the centre asked for, relative to its size"
-            checks.append(Check("centre given", statement, value, CENTRE_TOLERANCE, where))
+            checks.append(Check("centre given", statement, value, CENTRE_TOLERANCE, where=where))
         if self.angle is not None:
             turn = np.mod(answer.angle - self.angle + np.pi / 2, np.pi) - np.pi / 2
             value, where = worst(np.abs(turn), self.place)
             statement = "distance from the angle asked for [rad]"
-            checks.append(Check("angle given", statement, value, ANGLE_TOLERANCE, where))
+            checks.append(Check("angle given", statement, value, ANGLE_TOLERANCE, where=where))
         return checks
 
     @property

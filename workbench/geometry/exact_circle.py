@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import EPS
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.arrays import EPS
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.geometry.points import (
     as_batch,
     find_frame,

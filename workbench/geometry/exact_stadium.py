@@ -20,8 +20,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import EPS
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.arrays import EPS
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.geometry.exact_circle import circle_radius, rounded_up
 from workbench.geometry.hull import cross, hull_indices
 from workbench.geometry.points import (

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.geometry.shapes import Shape
-from workbench.heavy_types import DataArray, Figure
 
 POINTS_OF_ROUND_END = 48
 """Number of points of the polygon that draws a round end."""

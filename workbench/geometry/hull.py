@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import EPS
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.arrays import EPS
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.errors import InputError
 from workbench.geometry.points import as_points, find_frame, to_frame
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.errors import InputError
 
 LARGEST_EXPONENT = 1000

@@ -91,6 +91,7 @@ class NarrowestStadium(EnclosingStadium):
 
 def narrowest_stadium(
     points: ArrayLike,
+    *,
     center: ArrayLike | None = None,
     angle: ArrayLike | None = None,
     method: str = "exact",
@@ -125,7 +126,7 @@ def narrowest_stadium(
     SolverError
         The method gave no answer.
     """
-    return finite_answer(NarrowestStadium(points, center, angle), method, options)
+    return finite_answer(NarrowestStadium(points, center=center, angle=angle), method, options)
 
 
 @method(NarrowestStadium, "exact", optimal=True, accuracy=ANY_ACCURACY_ALIKE)

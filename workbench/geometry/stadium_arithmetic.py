@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.geometry.enclosing import Stadium
 from workbench.geometry.stadium import NarrowestStadium
 

@@ -25,7 +25,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
 from workbench.geometry.exact_circle import circle_radius
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.hull import hull_indices

@@ -8,7 +8,7 @@ squares, prediction errors and subspaces, with the asymptotic laws of their erro
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.identification.closed_loop.deviations import (

@@ -8,7 +8,7 @@ Rests on: D and G scalings, a convex upper bound of mixed mu; a Hamiltonian matr
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability

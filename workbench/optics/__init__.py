@@ -7,7 +7,7 @@ Rests on: scalar diffraction in Fraunhofer's approximation.
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import no_more_names
+from workbench._core.on_demand import no_more_names
 from workbench.optics.layers import Reading, TrackLayer, quadrants, read_layer
 from workbench.optics.spots import Pupil, defocus, far_field, round_pupil, share_within, spot
 

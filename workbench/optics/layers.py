@@ -9,12 +9,12 @@ discs, J. Opt. Soc. Am. 69 (1979); G. Bouwhuis et al., Principles of Optical Dis
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.optics.spots import Pupil
 
@@ -47,6 +47,7 @@ class TrackLayer:
     length: float
     width: float
     phase: float
+    _: KW_ONLY
     reflection: float = 1.0
     stagger: float = 0.0
 
@@ -149,7 +150,7 @@ def _shifted(pupil: Pupil, right: float, up: float) -> RealArray:
     return share
 
 
-def quadrants(pupil: Pupil, shift: float = 0.0) -> RealArray:
+def quadrants(pupil: Pupil, *, shift: float = 0.0) -> RealArray:
     """Four quadrant detectors (4, n, n); their dividing line along x is moved by a shift.
 
     The first lies at x > 0 and y > shift, the second at x < 0 and y > shift.

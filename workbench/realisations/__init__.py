@@ -7,7 +7,7 @@ Rests on: Lyapunov equations, and the H-infinity norm of the difference.
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.realisations.descriptor_form import from_descriptor

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from flint import fmpq_mat
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.realisations.parts import (
     boundary_projector,
     in_fractions,
     nearest_doubles,
     states_of,
 )
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import Matrices, matrices_of
 
 

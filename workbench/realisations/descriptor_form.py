@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, need_time_base
 from workbench.systems.balancing import balancing
 from workbench.systems.realisation import Matrices, realisation

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.certify.realisations.modes_apart import gain_by_modes
 from workbench.certify.realisations.parts import (
@@ -16,7 +17,6 @@ from workbench.certify.realisations.parts import (
 )
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.realisations.system_parts import parts_of
 from workbench.systems.balancing import speed
 from workbench.systems.realisation import Matrices, in_series, matrices_of, realisation

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.arrays import EPS, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker
 from workbench.certify.realisations.lyapunov import (
     enclosed_gramian,
@@ -16,7 +17,6 @@ from workbench.certify.realisations.lyapunov import (
     stability_proof,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.realisations.stable_only import stable_states
 from workbench.second_opinion.powers import SUM_ROUNDING, summed_gramians
 from workbench.systems.balancing import balancing

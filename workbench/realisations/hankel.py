@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, no_better
-from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker
 from workbench.certify.realisations.hankel import NEGLIGIBLE, SHARP, enclosed_hankel_values
 from workbench.certify.realisations.lyapunov import stability_proof
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.realisations.stable_only import stable_states
 from workbench.second_opinion.powers import SUM_ROUNDING, summed_hankel_values
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.arrays import ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
 from workbench.certify.realisations.parts import boundary_part_error, gain_apart
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.realisations.boundary_states import least_boundary_part
 from workbench.realisations.system_parts import (

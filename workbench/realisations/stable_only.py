@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.realisations.lyapunov import stability_proof
 from workbench.certify.stability import is_proven_unstable
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import worst_pole
 

@@ -9,8 +9,9 @@ import numpy as np
 from flint import ctx, fmpq_mat
 from scipy.linalg import schur, solve_sylvester
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
 from workbench.certify.realisations.lyapunov import rounded, stability_proof
 from workbench.certify.realisations.parts import (
@@ -22,7 +23,6 @@ from workbench.certify.realisations.parts import (
     unit_of_time,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import farthest_sum
 from workbench.systems.axis_poles import stable_last
 from workbench.systems.balancing import state_units

@@ -9,7 +9,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import Check
 from workbench.second_opinion import SEED
 from workbench.second_opinion.switchings import switchings
@@ -51,7 +51,7 @@ def exact_products(
             "periods whose transition, in exact fractions, is not proven to fall",
             growing,
             0.0,
-            where,
+            where=where,
             over=f"for {len(short)} periodic switchings of every plant",
         )
     ]

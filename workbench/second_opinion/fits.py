@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.executor.effort import tries
 from workbench.second_opinion.powers import growth
@@ -47,7 +47,7 @@ def realisation_agrees(
     statement = "response of a realisation less that of the roots, relative to the larger of both"
     over = f"at {omega.size} frequencies"
     name, statement = "realisation", f"{statement} data and fit"
-    return Check(name, statement, value, RESPONSE_ROUNDING, where, over=over)
+    return Check(name, statement, value, RESPONSE_ROUNDING, where=where, over=over)
 
 
 def within(
@@ -59,7 +59,7 @@ def within(
         lambda i: f"at {omega[i]:.6g} rad/s",
     )
     statement = "largest weighted distance of a realisation from the data over the limit, less 1"
-    return Check("realised error", statement, value / error - 1, RESPONSE_ROUNDING, where)
+    return Check("realised error", statement, value / error - 1, RESPONSE_ROUNDING, where=where)
 
 
 def covers(system: Any, omega: RealArray, magnitude: RealArray) -> Check:
@@ -72,7 +72,7 @@ def covers(system: Any, omega: RealArray, magnitude: RealArray) -> Check:
     value, where = worst(short, lambda i: f"at {grid[i]:.6g} rad/s")
     statement = "data over the realisation, also between the data, less 1"
     over = f"at {count} frequencies, between the data too"
-    return Check("sampled cover", statement, value, RESPONSE_ROUNDING, where, over=over)
+    return Check("sampled cover", statement, value, RESPONSE_ROUNDING, where=where, over=over)
 
 
 def decays(system: Any, name: str) -> Check:

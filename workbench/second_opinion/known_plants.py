@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.executor.effort import tries
 
@@ -39,7 +39,12 @@ def has_known(
         statement = "poles known there, less those counted by the integral of the resolvent's trace"
         where = f"about {poles[int(np.argmax(lacks))][0]:.6g}"
         yield Check(
-            f"poles of the {name}", statement, max(lacks), COUNT_ROUNDING, where, over=THIS_SYSTEM
+            f"poles of the {name}",
+            statement,
+            max(lacks),
+            COUNT_ROUNDING,
+            where=where,
+            over=THIS_SYSTEM,
         )
     if gain is not None:
         worst, where = 0.0, ""
@@ -49,7 +54,9 @@ def has_known(
             if not error <= worst:
                 worst, where = error, f"from input {j + 1} to output {o + 1}"
         statement = "static gain by determinants of the pencil at z = 1 less that given, relative"
-        yield Check(f"gain of the {name}", statement, worst, GAIN_ROUNDING, where, over=THIS_SYSTEM)
+        yield Check(
+            f"gain of the {name}", statement, worst, GAIN_ROUNDING, where=where, over=THIS_SYSTEM
+        )
 
 
 def _counted(A: RealArray, pole: complex, radius: float) -> float:

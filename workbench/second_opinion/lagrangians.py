@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certificate import Check
 from workbench.executor.effort import tries
 from workbench.second_opinion import SEED

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, excess
 from workbench.executor.effort import tries
 from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
@@ -103,7 +103,7 @@ def gain(
         "largest gain over the claimed peak, less 1",
         excess(worst, claimed),
         SAMPLED_ROUNDING,
-        f"at {where:.6g} rad/s",
+        where=f"at {where:.6g} rad/s",
         over=f"for {tries(PERTURBATIONS) + 1} plants at {len(grid)} frequencies",
     )
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 
 BITS = 300
 """Precision [bits] of the balls: enough to make the sign certain for doubles of any grading."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray
+from workbench._core.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
 from workbench.executor.effort import tries
 from workbench.second_opinion.loops import BALL_SHARE, SAMPLED_ROUNDING
@@ -72,7 +72,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
         "largest eigenvalue of M Delta over the claimed peak, less 1",
         excess(float(size.max()), claimed),
         SAMPLED_ROUNDING,
-        f"at {where:.6g} rad/s",
+        where=f"at {where:.6g} rad/s",
         over=f"for {len(drawn)} perturbations at {omega.size} frequencies",
     )
 
@@ -130,7 +130,7 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
         "of Delta is unstable",
         distance,
         NEARLY_SINGULAR,
-        f"at {omega:.6g} rad/s",
+        where=f"at {omega:.6g} rad/s",
     )
 
 
@@ -163,7 +163,7 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
         "claimed gain over that with the perturbation, less 1",
         missed,
         SAMPLED_ROUNDING,
-        f"at {omega:.6g} rad/s",
+        where=f"at {omega:.6g} rad/s",
     )
 
 

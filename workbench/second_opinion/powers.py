@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 SQUARINGS = 60
 """Number of squarings of the transition matrix; the loop is then 2^60 samples old."""

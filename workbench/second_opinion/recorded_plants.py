@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import growth

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import fftconvolve
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 
 def convolved(matrices: Any, u: RealArray, y: RealArray, washout: int) -> RealArray:

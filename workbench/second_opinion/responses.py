@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance, schur
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
 
 NEAR_A_POLE = (-8.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 

@@ -10,7 +10,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import BITS, PRECISE_ROUNDING, growth, precise_growth

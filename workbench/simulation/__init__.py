@@ -7,7 +7,7 @@ Rests on: exact discretisation under a hold, and compiled loops.
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import no_more_names
+from workbench._core.on_demand import no_more_names
 from workbench.simulation.cascade import Cascade, Part
 from workbench.simulation.controllers import Controller, idle, in_discrete_time, linear
 from workbench.simulation.converters import Converter

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import IntegerArray, RealArray
+from workbench._core.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
 from workbench.simulation.steps import address_of
@@ -45,6 +45,7 @@ class Part:
     name: str
     controller: Controller
     given: Sequence[str]
+    _: KW_ONLY
     tells: Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -82,6 +83,7 @@ class Cascade:
 
     measurements: Sequence[str]
     parts: Sequence[Part]
+    _: KW_ONLY
     previous: Sequence[str] = ("u_last",)
 
     def __post_init__(self) -> None:
@@ -118,22 +120,20 @@ class Cascade:
         """Whether a part is plain Python, which makes the whole loop slow."""
         return any(part.controller.plain for part in self.parts)
 
-    def check_period(self, period: float) -> None:
+    def check_period(self, dt: float) -> None:
         """Raise InputError if a part was made for another sampling period [s]."""
         for part in self.parts:
-            own = part.controller.period
-            if own is not None and not math.isclose(own, period, rel_tol=1e-9):
-                raise InputError(
-                    f"part {part.name!r} has the sample time {own} s, the loop {period} s"
-                )
+            own = part.controller.dt
+            if own is not None and not math.isclose(own, dt, rel_tol=1e-9):
+                raise InputError(f"part {part.name!r} has the sample time {own} s, the loop {dt} s")
 
 
 def alone(controller: Controller, measurements: int) -> Cascade:
     """Cascade of a single controller that reads all measurements."""
     names = [f"measurement {i}" for i in range(measurements)]
     outputs = range(controller.outputs)
-    part = Part("controller", controller, names, [f"output {i}" for i in outputs])
-    return Cascade(names, [part], [f"last output {i}" for i in outputs])
+    part = Part("controller", controller, names, tells=[f"output {i}" for i in outputs])
+    return Cascade(names, [part], previous=[f"last output {i}" for i in outputs])
 
 
 class Turn(NamedTuple):

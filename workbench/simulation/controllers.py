@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace, TransferFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Controller:
     outputs     number of output signals;
     reads       smallest number of measurements; the compiled step does not check it and would read
                 beyond the end of a shorter array;
-    period      sampling period [s] that it was made for; None: any;
+    dt      sampling period [s] that it was made for; None: any;
     carried     number of states, from the first on, that its replacement takes over during a run;
                 None: all;
     plain       whether the step is plain Python, which is convenient for trials but makes the loop
@@ -49,9 +49,10 @@ class Controller:
     step: Any
     state: RealArray
     parameters: RealArray
+    _: KW_ONLY
     outputs: int = 1
     reads: int = 0
-    period: float | None = None
+    dt: float | None = None
     carried: int | None = None
     plain: bool = False
 
@@ -68,7 +69,7 @@ class Controller:
             raise InputError(f"the controller reads {self.reads} measurements; there are {given}")
 
 
-def idle(outputs: int = 1) -> Controller:
+def idle(*, outputs: int = 1) -> Controller:
     """Controller with zero outputs, so that only the excitation acts on the plant: an open loop.
 
     Examples
@@ -77,22 +78,22 @@ def idle(outputs: int = 1) -> Controller:
     >>> play(idle(), [[3.0], [4.0]]).ravel().tolist()
     [0.0, 0.0]
     """
-    return Controller(_idle, np.zeros(0), np.zeros(0), outputs)
+    return Controller(_idle, np.zeros(0), np.zeros(0), outputs=outputs)
 
 
 def linear(
-    system: StateSpace | TransferFunction, period: float, measurements: Sequence[int] = (0,)
+    system: StateSpace | TransferFunction, dt: float, *, measurements: Sequence[int] = (0,)
 ) -> Controller:
     """Controller from a linear system; a continuous one is discretised by the bilinear transform.
 
     `measurements` holds the indices of the measurements that are its inputs. Raises InputError if
-    their number differs from that of the inputs, or if a discrete system has another `period` [s].
+    their number differs from that of the inputs, or if a discrete system has another `dt` [s].
 
     Examples
     --------
     >>> import control
     >>> from workbench.simulation import linear, play
-    >>> integrator = linear(control.tf([1.0], [1.0, 0.0]), period=1.0)
+    >>> integrator = linear(control.tf([1.0], [1.0, 0.0]), dt=1.0)
     >>> play(integrator, [[1.0]] * 3).ravel().round(6).tolist()
     [0.5, 1.5, 2.5]
     """
@@ -102,7 +103,7 @@ def linear(
         raise InputError(
             f"{len(measurements)} measurements for a controller of {system.ninputs} inputs"
         )
-    system = in_discrete_time(system, period)
+    system = in_discrete_time(system, dt)
     sizes = [system.nstates, system.ninputs, system.noutputs]
     matrices = [matrix.ravel() for matrix in (system.A, system.B, system.C, system.D)]
     parameters = np.concatenate([sizes, list(measurements), *matrices])
@@ -110,28 +111,28 @@ def linear(
     state = np.zeros(2 * system.nstates)
     reads = max(measurements) + 1
     outputs, n = system.noutputs, system.nstates
-    return Controller(_linear, state, parameters, outputs, reads, period, n)
+    return Controller(_linear, state, parameters, outputs=outputs, reads=reads, dt=dt, carried=n)
 
 
-def in_discrete_time(system: StateSpace | TransferFunction, period: float) -> StateSpace:
+def in_discrete_time(system: StateSpace | TransferFunction, dt: float) -> StateSpace:
     """Discretise a continuous system by the bilinear transform; a discrete one is returned as is.
 
-    Raises InputError if a discrete system has another sampling period than `period` [s].
+    Raises InputError if a discrete system has another sampling period than `dt` [s].
 
     Examples
     --------
     >>> import control
     >>> from workbench.simulation import in_discrete_time
-    >>> K = in_discrete_time(control.tf([1.0], [1.0, 0.0]), period=0.2)
+    >>> K = in_discrete_time(control.tf([1.0], [1.0, 0.0]), dt=0.2)
     >>> round(float(K.D[0, 0]), 6), K.dt  # the trapezoidal rule
     (0.1, 0.2)
     """
     import control
 
     if system.isctime():
-        system = control.sample_system(control.ss(system), period, "bilinear")
-    elif system.dt is not True and not np.isclose(system.dt, period, rtol=1e-9, atol=0.0):
-        raise InputError(f"a controller of period {system.dt} s in a loop of period {period} s")
+        system = control.sample_system(control.ss(system), dt, "bilinear")
+    elif system.dt is not True and not np.isclose(system.dt, dt, rtol=1e-9, atol=0.0):
+        raise InputError(f"a controller of period {system.dt} s in a loop of period {dt} s")
     return control.ss(system)
 
 

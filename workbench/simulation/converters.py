@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled, kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled, kernel
 from workbench.errors import InputError
 
 
@@ -29,6 +29,7 @@ class Converter:
     """
 
     limit: float
+    _: KW_ONLY
     bits: int | None = 12
 
     def __post_init__(self) -> None:
@@ -40,14 +41,14 @@ class Converter:
         """Voltage step [V] between codes; 0 without codes."""
         return 0.0 if self.bits is None else 2.0 * self.limit / 2**self.bits
 
-    def levels(self, gain: float = 1.0) -> RealArray:
+    def levels(self, *, gain: float = 1.0) -> RealArray:
         """Step, lowest and highest level (3,), divided by the gain of an amplifier before it."""
         return np.array([self.step, -self.limit, self.limit - self.step]) / gain
 
-    def convert(self, values: ArrayLike, gain: float = 1.0) -> tuple[RealArray, float]:
+    def convert(self, values: ArrayLike, *, gain: float = 1.0) -> tuple[RealArray, float]:
         """Converted values, in the same shape, and the share of values that saturated."""
         array = np.ascontiguousarray(values, float)
-        converted, saturated = _convert_all(array.ravel(), self.levels(gain))
+        converted, saturated = _convert_all(array.ravel(), self.levels(gain=gain))
         return converted.reshape(array.shape), saturated / max(array.size, 1)
 
 

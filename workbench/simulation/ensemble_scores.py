@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 
 BOOTSTRAP_SAMPLES, CONFIDENCE = 1000, 0.95
@@ -85,7 +85,7 @@ def _counts_outside(
 
 
 def group_means(
-    score: RealArray, group: NDArray[np.int64], weight: RealArray | None = None
+    score: RealArray, group: NDArray[np.int64], *, weight: RealArray | None = None
 ) -> RealArray:
     """Mean score of every group (..., groups), from scores (..., circumstances).
 
@@ -110,7 +110,7 @@ def group_means(
     return means[..., 0, :] if weight is None else means
 
 
-def balloon_size(means: ArrayLike, power: float = ARM_POWER) -> RealArray:
+def balloon_size(means: ArrayLike, *, power: float = ARM_POWER) -> RealArray:
     """Mean length of the arms (...,) of balloons whose groups have means (..., groups).
 
     An arm is the mean score to the `power`, so that small shares of time remain visible beside
@@ -152,7 +152,7 @@ def bootstrap_weights(
     return weights
 
 
-def percentile_interval(samples: RealArray, confidence: float = CONFIDENCE) -> RealArray:
+def percentile_interval(samples: RealArray, *, confidence: float = CONFIDENCE) -> RealArray:
     """Both ends (2, ...) of the percentile interval of bootstrap samples (..., samples).
 
     Raises InputError unless 0 < confidence < 1.

@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
 
@@ -27,9 +27,9 @@ v, and ln g.
 
 
 def wobbled_gain(
-    frequency: float,
+    frequency_hz: float,
     amplitude: float,
-    period: float,
+    dt: float,
     *,
     interval: tuple[float, float] = (0.0, math.inf),
     detection: float,
@@ -40,11 +40,11 @@ def wobbled_gain(
 
     Parameters
     ----------
-    frequency
+    frequency_hz
         Frequency of the wobble w [Hz].
     amplitude
         Amplitude of the wobble w, in the unit of the error.
-    period
+    dt
         Sampling period [s].
     interval
         Times [s] at which the wobble begins and ends. Outside this interval g is kept.
@@ -68,8 +68,8 @@ def wobbled_gain(
     >>> play(part, np.zeros((3, 1)))[:, 1].tolist()  # the gain before its filters have settled
     [1.0, 1.0, 1.0]
     """
-    if not 0.0 < frequency * period < 0.5:
-        raise InputError(f"frequency is {frequency} Hz; need 0 to {0.5 / period:.6g} Hz")
+    if not 0.0 < frequency_hz * dt < 0.5:
+        raise InputError(f"frequency_hz is {frequency_hz} Hz; need 0 to {0.5 / dt:.6g} Hz")
     if not (0.0 < amplitude < math.inf and 1.0 < most < math.inf):
         raise InputError(f"amplitude is {amplitude}, most is {most}; need above 0, above 1, finite")
     if not 0.0 <= interval[0] < interval[1]:
@@ -79,17 +79,17 @@ def wobbled_gain(
             f"detection {detection} s, adaptation {adaptation} s; need 0 < detection < adaptation"
         )
     parameters = [
-        2 * math.pi * frequency * period,
+        2 * math.pi * frequency_hz * dt,
         amplitude,
-        interval[0] / period - 0.5,  # half a sample makes comparisons insensitive to rounding
-        interval[1] / period - 0.5,
-        (interval[0] + 3.0 * detection) / period - 0.5,
-        -math.expm1(-period / detection),
-        period / adaptation,
+        interval[0] / dt - 0.5,  # half a sample makes comparisons insensitive to rounding
+        interval[1] / dt - 0.5,
+        (interval[0] + 3.0 * detection) / dt - 0.5,
+        -math.expm1(-dt / detection),
+        dt / adaptation,
         math.log(most),
     ]
     return Controller(
-        _wobbled_gain, np.zeros(STATES), np.array(parameters), outputs=2, reads=1, period=period
+        _wobbled_gain, np.zeros(STATES), np.array(parameters), outputs=2, reads=1, dt=dt
     )
 
 

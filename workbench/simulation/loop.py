@@ -19,7 +19,7 @@ each of `refine` steps before, and `refine` steps after, the input changes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -27,9 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import IntegerArray, RealArray
+from workbench._core.arrays import IntegerArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.simulation.cascade import Cascade, Turn, alone, carried, turn_table, turns
 from workbench.simulation.controllers import Controller
 from workbench.simulation.machine import machine
@@ -61,7 +61,7 @@ class Trajectory(NamedTuple):
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.compiled import compiled
+    >>> from workbench._core.compiled import compiled
     >>> from workbench.simulation import SampledLoop, linear
     >>> @compiled
     ... def sense(position, exogenous, parameters, signals):
@@ -74,7 +74,7 @@ class Trajectory(NamedTuple):
     >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
     >>> none = np.zeros(0)
-    >>> loop = SampledLoop(G, 1, sense, none, 1, 1e4, read, none, 1, wide, wide, period=0.01)
+    >>> loop = SampledLoop(G, sense, none, read, none, wide, wide, 1, 1, 1, 1e4, 0.01)
     >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
     >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
     >>> found.command.shape, found.saturated_outputs.tolist()
@@ -105,8 +105,8 @@ class SampledLoop:
     measurements      number r of measurements;
     channel_levels    levels (c, 3) of the channels' converters, see `Converter.levels`;
     output_levels     levels (m, 3) of the outputs' converters;
-    period            sampling period [s];
-    delay             delay of the outputs [samples], any real number from 0;
+    dt            sampling period [s];
+    delay_samples             delay of the outputs [samples], any real number from 0;
     refine            number of steps between samples, see above.
 
     Raises InputError for a plant with direct feedthrough, and for levels of other shapes.
@@ -115,7 +115,7 @@ class SampledLoop:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.compiled import compiled
+    >>> from workbench._core.compiled import compiled
     >>> from workbench.simulation import SampledLoop, linear
     >>> @compiled
     ... def sense(position, exogenous, parameters, signals):
@@ -128,7 +128,7 @@ class SampledLoop:
     >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
     >>> none = np.zeros(0)
-    >>> loop = SampledLoop(G, 1, sense, none, 1, 1e4, read, none, 1, wide, wide, period=0.01)
+    >>> loop = SampledLoop(G, sense, none, read, none, wide, wide, 1, 1, 1, 1e4, 0.01)
     >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
     >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
     >>> round(float(found.position[-1, 0]), 4)  # 9 / (1 + 9)
@@ -136,18 +136,19 @@ class SampledLoop:
     """
 
     plant: StateSpace
-    positions: int
     sense: Any
     sense_parameters: RealArray
-    signals: int
-    corner: float
     read: Any
     read_parameters: RealArray
-    measurements: int
     channel_levels: RealArray
     output_levels: RealArray
-    period: float
-    delay: float = 0.0
+    positions: int
+    signals: int
+    measurements: int
+    corner: float
+    dt: float
+    _: KW_ONLY
+    delay_samples: float = 0.0
     refine: int = 1
 
     def __post_init__(self) -> None:
@@ -229,12 +230,12 @@ class SampledLoop:
             controller = alone(controller, self.measurements)
         schedule = [(0.0, controller)] if isinstance(controller, Cascade) else list(controller)
         times = [time for time, _ in schedule]
-        starts = [round(time / self.period) for time in times]
+        starts = [round(time / self.dt) for time in times]
         ordered = all(a < b for a, b in pairwise([*starts, samples]))
         if not starts or starts[0] != 0 or not ordered:
             raise InputError(
                 f"stages start at {times} s; the first must start at 0, each later than the one "
-                f"before, and the last before the end at {samples * self.period:.6g} s"
+                f"before, and the last before the end at {samples * self.dt:.6g} s"
             )
         for _, cascade in schedule:
             outputs = len(cascade.previous)
@@ -247,7 +248,7 @@ class SampledLoop:
                     f"a cascade of {len(cascade.measurements)} measurements; the loop has "
                     f"{self.measurements}"
                 )
-            cascade.check_period(self.period)
+            cascade.check_period(self.dt)
         cascades = [cascade for _, cascade in schedule]
         return list(zip(starts, [*starts[1:], samples], cascades, strict=True))
 
@@ -277,7 +278,7 @@ class SampledLoop:
             part = next((part.name for part in cascade.parts if name in part.signals), "reading")
             raise InputError(
                 f"the {part}'s output {name!r} is not finite at sample {stop} of {samples}, "
-                f"{stop * self.period:.6g} s"
+                f"{stop * self.dt:.6g} s"
             )
         return rows
 
@@ -291,16 +292,16 @@ class SampledLoop:
         end of each half step, and the weights (W, 4) of the filter for each step. The sensor sees
         the middle by its positions alone, so no state is computed there.
         """
-        whole, rest = split_delay(self.delay)
+        whole, rest = split_delay(self.delay_samples)
         pieces = [(rest, whole + 1), (1.0 - rest, whole)] if rest > 0.0 else [(1.0, whole)]
         transition, drive, age, length, weights = [], [], [], [], []
         to_position = self.plant.C[: self.positions]
         for share, old in pieces:
             step = share / self.refine
-            half = np.hstack(hold(self.plant.A, self.plant.B, step / 2 * self.period))
-            full = np.hstack(hold(self.plant.A, self.plant.B, step * self.period))
+            half = np.hstack(hold(self.plant.A, self.plant.B, step / 2 * self.dt))
+            full = np.hstack(hold(self.plant.A, self.plant.B, step * self.dt))
             rows = np.vstack([to_position @ half, to_position @ full, full])
-            weight = lowpass_weights(self.corner, step * self.period)
+            weight = lowpass_weights(self.corner, step * self.dt)
             for _ in range(self.refine):
                 transition.append(rows[:, : self.plant.nstates])
                 drive.append(rows[:, self.plant.nstates :])

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.addresses import numbers_at, places_at, types
-from workbench.arrays import IntegerArray, RealArray
-from workbench.compiled import inlined, kernel
+from workbench._core.addresses import numbers_at, places_at, types
+from workbench._core.arrays import IntegerArray, RealArray
+from workbench._core.compiled import inlined, kernel
 from workbench.simulation.converters import convert
 from workbench.simulation.steps import VECTOR, call3, call4
 

@@ -22,20 +22,20 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.simulation.controllers import Controller, in_discrete_time
 
 
 @dataclass(frozen=True)
 class Repetitive:
-    """Repetitive control of disturbances that repeat with the frequency `rotation`.
+    """Repetitive control of disturbances that repeat with the frequency `rotation_hz`.
 
-    rotation  frequency of the repetition [Hz], positive;
-    period    sampling period [s];
-    corner    corner frequency [Hz] of Q, a Butterworth filter of order 2;
+    rotation_hz  frequency of the repetition [Hz], positive;
+    dt    sampling period [s];
+    corner_hz    corner frequency [Hz] of Q, a Butterworth filter of order 2;
     gain      g, above 0 and at most 1.
 
     Raises InputError for other values, and unless rotation < corner < half the sampling frequency.
@@ -43,28 +43,30 @@ class Repetitive:
     Examples
     --------
     >>> from workbench.simulation import Repetitive
-    >>> repetitive = Repetitive(rotation=10.0, period=1e-3, corner=200.0, gain=0.9)
-    >>> repetitive.controller.outputs, round(repetitive.delay, 3)
+    >>> repetitive = Repetitive(rotation_hz=10.0, dt=1e-3, corner_hz=200.0, gain=0.9)
+    >>> repetitive.controller.outputs, round(repetitive.delay_samples, 3)
     (1, 98.873)
     """
 
-    rotation: float
-    period: float
-    corner: float
+    rotation_hz: float
+    dt: float
+    corner_hz: float
     gain: float = field(default=1.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.rotation < math.inf:
+        if not 0.0 < self.rotation_hz < math.inf:
             raise InputError(
-                f"rotation frequency is {self.rotation} Hz; repetitive control needs a positive, "
+                f"rotation frequency is {self.rotation_hz} Hz; repetitive control needs a "
+                "positive, "
                 "finite one"
             )
-        if not (0.0 < self.period < math.inf and 0.0 < self.gain <= 1.0):
+        if not (0.0 < self.dt < math.inf and 0.0 < self.gain <= 1.0):
             raise InputError(f"{self}: need period > 0 and gain above 0 to 1")
-        if not self.rotation < self.corner < 0.5 / self.period:
+        if not self.rotation_hz < self.corner_hz < 0.5 / self.dt:
             raise InputError(
-                f"corner is {self.corner} Hz; it must lie between the rotation's {self.rotation} "
-                f"Hz and half the sampling frequency, {0.5 / self.period} Hz"
+                f"corner_hz is {self.corner_hz} Hz; it must lie between the rotation's "
+                f"{self.rotation_hz} "
+                f"Hz and half the sampling frequency, {0.5 / self.dt} Hz"
             )
 
     @cached_property
@@ -72,28 +74,28 @@ class Repetitive:
         """The filter Q in discrete time, by the bilinear transform."""
         import control
 
-        omega = 2 * math.pi * self.corner
+        omega = 2 * math.pi * self.corner_hz
         butterworth = control.tf([omega**2], [1.0, math.sqrt(2.0) * omega, omega**2])
-        return in_discrete_time(butterworth, self.period)
+        return in_discrete_time(butterworth, self.dt)
 
     @property
-    def delay(self) -> float:
+    def delay_samples(self) -> float:
         """The delay D [samples], in general not an integer.
 
         It is more than 1.5, because the phase lag of Q is less than 90 degrees.
         """
-        turn = 2 * math.pi * self.rotation * self.period
+        turn = 2 * math.pi * self.rotation_hz * self.dt
         late = -float(np.angle(complex(self.lowpass(np.exp(1j * turn))))) / turn
-        return 1.0 / (self.rotation * self.period) - late
+        return 1.0 / (self.rotation_hz * self.dt) - late
 
     @property
     def controller(self) -> Controller:
         """Controller that reads e and gives r; its memory starts with zeros."""
-        length = math.floor(self.delay) + 2
+        length = math.floor(self.delay_samples) + 2
         Q = self.lowpass
         matrices = (np.ravel(one) for one in (Q.A, Q.B, Q.C, Q.D))
-        parameters = np.concatenate([[self.delay, self.gain], *matrices])
-        return Controller(_repeat, np.zeros(3 + length), parameters, period=self.period)
+        parameters = np.concatenate([[self.delay_samples, self.gain], *matrices])
+        return Controller(_repeat, np.zeros(3 + length), parameters, dt=self.dt)
 
     def contraction(self, loop: StateSpace) -> StateSpace:
         """System Q (1 - g T) for a discrete loop transfer function L under negative feedback.

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace, TransferFunction
 from workbench.simulation.controllers import Controller, in_discrete_time
 
 
@@ -29,7 +29,7 @@ def blend() -> Controller:
     return Controller(_blend, np.zeros(0), np.zeros(0))
 
 
-def removed(gain: float = 1.0) -> Controller:
+def removed(*, gain: float = 1.0) -> Controller:
     """Part that reads (w, a, f) and gives a - (1 - w) gain f: it subtracts an estimated fault f.
 
     Examples
@@ -53,47 +53,47 @@ def total() -> Controller:
     return Controller(_total, np.zeros(0), np.zeros(0))
 
 
-def silenced(intervals: Sequence[tuple[float, float]], period: float) -> Controller:
+def silenced(intervals: Sequence[tuple[float, float]], dt: float) -> Controller:
     """Part that reads w and gives w, but 0 in intervals (from, until) [s]: false alarms.
 
-    Time starts when the part is first in charge. `period` is the sampling period [s]. Raises
+    Time starts when the part is first in charge. `dt` is the sampling period [s]. Raises
     InputError for intervals that are empty, out of order or overlapping.
 
     Examples
     --------
     >>> from workbench.simulation import play, silenced
-    >>> play(silenced([(1.0, 3.0)], period=1.0), [[1.0]] * 4).ravel().tolist()
+    >>> play(silenced([(1.0, 3.0)], dt=1.0), [[1.0]] * 4).ravel().tolist()
     [1.0, 0.0, 0.0, 1.0]
     """
     times = np.array(intervals, float).reshape(-1, 2)
     if not (np.isfinite(times).all() and (np.diff(times.ravel()) > 0.0).all()):
         raise InputError(f"intervals are {intervals}; need from < until, one after the other")
     # Half a sample of offset makes the comparison insensitive to rounding.
-    return Controller(_silenced, np.zeros(1), times.ravel() / period - 0.5, period=period)
+    return Controller(_silenced, np.zeros(1), times.ravel() / dt - 0.5, dt=dt)
 
 
-def ramped(rate: float, start: float, period: float) -> Controller:
+def ramped(rate: float, start: float, dt: float) -> Controller:
     """Part that reads a and gives a with a gain of 1 that changes by `rate` [dB/s] from `start` on.
 
-    Time [s] starts when the part is first in charge. `period` is the sampling period [s]. Raises
+    Time [s] starts when the part is first in charge. `dt` is the sampling period [s]. Raises
     InputError for a rate that is not finite and for a start that is negative or not finite.
 
     Examples
     --------
     >>> from workbench.simulation import play, ramped
-    >>> louder = play(ramped(rate=20.0, start=0.0, period=1.0), [[1.0]] * 3)
+    >>> louder = play(ramped(rate=20.0, start=0.0, dt=1.0), [[1.0]] * 3)
     >>> louder.ravel().round(6).tolist()  # 20 dB in a second
     [1.0, 10.0, 100.0]
     """
     if not (np.isfinite(rate) and 0.0 <= start < np.inf):
         raise InputError(f"rate is {rate} dB/s, start is {start} s; need finite, start 0 or later")
-    grown = 10.0 ** (rate * period / 20.0)
-    return Controller(_ramped, np.zeros(1), np.array([grown, start / period]), period=period)
+    grown = 10.0 ** (rate * dt / 20.0)
+    return Controller(_ramped, np.zeros(1), np.array([grown, start / dt]), dt=dt)
 
 
 def following(
     system: StateSpace | TransferFunction,
-    period: float,
+    dt: float,
     rate: float,
     *,
     substitute: bool = False,
@@ -117,13 +117,13 @@ def following(
     --------
     >>> import control
     >>> from workbench.simulation import following, play
-    >>> K = following(control.tf([1.0, 5.0], [1.0, 0.1]), period=1e-3, rate=100.0)
+    >>> K = following(control.tf([1.0, 5.0], [1.0, 0.1]), dt=1e-3, rate=100.0)
     >>> play(K, [[1.0, 1.0, 0.0]] * 3).shape
     (3, 1)
     """
     from scipy.signal import place_poles
 
-    discrete = in_discrete_time(system, period)
+    discrete = in_discrete_time(system, dt)
     n = discrete.nstates
     if (discrete.ninputs, discrete.noutputs) != (1, 1):
         raise InputError(
@@ -133,9 +133,9 @@ def following(
     if not 0.0 < rate < np.inf:
         raise InputError(f"rate is {rate} 1/s; it must be positive and finite")
     poles = discrete.poles()
-    slow = np.flatnonzero(abs(poles) > np.exp(-rate * period))
+    slow = np.flatnonzero(abs(poles) > np.exp(-rate * dt))
     wanted = poles.copy()
-    wanted[slow] = np.exp(-rate * period * (1.0 + 0.1 * np.arange(len(slow))))
+    wanted[slow] = np.exp(-rate * dt * (1.0 + 0.1 * np.arange(len(slow))))
     L = np.zeros(n)
     if slow.size:
         try:
@@ -146,7 +146,7 @@ def following(
     parameters = np.concatenate([[n, substitute], *(np.ravel(one) for one in matrices)])
     state = np.zeros(2 * n + 2)
     state[-1] = 1.0
-    return Controller(_following, state, parameters, period=period, carried=n)
+    return Controller(_following, state, parameters, dt=dt, carried=n)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import no_more_names
+from workbench._core.on_demand import no_more_names
 from workbench.starter.first_choices import FirstChoices, first_choices
 from workbench.starter.study_folder import write_study
 

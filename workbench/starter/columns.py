@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.records import uneven
 from workbench.identification.files.columns import Columns
@@ -29,7 +29,7 @@ EVEN = 0.1
 
 
 def record_columns(
-    file: Path, input: str | None, output: str | None, time: str | None, sample_rate: float | None
+    file: Path, input: str | None, output: str | None, time: str | None, dt: float | None
 ) -> tuple[str, str, str | None]:
     """Names of a record's columns for input, output and time; names that are given are kept.
 
@@ -55,13 +55,13 @@ def record_columns(
     for kind, name in (("input", input), ("output", output), ("time", time)):
         if name is not None and name not in columns.names:
             raise InputError(f"{told}: none is called {name!r}; name the {kind}, --{kind} NAME")
-    if time is None and sample_rate is None:
+    if time is None and dt is None:
         found = _instants(table, names)
         if not found:
             _refuse_gaps(file, columns, table, names)
         time = _only_name(found, told, "time", "or give --sample-rate HZ")
-    if time is None and sample_rate is not None:
-        _need_rate(columns, _names_with_word(_instants(table, names), TIME), sample_rate, told)
+    if time is None and dt is not None:
+        _need_rate(columns, _names_with_word(_instants(table, names), TIME), dt, told)
     left = [name for name in names if name not in (input, output, time)]
     if input is None:
         fit = _names_with_word(left, INPUT)
@@ -106,14 +106,14 @@ def _refuse_gaps(
             )
 
 
-def _need_rate(columns: Columns, called: Sequence[str], sample_rate: float, told: str) -> None:
+def _need_rate(columns: Columns, called: Sequence[str], dt: float, told: str) -> None:
     """Raise InputError if a time column contradicts the given sampling frequency."""
     for name in called:
         rate = 1.0 / float(np.diff(columns.seconds(name)[0]).mean())
-        if abs(rate / sample_rate - 1) > EVEN:
+        if abs(rate * dt - 1) > EVEN:
             raise InputError(
                 f"{told}; {name!r} rises by {1 / rate:.4g} s a sample, {rate:.6g} Hz, and "
-                f"--sample-rate says {sample_rate:g} Hz: leave it out, or rename the "
+                f"--sample-rate says {1 / dt:g} Hz: leave it out, or rename the "
                 "column"
             )
 

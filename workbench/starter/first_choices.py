@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
@@ -82,10 +82,10 @@ Multivariable Feedback Control, 2nd ed., Wiley 2005, section 5.9); the control a
 class FirstChoices:
     """Numbers of a first design, each with its reason.
 
-    ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
-    nominal plant. ``bandwidth`` [Hz]: frequency at which the error weight is about 1. ``effort``:
-    the control weight at low frequencies. ``reasons``: the reason for each number, by name.
-    ``columns``: the columns read from the records; ``notes``: peculiarities of the records;
+    ``band_hz`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of
+    the nominal plant. ``bandwidth_hz`` [Hz]: frequency at which the error weight is about 1.
+    ``effort``: the control weight at low frequencies. ``reasons``: the reason for each number, by
+    name. ``columns``: the columns read from the records; ``notes``: peculiarities of the records;
     ``tested``: assumptions about the records, with the results of their tests. ``peak``: certified
     peak of mu with a first controller, below 1 if it meets the weights; NaN before one was tried.
     ``shape``, ``form``: of its cover. ``states``: fewest states of
@@ -97,17 +97,17 @@ class FirstChoices:
     >>> from workbench.uncertainty import Responses
     >>> omega = np.geomspace(1, 1e3, 60)
     >>> response = np.array([gain / (1j * omega / 50 + 1) for gain in (0.9, 1.0, 1.1)])
-    >>> plants = Responses(omega, response.T)
+    >>> plants = Responses(omega=omega, values=response.T)
     >>> from workbench.starter import first_choices
-    >>> choices = first_choices(plants, period=1e-3)
+    >>> choices = first_choices(plants, dt=1e-3)
     >>> sorted(choices.reasons)
     ['band', 'bandwidth', 'effort', 'order']
     """
 
-    band: tuple[float, float]
+    band_hz: tuple[float, float]
     order: int
     unstable_poles: int
-    bandwidth: float
+    bandwidth_hz: float
     effort: float
     reasons: dict[str, str]
     columns: str = field(default="", kw_only=True)
@@ -120,7 +120,7 @@ class FirstChoices:
 
 
 def first_choices(
-    responses: Responses, period: float, delay: float = 1.0, at_most: float = np.inf
+    responses: Responses, dt: float, *, delay_samples: float = 1.0, at_most_hz: float = np.inf
 ) -> FirstChoices:
     """Initial choices for a controller of these plants that runs on a computer.
 
@@ -128,11 +128,11 @@ def first_choices(
     ----------
     responses
         Responses of two plants or more.
-    period
+    dt
         Sampling time of the controller [s].
-    delay
+    delay_samples
         Delay of the computer [samples].
-    at_most
+    at_most_hz
         Largest bandwidth [Hz].
 
     Raises
@@ -147,26 +147,26 @@ def first_choices(
     >>> from workbench.uncertainty import Responses
     >>> omega = np.geomspace(1, 1e3, 60)
     >>> response = np.array([gain / (1j * omega / 50 + 1) for gain in (0.9, 1.0, 1.1)])
-    >>> plants = Responses(omega, response.T)
+    >>> plants = Responses(omega=omega, values=response.T)
     >>> from workbench.starter import first_choices
-    >>> choices = first_choices(plants, period=1e-3)
-    >>> choices.order, choices.unstable_poles, round(choices.bandwidth)
+    >>> choices = first_choices(plants, dt=1e-3)
+    >>> choices.order, choices.unstable_poles, round(choices.bandwidth_hz)
     (1, 0, 37)
     """
-    need_positive(period, "period")
+    need_positive(dt, "dt")
     reasons = {}
-    used, reasons["band"] = _seen_band(responses)
+    used, reasons["band_hz"] = _seen_band(responses)
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
-    bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
+    bandwidth, reasons["bandwidth_hz"] = _bandwidth(used, nominal, dt, delay_samples, at_most_hz)
     stabilised = OVER_UNSTABLE * float(nominal.poles.real.max(initial=0.0)) / (2 * np.pi)
-    last = max(bandwidth, stabilised, 1.01 * used.frequency[0])
-    below = 2 * np.pi * np.geomspace(used.frequency[0], last, 50)
+    last = max(bandwidth, stabilised, 1.01 * used.frequency_hz[0])
+    below = 2 * np.pi * np.geomspace(used.frequency_hz[0], last, 50)
     least = float(np.abs(nominal.response(below)).min())
     effort = float(f"{EFFORT * least:.3g}")
     up_to = "twice the unstable pole" if stabilised > bandwidth else "the bandwidth"
     reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below {up_to}"
-    band = float(used.frequency[0]), float(used.frequency[-1])
+    band = float(used.frequency_hz[0]), float(used.frequency_hz[-1])
     return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
 
 
@@ -190,10 +190,10 @@ def _seen_band(responses: Responses) -> tuple[Responses, str]:
             f"{100 * SEEN:g} % region is wider than half its response): excite more, or "
             "average longer"
         )
-    first, last = responses.frequency[start], responses.frequency[end - 1]
+    first, last = responses.frequency_hz[start], responses.frequency_hz[end - 1]
     wider = f"a plant's {100 * SEEN:g} % region is wider than half its response"
     text = f"elsewhere {wider}" if bridged.any() else "all that is given"
-    inside = responses.frequency[start:end][hidden[start:end]]
+    inside = responses.frequency_hz[start:end][hidden[start:end]]
     if inside.size:
         text += f"; at {inside.size} frequencies from {inside[0]:.4g} Hz on, too, {wider}"
     return responses.within(first, last), text
@@ -219,7 +219,7 @@ def _nominal(responses: Responses) -> tuple[Rational, str]:
     omega, mean = responses.omega, mean_response(responses.points)
     away = np.where(responses.present, responses.values / mean[:, None] - 1, 0.0)
     spread = float(np.median(np.abs(away).max(axis=1)))  # the few lines about a notch do not count
-    context = Context(Options())
+    context = Context(options=Options())
 
     def fits(count: int) -> list[tuple[float, Rational]]:
         found = []
@@ -275,7 +275,7 @@ def _bandwidth(
         room = np.sqrt(WORST_SET**2 - ERROR_PEAK**-2)
         first = int(np.argmax(wide))
         words = (
-            f"at {responses.frequency[first]:.3g} Hz the plants, as far as known, differ by "
+            f"at {responses.frequency_hz[first]:.3g} Hz the plants, as far as known, differ by "
             f"{100 * size[first]:.0f} % from any nominal"
         )
         limits[words] = float(room * responses.omega[first])
@@ -293,7 +293,8 @@ def _bandwidth(
     if most < responses.omega[0]:
         raise InputError(
             f"{why}: a bandwidth of at most {most / (2 * np.pi):.3g} Hz, below the first frequency "
-            f"that was measured, {responses.frequency[0]:.3g} Hz; measure lower, or mend that limit"
+            f"that was measured, {responses.frequency_hz[0]:.3g} Hz; measure lower, or mend that "
+            "limit"
         )
     return float(f"{most / (2 * np.pi):.3g}"), why
 

@@ -50,7 +50,7 @@ class FirstLook:
 
 
 def first_look(
-    paths: Sequence[Path], input: str, output: str, time: str | None, sample_rate: float | None
+    paths: Sequence[Path], input: str, output: str, time: str | None, record_dt: float | None
 ) -> FirstLook:
     """Read every record.
 
@@ -60,7 +60,7 @@ def first_look(
         A record is too short; or two files hold the same record, since a plant that counts twice
         makes the spread too small. Or as `workbench.identification.read_record`.
     """
-    read, alike = read_alike(paths, input, output, sample_rate, time)
+    read, alike = read_alike(paths, input, output, record_dt, time)
     records = [(one["u"].values, one["y"].values) for one in read]
     for path, (u, _) in zip(paths, records, strict=True):
         if u.size < FEWEST_SAMPLES:

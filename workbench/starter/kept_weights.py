@@ -40,8 +40,8 @@ TARGET = 0.95
 fewer states.
 """
 KEPT = 0.98
-"""Largest peak of mu allowed while a bandwidth below the first one is kept, and states are removed to find the
-largest order."""
+"""Largest peak of mu at which a bandwidth below the first one counts as kept, so that states can
+still be removed."""
 SECONDS = 300.0
 """Time limit [s] of each try; a try that runs out of time is judged by the peak reached so far. On
 a busy computer a first try may spend a minute or two on compiling loops.
@@ -91,27 +91,27 @@ def kept_weights(
     every = rung(chosen, models)
     while lower and _best(every).peak >= KEPT and len(every) < TRIES * len(models):
         try:
-            slower = lower(every[-1].choices.bandwidth / STEP)
+            slower = lower(every[-1].choices.bandwidth_hz / STEP)
         except InputError:
             break
         every += rung(slower, models)
     best = _best(every)
     shapes = _told_covers(every, best)
     if lower and best.peak < KEPT and len(every) > len(models):
-        too_fast = every[-len(models) - 1].choices.bandwidth
+        too_fast = every[-len(models) - 1].choices.bandwidth_hz
         for _ in range(HALVINGS):
-            middle = lower(math.sqrt(best.choices.bandwidth * too_fast))
+            middle = lower(math.sqrt(best.choices.bandwidth_hz * too_fast))
             every += rung(middle, [best.cover])
             if every[-1].peak < KEPT:
                 best = every[-1]
             else:
-                too_fast = middle.bandwidth
+                too_fast = middle.bandwidth_hz
     told = replace(best.choices, reasons=best.choices.reasons | {"shape": shapes})
     if best.peak < 1 and len(every) > len(models):
-        frequencies = dict.fromkeys(f"{one.choices.bandwidth:g}" for one in every)
-        told.reasons["bandwidth"] = (
+        frequencies = dict.fromkeys(f"{one.choices.bandwidth_hz:g}" for one in every)
+        told.reasons["bandwidth_hz"] = (
             f"the largest of {', '.join(frequencies)} Hz at which a certified peak of mu is below "
-            f"1, {told_apart(best.peak, 1.0, digits=3)[0]}; at {chosen.bandwidth:g} Hz it is "
+            f"1, {told_apart(best.peak, 1.0, digits=3)[0]}; at {chosen.bandwidth_hz:g} Hz it is "
             f"{told_apart(_best(every[: len(models)]).peak, 1.0, digits=3)[0]}"
         )
     if best.found is None:
@@ -162,7 +162,7 @@ def _tried(
     study: Any, chosen: FirstChoices, cover: Cover, model: Any, structure: Structure
 ) -> Tried:
     """A controller for a bandwidth and a cover."""
-    plant = study.weighted(model, chosen.bandwidth, chosen.effort)
+    plant = study.weighted(model, chosen.bandwidth_hz, chosen.effort)
     wanted = {} if structure == "free" else {"family": study.FAMILIES[structure]}
     task = MuSynthesis(plant, target=TARGET, integral=True, **wanted)
     found = solve(task, options=Options(time_limit=SECONDS)).answer
@@ -173,9 +173,9 @@ def _tried(
 
 def _told_covers(every: Sequence[Tried], best: Tried) -> str:
     """The peaks of mu with each cover at the bandwidth of the best."""
-    beside = [one for one in every if one.choices.bandwidth == best.choices.bandwidth]
+    beside = [one for one in every if one.choices.bandwidth_hz == best.choices.bandwidth_hz]
     peaks = "; ".join(f"{one.cover[1]} {one.cover[0]}s {one.peak:.3g}" for one in beside)
-    return f"the certified peak of mu at {best.choices.bandwidth:g} Hz is, with {peaks}"
+    return f"the certified peak of mu at {best.choices.bandwidth_hz:g} Hz is, with {peaks}"
 
 
 def fewest_states(best: FirstChoices, plant: Any, found: MuController) -> FirstChoices:
@@ -189,7 +189,7 @@ def fewest_states(best: FirstChoices, plant: Any, found: MuController) -> FirstC
     tried: list[FirstChoices] = []
     for states in range(1, last + 1):
         task = MuSynthesis(plant, order=states, integral=True)
-        done = solve(task, "fixed", options=Options())
+        done = solve(task, method="fixed", options=Options())
         if done.answer is not None:
             tried.append(replace(best, states=states, peak=float(done.answer.upper)))
             if tried[-1].peak < 1:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 SEGMENTS = 8
 """Number of segments of a record, without overlap, whose spectra are averaged."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.synthesis import WorkingPoint
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.regions import region_radius
@@ -62,7 +62,7 @@ def refuse_opposite_gains(responses: Responses, files: Sequence[str]) -> None:
         return
     gains = [f"{files[k]}: {lowest[k].real:.3g}" for k in (up[0], down[0])]
     raise InputError(
-        f"at {responses.frequency[0]:.4g} Hz two plants have gains of opposite sign "
+        f"at {responses.frequency_hz[0]:.4g} Hz two plants have gains of opposite sign "
         f"({'; '.join(gains)}). With an integrator the characteristic polynomials of their loops "
         "have opposite signs at s = 0 if they have equally many unstable poles, so no fixed linear "
         "controller with integral action stabilises both: is a sensor or an actuator connected "

@@ -44,11 +44,11 @@ def write_study(
     input: str | None = None,
     output: str | None = None,
     time: str | None = None,
-    sample_rate: float | None = None,
+    record_dt: float | None = None,
     excitation: str | int | None = None,
     assume: str | Sequence[str] = (),
-    period: float | None = None,
-    delay: float = 1.0,
+    dt: float | None = None,
+    delay_samples: float = 1.0,
     spread: float | None = None,
     resonance_shift: float | None = None,
     structure: Structure = "free",
@@ -75,17 +75,17 @@ def write_study(
         one plant.
     input, output, time
         Names of columns; None: they are found by their names and values.
-    sample_rate
-        Sampling frequency [Hz] of records without a time column.
+    record_dt
+        Sampling time [s] of records without a time column.
     excitation
         Name of the column with the signal added to the closed loops from outside, such as the
         set-point. If that was not recorded but is periodic, its period in samples.
     assume
         Assumptions about the records that you vouch for although their tests reject them, such as
         "open loop".
-    period
+    dt
         Sampling time [s] of the controller's computer; None: that of the records.
-    delay
+    delay_samples
         Delay [samples] of the controller's computer.
     spread, resonance_shift
         Deviation of plants from the recorded ones, as in `Responses.from_files`; with a single
@@ -145,10 +145,12 @@ def write_study(
         "control_rms": control_rms,
     }
     Demands(**asked, noise=1.0)  # raises for invalid numbers
-    need_positive(period, "period", or_none=True)
-    need_positive(sample_rate, "sample_rate", or_none=True)
-    if not (is_real(delay) and 0.0 <= delay < math.inf):
-        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
+    need_positive(dt, "dt", or_none=True)
+    need_positive(record_dt, "record_dt", or_none=True)
+    if not (is_real(delay_samples) and 0.0 <= delay_samples < math.inf):
+        raise InputError(
+            f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
+        )
     target = Path(folder)
     plant = target.name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", plant):
@@ -158,9 +160,9 @@ def write_study(
     if target.exists():
         raise InputError(f"{target} exists already; name a new folder, or move it away")
     paths = found_files(data)
-    u, y, t = record_columns(paths[0], input, output, time, sample_rate)
-    look = first_look(paths, u, y, t, sample_rate)
-    every = look.period if period is None else period
+    u, y, t = record_columns(paths[0], input, output, time, record_dt)
+    look = first_look(paths, u, y, t, record_dt)
+    every = look.period if dt is None else dt
     stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
     held = look.limits if limits is None else limits
     responses = Responses.from_files(
@@ -168,7 +170,7 @@ def write_study(
         input=u,
         output=y,
         time=t,
-        sample_rate=sample_rate,
+        dt=record_dt,
         excitation=excitation,
         assume=assume,
         hold=True,
@@ -186,19 +188,21 @@ def write_study(
         for finding in report.findings
     )
     try:
-        chosen = first_choices(responses, every, delay, bandwidth_hz or np.inf)
+        chosen = first_choices(
+            responses, every, delay_samples=delay_samples, at_most_hz=bandwidth_hz or np.inf
+        )
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     chosen = replace(chosen, columns=look.columns, notes=notes, tested=responses.tested)
     if bandwidth_hz is not None:
-        chosen = replace(chosen, bandwidth=bandwidth_hz)
-        chosen.reasons["bandwidth"] = "as given"
+        chosen = replace(chosen, bandwidth_hz=bandwidth_hz)
+        chosen.reasons["bandwidth_hz"] = "as given"
     if control_rms is not None and not look.noise:
         raise InputError("control_rms is demanded, but the records show no noise: leave it out")
     if effort is not None:
         chosen = replace(chosen, effort=effort)
         chosen.reasons["effort"] = "as given"
-    chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
+    chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
     named: dict[str, Any] = {"excitation": excitation} if excitation is not None else {}
     if assume:
         named["assume"] = as_names(assume)
@@ -210,11 +214,11 @@ def write_study(
         "input": u,
         "output": y,
         "time": t,
-        "sample_rate": sample_rate,
+        "record_dt": record_dt,
         "named": named,
         "stated": {name: share for name, share in stated.items() if share is not None},
         "period": every,
-        "delay": delay,
+        "delay_samples": delay_samples,
         "chosen": chosen,
         "limits": tuple(map(float, held)),
         "limits_from": "of the records" if limits is None else "as given",
@@ -237,7 +241,7 @@ def write_study(
         _write(made, paths, told)
 
         def lower(most: float) -> FirstChoices:
-            other = first_choices(responses, every, delay, most)
+            other = first_choices(responses, every, delay_samples=delay_samples, at_most_hz=most)
             reasons = {**chosen.reasons, "effort": other.reasons["effort"]}
             if effort is not None:
                 other, reasons = replace(other, effort=effort), chosen.reasons

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import no_more_names
+from workbench._core.on_demand import no_more_names
 from workbench.study.answers import answers
 from workbench.study.checks import check
 from workbench.study.declarations import array, arrays, dim, part, system, variables

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer
 from workbench.certificate import Check, Checker, quantified
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.study.declarations import Declaration, Function, PartDeclaration
 from workbench.study.packing import packed_datasets, unpacked_datasets
 

@@ -50,14 +50,14 @@ class Checked(Declaration):
             size, where = _worst(one, self.where)
             most = limit[labels[self.each[0]]] if isinstance(limit, Mapping) else limit
             name, words = title.format(**labels), statement.format(**labels)
-            yield Check(name, words, size, most, where, over=over.format(**labels))
+            yield Check(name, words, size, most, where=where, over=over.format(**labels))
 
 
 def check(
+    *,
     title: str = "",
     statement: str = "",
     value: Function | None = None,
-    *,
     at_most: Limit | Callable[[Any], Limit] | None = None,
     each: str | tuple[str, ...] = (),
     where: str = "",
@@ -97,8 +97,11 @@ def check(
     ...     '''Squares of some numbers.'''
     ...
     ...     number = dim(1, 2, 3)
-    ...     square = array(number, "1", "square", lambda number: number**2)
-    ...     small = check("small", "the largest square", lambda square: square, at_most=8.0)
+    ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
+    ...     small = check(
+    ...         title="small", statement="the largest square", value=lambda square: square,
+    ...         at_most=8.0
+    ...     )
     ...
     >>> certificate = solve(Squares()).certificate
     >>> certificate.holds, certificate.checks[0].value, certificate.checks[0].where

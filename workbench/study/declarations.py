@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.systems.storage import restored, stored
 
 Function = Callable[..., Any]
@@ -74,7 +74,10 @@ def part(function: Function) -> Any:
     ...     def table(self):
     ...         return {1: 1, 2: 4, 3: 9}
     ...
-    ...     square = array(number, "1", "square", lambda table: [table[k] for k in (1, 2, 3)])
+    ...     square = array(
+    ...         dims=number, unit="1", meaning="square", value=lambda table: [table[k] for k in (1,
+    ...         2, 3)]
+    ...     )
     ...
     >>> sorted(solve(Squares()).answer.data_vars)
     ['square']
@@ -121,7 +124,9 @@ def dim(*labels: Any, unit: str = "", meaning: str = "") -> Any:
     ...     def frequency(self):
     ...         return [100.0 * (k + 1) for k in range(self.count)]
     ...
-    ...     twice = array(frequency, "Hz", "twice", lambda frequency: 2 * frequency)
+    ...     twice = array(
+    ...         dims=frequency, unit="Hz", meaning="twice", value=lambda frequency: 2 * frequency
+    ...     )
     ...
     >>> solve(Lines()).answer["twice"].values.tolist()
     [200.0, 400.0, 600.0]
@@ -202,11 +207,11 @@ Dims = Any  # a dimension, as an object or by its name, or a tuple of them
 
 
 def array(
+    *,
     dims: Dims = (),
     unit: str = "",
     meaning: str = "",
     value: Function | None = None,
-    *,
     coordinate: bool = False,
     **attributes: Any,
 ) -> Any:
@@ -240,7 +245,7 @@ def array(
     ...
     ...     number = dim(1, 2, 3)
     ...
-    ...     @array(number, "m2")
+    ...     @array(dims=number, unit="m2")
     ...     def square(self, number):
     ...         '''Area of a square.'''
     ...         return number**2
@@ -365,7 +370,7 @@ class System(Declaration):
         return self if study is None else self.restored
 
 
-def system(over: Any = None, called: str = "") -> Any:
+def system(over: Any = None, *, called: str = "") -> Any:
     """Declare a stored system (or one for each label of the dimension ``over``).
 
     ``study.name(dataset)`` returns it: a StateSpace, or a mapping from labels. ``called`` is the

@@ -12,8 +12,8 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.heavy_types import DataArray
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray
 
 DRAW = "draw"
 """Name of the dimension of repeated experiments."""
@@ -81,7 +81,7 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
     return found
 
 
-def with_interval(summary: DataArray, form: str = "{:.3g}") -> str:
+def with_interval(summary: DataArray, *, form: str = "{:.3g}") -> str:
     """Mean and interval, as `over_draws` gives them, in words: ``0.52 (0.41 to 0.66)``.
 
     Examples

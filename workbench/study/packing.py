@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 
 ABSENT = -1
 """Marks a variable that the dataset of a label does not have, in place of its number of entries."""

@@ -8,11 +8,11 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.accuracy import ANY_ACCURACY_ALIKE, AccuracyRange
 from workbench.certificate import Check, Checker
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Claim, Task
 from workbench.solvers import Outcome
 from workbench.study.answers import AnswersDeclaration, Restored, checks_of
@@ -53,8 +53,11 @@ class Study(Task):
     ...     '''Squares of some numbers.'''
     ...
     ...     number = dim(1, 2, 3)
-    ...     square = array(number, "1", "square", lambda number: number**2)
-    ...     small = check("small", "the largest square", lambda square: square, at_most=10.0)
+    ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
+    ...     small = check(
+    ...         title="small", statement="the largest square", value=lambda square: square,
+    ...         at_most=10.0
+    ...     )
     ...     most = metric(lambda square: square.max())
     ...
     >>> solution = solve(Squares())
@@ -146,7 +149,7 @@ class Study(Task):
         said = "entries of arrays that the stored answers do not have"
         where = ", ".join(name for name, count in apart.items() if count)
         differing = float(sum(apart.values()))
-        return [Check("arrays of answers", said, differing, 0.0, where, over=STORED_ANSWERS)]
+        return [Check("arrays of answers", said, differing, 0.0, where=where, over=STORED_ANSWERS)]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         get = self._getter(answer)

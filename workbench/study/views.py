@@ -7,9 +7,9 @@ from itertools import product
 from typing import Any
 
 from workbench import figures
-from workbench.heavy_types import Figure
+from workbench._core.heavy_types import Figure
+from workbench._core.tables import markdown
 from workbench.study.declarations import Declaration, Function, identifier
-from workbench.tables import markdown
 
 Get = Callable[[str], Any]
 
@@ -45,7 +45,7 @@ def _named(label: Any) -> str:
     return text if text.isidentifier() or text.isalnum() else identifier(text)
 
 
-def metric(template: Function | str = "", value: Function | None = None) -> Any:
+def metric(template: Function | str = "", *, value: Function | None = None) -> Any:
     """Declare a metric: a function of stored arrays that returns a number.
 
     An array gives one metric for each label, named by a template, as in
@@ -62,7 +62,7 @@ def metric(template: Function | str = "", value: Function | None = None) -> Any:
     ...     '''Squares of some numbers.'''
     ...
     ...     number = dim(1, 2, 3)
-    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
     ...     most = metric(lambda square: square.max())
     ...
     >>> solve(Squares()).metrics
@@ -106,7 +106,7 @@ def table(function: Function | None = None, *, rows: Any = None, **columns: Any)
     ...     '''Squares of some numbers.'''
     ...
     ...     number = dim(1, 2, 3)
-    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
     ...     squares = table(rows=number, square="{:.0f}")
     ...
     >>> study = Squares()
@@ -181,7 +181,7 @@ def figure(function: Function) -> Any:
     ...     '''Squares of some numbers.'''
     ...
     ...     number = dim(1, 2, 3)
-    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
     ...
     ...     @figure
     ...     def parabola(number, square):
@@ -229,7 +229,7 @@ def lines(
     ...     '''Squares of some numbers.'''
     ...
     ...     number = dim(1, 2, 3)
-    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     square = array(dims=number, unit="1", meaning="square", value=lambda number: number**2)
     ...     parabola = lines("square", x="number", log="", limit=5.0)
     ...
     >>> study = Squares()

@@ -8,7 +8,7 @@ Rests on: two Riccati equations or linear matrix inequalities (H-infinity, H2); 
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.synthesis.demands.bandwidth_limits import BandwidthLimits

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.program import Program
 from workbench.solution import solve
 from workbench.structure import Structure
@@ -47,7 +47,7 @@ class DesignTask:
     quadratic
         Plant for which LQG is designed: it has no perturbation, and its noise has finite variance
         in the outputs.
-    G
+    nominal
         Nominal plant of the loop with negative feedback, StateSpace.
     W_S, W_KS
         Weights of mixed sensitivity, as in `MixedSensitivity`.
@@ -107,7 +107,7 @@ class DesignTask:
     plant: GeneralisedPlant
     regular: GeneralisedPlant
     quadratic: GeneralisedPlant
-    G: StateSpace
+    nominal: StateSpace
     W_S: Any
     W_KS: Any
     reference: StateSpace
@@ -127,16 +127,16 @@ class DesignTask:
         assert self.regular.structure is not None
         return self.regular.structure
 
-    def shaped(self, gain: float = 1.0) -> LoopShaping:
+    def shaped(self, *, gain: float = 1.0) -> LoopShaping:
         """Loop shaping with `gain` times the reference controller in series with the plant."""
-        return LoopShaping(self.G, W1=gain * self.reference)
+        return LoopShaping(self.nominal, W1=gain * self.reference)
 
     def full_block_plant(self, size: float) -> GeneralisedPlant:
         """The regular plant for one full block, with the perturbation's signals scaled by
         `size`.
         """
         out, into = [size] * self.structure.columns, [1.0 / size] * self.structure.rows
-        return self.regular.unstructured().weighted(out, into)
+        return self.regular.unstructured().weighted(performance=out, exogenous=into)
 
 
 def reference(task: DesignTask, context: Context) -> StateSpace:
@@ -158,7 +158,9 @@ def mixed_sensitivity(task: DesignTask, context: Context) -> StateSpace:
     """The controller with the least norm of [W_S S; W_KS K S] for the nominal plant, without
     uncertainty.
     """
-    K: StateSpace = _answer(MixedSensitivity(task.G, W_S=task.W_S, W_KS=task.W_KS), context).lti
+    K: StateSpace = _answer(
+        MixedSensitivity(task.nominal, W_S=task.W_S, W_KS=task.W_KS), context
+    ).lti
     return K
 
 
@@ -172,7 +174,7 @@ def loop_shaping(task: DesignTask, context: Context) -> StateSpace:
     nominal = task.plant.nominal()
     tried = []
     for gain in context.track(list(task.gains), "loop shapes"):
-        program = task.shaped(gain)
+        program = task.shaped(gain=gain)
         K = program.controller(_answer(program, context))
         loop = nominal.close(K)
         tried.append((norm((loop.A, loop.B, loop.C, loop.D)), gain, K))
@@ -239,8 +241,8 @@ def _answer(program: Program, context: Context, method: str | None = None) -> An
 
     Raises SolverError where the method has no valid answer.
     """
-    own = Context(context.options, context.progress, started=context.started)
-    solution = solve(program, method, context=own)
+    own = Context(options=context.options, progress=context.progress, started=context.started)
+    solution = solve(program, method=method, context=own)
     if solution.certificate is None or not solution.certificate.valid:
         failed = solution.certificate.failures if solution.certificate else (solution.message,)
         raise SolverError(f"{type(program).__name__}: {'; '.join(failed)}")

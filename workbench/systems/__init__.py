@@ -7,7 +7,7 @@ Rests on: state-space algebra; Gramians and Hamiltonian matrices for norms.
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import no_more_names
+from workbench._core.on_demand import no_more_names
 from workbench.systems.margins import (
     bands,
     bandwidths,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag, schur
 from scipy.linalg.lapack import dtrsen
 
-from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.systems.balancing import axis_rounding, integrators_first
 from workbench.systems.frequency_response import driven_states
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
 
 
 def balanced(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray, RealArray]:

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant
 

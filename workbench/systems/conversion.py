@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.joints import system_of

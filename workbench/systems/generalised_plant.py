@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import (
@@ -108,7 +108,7 @@ class GeneralisedPlant:
         Raises InputError for a plant without performance outputs or exogenous inputs.
         """
         if self.structure is None:
-            return Structure([Full(self.exogenous, self.performance, "performance")])
+            return Structure([Full(self.exogenous, self.performance, name="performance")])
         return self.structure.with_performance(self.performance, self.exogenous)
 
     def response(self, omega: ArrayLike) -> Array:
@@ -116,7 +116,9 @@ class GeneralisedPlant:
         warn_far_frequencies(omega, self.system)
         return response(self.system, omega)
 
-    def channel(self, performance: Signals = None, exogenous: Signals = None) -> GeneralisedPlant:
+    def channel(
+        self, *, performance: Signals = None, exogenous: Signals = None
+    ) -> GeneralisedPlant:
         """The plant with only some performance outputs and exogenous inputs, in that order.
 
         Signals are chosen by name, or by index among the plant's performance outputs and exogenous
@@ -157,7 +159,7 @@ class GeneralisedPlant:
         return replace(self, structure=None)
 
     def weighted(
-        self, performance: Sequence[Any] = (), exogenous: Sequence[Any] = ()
+        self, *, performance: Sequence[Any] = (), exogenous: Sequence[Any] = ()
     ) -> GeneralisedPlant:
         """The plant with weights on its first performance outputs and exogenous inputs.
 
@@ -207,7 +209,7 @@ class GeneralisedPlant:
         )
         return replace(self, system=part, structure=structure)
 
-    def close(self, K: Any) -> StateSpace:
+    def close(self, controller: Any) -> StateSpace:
         """The closed loop N = F_l(P, K) with u = K y.
 
         N keeps every state of P and K, so its poles decide internal stability. K is anything that
@@ -215,7 +217,7 @@ class GeneralisedPlant:
         loop through the direct terms of P and K is singular.
         """
         plant = named_realisation(self.system)
-        controller = named_realisation(system_of(K, "K"), "K")
+        controller = named_realisation(system_of(controller, "controller"), "K")
         if (len(controller.outputs), len(controller.inputs)) != (self.controls, self.measurements):
             raise InputError(
                 f"K has {len(controller.inputs)} inputs and {len(controller.outputs)} outputs; the "
@@ -236,13 +238,13 @@ class GeneralisedPlant:
             plant.outputs[:open_outputs],
         )
 
-    def named(self, K: StateSpace) -> StateSpace:
+    def named(self, controller: StateSpace) -> StateSpace:
         """K with inputs named after the plant's measurements and outputs after its controls."""
         import control
 
         inputs = [own_name(label) for label in self.system.output_labels[-self.measurements :]]
         outputs = list(self.system.input_labels[-self.controls :])
-        return control.ss(K, inputs=inputs, outputs=outputs)
+        return control.ss(controller, inputs=inputs, outputs=outputs)
 
     def diagram(self) -> Figure:
         """The block diagram of the plant, its perturbation and its controller, by signal names."""

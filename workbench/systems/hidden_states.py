@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import EPS, BoolArray, ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.solvers import slicot_routine
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.frequency_response import frequency_response

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_grid import GRID_REACH, starting_grid
@@ -45,8 +45,8 @@ Curve = Callable[[RealArray], Any]
 """Real values (F,) of a continuous function at frequencies [Hz] (F,)."""
 
 
-def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
-    """Response (F,) of a loop with one input and one output at `frequency` [Hz] (F,).
+def loop_response(loop: StateSpace, frequency_hz: RealArray) -> ComplexArray:
+    """Response (F,) of a loop with one input and one output at `frequency_hz` [Hz] (F,).
 
     Examples
     --------
@@ -57,7 +57,7 @@ def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
     >>> loop_response(L, np.array([0.0, 1 / (2 * np.pi)])).round(6).tolist()
     [(1+0j), (0.5-0.5j)]
     """
-    values: ComplexArray = response(loop, 2 * np.pi * frequency)[:, 0, 0]
+    values: ComplexArray = response(loop, 2 * np.pi * frequency_hz)[:, 0, 0]
     return values
 
 
@@ -97,7 +97,7 @@ def search_grid(loop: StateSpace) -> RealArray:
     return every
 
 
-def crossings(curve: Curve, frequency: RealArray) -> RealArray:
+def crossings(curve: Curve, frequency_hz: RealArray) -> RealArray:
     """Frequencies [Hz] of sign changes of a continuous curve, at most one per grid interval.
 
     Examples
@@ -109,7 +109,7 @@ def crossings(curve: Curve, frequency: RealArray) -> RealArray:
     """
     from scipy.optimize.elementwise import find_root
 
-    ends = np.log(frequency)
+    ends = np.log(frequency_hz)
     # as in the search, for which a crossing may lie exactly at a frequency of the grid
     before = np.flatnonzero(np.diff(curve(np.exp(ends)) > 0))
     found = find_root(lambda x: curve(np.exp(x)), (ends[before], ends[before + 1]))
@@ -117,8 +117,8 @@ def crossings(curve: Curve, frequency: RealArray) -> RealArray:
     return roots
 
 
-def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
-    """Frequency ranges [Hz] within a grid in which a continuous curve is positive.
+def bands(curve: Curve, frequency_hz: RealArray) -> list[tuple[float, float]]:
+    """Frequency ranges [Hz] within a grid `frequency_hz` [Hz] in which a curve is positive.
 
     Examples
     --------
@@ -128,7 +128,7 @@ def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
     >>> [round(float(end), 6) for end in found[0]]
     [0.5, 2.0]
     """
-    edges = [frequency[0], *crossings(curve, frequency), frequency[-1]]
+    edges = [frequency_hz[0], *crossings(curve, frequency_hz), frequency_hz[-1]]
     middle = np.sqrt(np.multiply(edges[1:], edges[:-1]))
     inside = curve(middle) > 0
     return [
@@ -184,11 +184,11 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
     return float(crossings(excess, np.geomspace(low, high, LAST_POINTS)).max(initial=low))
 
 
-def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str, float]:
+def bandwidths(loop: StateSpace, *, frequency_hz: ArrayLike | None = None) -> dict[str, float]:
     """Bandwidths [Hz] of a closed loop by three definitions; NaN where there is no crossing.
 
     "S": |S| stays under -3 dB below it; "crossover": |L| stays under 1 above it; "T": |T| stays
-    under -3 dB above it. `frequency` [Hz] (F,): search grid, None: `search_grid(loop)`.
+    under -3 dB above it. `frequency_hz` [Hz] (F,): search grid, None: `search_grid(loop)`.
 
     Examples
     --------
@@ -200,7 +200,7 @@ def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str
     100.0
     """
 
-    grid = _grid(loop, frequency)
+    grid = _grid(loop, frequency_hz)
     loop = as_system(loop, "loop")
 
     def L(at: RealArray) -> ComplexArray:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import RangeWarning
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
 from workbench.systems.realisation import pole_sizes, root_sizes
 

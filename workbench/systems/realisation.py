@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.balancing import (
     axis_rounding,

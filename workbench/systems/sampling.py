@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.conversion import as_states
 from workbench.systems.joints import system_of
@@ -51,12 +51,12 @@ def split_delay(delay: float) -> tuple[int, float]:
     return whole, delay - whole
 
 
-def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
-    """Exact discrete-time model of a system whose held inputs arrive `delay` samples late.
+def sampled(system: Any, dt: float, *, delay_samples: float = 0.0) -> StateSpace:
+    """Exact discrete-time model of a system whose held inputs arrive late.
 
-    `period` is the sampling time [s]. Within [k, k + 1) samples the input changes once, at k plus
-    the fraction of the delay, so the plant is discretised over two pieces. The delayed inputs
-    become states, placed after those of the plant.
+    ``dt`` [s]: the sampling time; ``delay_samples`` [samples]: how late they arrive. Within [k, k +
+    1) samples the input changes once, at k plus the fraction of the delay, so the plant is
+    discretised over two pieces. The delayed inputs become states, placed after those of the plant.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
     >>> import numpy as np
     >>> from workbench.simulation import sampled
     >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> late = sampled(G, 0.1, delay=0.5)
+    >>> late = sampled(G, 0.1, delay_samples=0.5)
     >>> late.nstates, bool(np.isclose(late.dcgain(), 1.0))
     (2, True)
     """
@@ -83,11 +83,11 @@ def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
     system = _states_of(system)
     if system.dt:
         raise InputError(f"the system is sampled already (dt = {system.dt}); give a continuous one")
-    need_positive(period, "period")
-    split_delay(delay)
-    warn_long_period(period, system, "plant")
-    parts = held_matrices((system.A, system.B, system.C, system.D), period, delay)
-    return control.ss(*parts, float(period))
+    need_positive(dt, "dt")
+    split_delay(delay_samples)
+    warn_long_period(dt, system, "plant")
+    parts = held_matrices((system.A, system.B, system.C, system.D), dt, delay_samples)
+    return control.ss(*parts, float(dt))
 
 
 def held_matrices(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from workbench.heavy_types import Dataset, StateSpace
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.systems.realisation import realisation
 
 

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_count, need_positive
 from workbench.systems.realisation import Matrices, in_series, realisation
 

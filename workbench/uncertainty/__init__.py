@@ -8,7 +8,7 @@ for known plants also between these frequencies.
 
 from typing import TYPE_CHECKING
 
-from workbench.on_demand import on_demand
+from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.systems.connection import generalised_plant

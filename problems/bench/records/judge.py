@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench import solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.folds import VALIDATION_SHARE, scored_fit
@@ -55,7 +55,7 @@ FIELDS = ("record", "package", "use", "output", "fit", "model", "seconds")
 def ours(program: StateSpaceFit) -> Iterator[tuple[str, RealArray, str, float]]:
     """Use, fits (ny,) [%], model and seconds of our method."""
     start = time.perf_counter()
-    solution = solve(program, METHOD)
+    solution = solve(program, method=METHOD)
     seconds = time.perf_counter() - start
     answer = solution.answer
     if answer is None or answer.candidates is None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.state_space.program import StateSpaceFit
 
@@ -50,10 +50,10 @@ def question(first: Half, second: Half, title: str, sample_time: float | None) -
         return StateSpaceFit(
             [first.u, second.u],
             [first.y, second.y],
-            len(first.u),
-            orders,
+            estimation=len(first.u),
+            orders=orders,
             title=title,
-            sample_time=sample_time or 1.0,
+            dt=sample_time or 1.0,
             samples="rows",
         )
 

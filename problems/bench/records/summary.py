@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.tables import markdown
 from workbench.errors import InputError
 from workbench.identification.state_space.identified import USES
-from workbench.tables import markdown
 
 OURS = "workbench"
 NONLINEAR = "SysIdentPy, nonlinear"

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from workbench import solve
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.identification import local_polynomial
 from workbench.identification.responses.of_records import record_responses
 from workbench.uncertainty import Responses, StadiumCover, contains
@@ -43,16 +43,16 @@ def heater_draw(length: str, draw: int, seed: int) -> tuple[bool, RealArray, Rea
         pairs.append((u[0, 0], y[0]))
     estimates, _ = record_responses(pairs, 1.0 / SECONDS, MOST)
     found = Responses.from_estimates(estimates)
-    exact = _truth(found.frequency)
+    exact = _truth(found.frequency_hz)
     outside = np.abs(found.values - exact) > region_radius(found, 0.95)
     former = _former(pairs, plants[0].long if length == LENGTHS[0] else plants[0].short)
     inside = region_radius(found, 0.95) < np.abs(found.values)
-    last = found.frequency[np.argmin(inside.all(axis=1)) - 1] if not inside.all() else np.inf
+    last = found.frequency_hz[np.argmin(inside.all(axis=1)) - 1] if not inside.all() else np.inf
     clear = found.within(0.0, last)
     cover = solve(StadiumCover(clear, ORDER, confidence=0.95)).answer.model
-    between = np.sqrt(clear.frequency[1:] * clear.frequency[:-1])
-    fine = np.union1d(clear.frequency, between)
-    held = contains(cover, Responses(frequency=fine, values=_truth(fine))).holds
+    between = np.sqrt(clear.frequency_hz[1:] * clear.frequency_hz[:-1])
+    fine = np.union1d(clear.frequency_hz, between)
+    held = contains(cover, Responses(frequency_hz=fine, values=_truth(fine))).holds
     return held, _shares(outside), former
 
 
@@ -62,7 +62,7 @@ def _former(pairs: list[tuple[RealArray, RealArray]], shortest: int) -> RealArra
     outside = []
     for k, (u, y) in enumerate(pairs):
         cut = u[-shortest:, None], y[-shortest:, None]
-        local = local_polynomial(*cut, FORMER_DEGREE, FORMER_WIDTH, at=at)
+        local = local_polynomial(*cut, degree=FORMER_DEGREE, lines=FORMER_WIDTH, at=at)
         channel = heaters()[k].channels[0]
         assert isinstance(channel, Channel)
         away = np.abs(local.response[:, 0, 0] - channel.response(at / shortest))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification import IdentificationWarning, local_response
 from workbench.identification.responses.local_response import spaced_in_log
@@ -123,7 +123,7 @@ def judged_with(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IdentificationWarning)
             found = estimator(u.T, y[:, None], frequency)
-        reach = np.where(np.isfinite(found.variance), found.radius(0.95), np.inf)[:, 0]
+        reach = np.where(np.isfinite(found.variance), found.radius(confidence=0.95), np.inf)[:, 0]
         away = np.abs(found.response[:, 0] - exact)
         held.append(away <= reach)
         radius.append(reach)

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .covers import BANDS, LENGTHS, heater_draw
@@ -88,16 +88,16 @@ class Regions(Study):
             answers.append((np.array(ours.thirds()), ours.width, best, error))
         return answers
 
-    coverage = array((case, third, end), "1", "share of regions that hold the truth")(
-        lambda found: np.array([one[0] for one in found])
-    )
-    width = array(case, "1", "median radius over the response")(
+    coverage = array(
+        dims=(case, third, end), unit="1", meaning="share of regions that hold the truth"
+    )(lambda found: np.array([one[0] for one in found]))
+    width = array(dims=case, unit="1", meaning="median radius over the response")(
         lambda found: np.array([one[1] for one in found])
     )
-    narrowest_width = array(case, "1", "that of the narrowest setting that keeps its coverage")(
-        lambda found: np.array([one[2] for one in found])
-    )
-    output_error = array(case, "1", "that of output error of the true order")(
+    narrowest_width = array(
+        dims=case, unit="1", meaning="that of the narrowest setting that keeps its coverage"
+    )(lambda found: np.array([one[2] for one in found]))
+    output_error = array(dims=case, unit="1", meaning="that of output error of the true order")(
         lambda found: np.array([one[3] for one in found])
     )
 
@@ -110,10 +110,12 @@ class Regions(Study):
             for length in LENGTHS
         ]
 
-    held = array((length, draw), "1", "1 for a cover that holds all plants at once")(
-        lambda heated: np.array([[float(one[0]) for one in row] for row in heated])
-    )
-    outside = array((length, kind, band), "1", "share of points outside the 95 % regions")(
+    held = array(
+        dims=(length, draw), unit="1", meaning="1 for a cover that holds all plants at once"
+    )(lambda heated: np.array([[float(one[0]) for one in row] for row in heated]))
+    outside = array(
+        dims=(length, kind, band), unit="1", meaning="share of points outside the 95 % regions"
+    )(
         lambda heated: np.array(
             [[np.mean([one[k] for one in row], axis=0) for k in (1, 2)] for row in heated]
         )

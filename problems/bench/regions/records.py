@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 from .plants import Plant
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification import local_polynomial, local_rational
 from workbench.identification.responses.periodic import ResponseEstimate
@@ -55,7 +55,7 @@ def _setting(kind: str, degree: int, width: int, free: int) -> Estimator:
 
     def estimate(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
         at = np.round(frequency * len(u)).astype(int)
-        found = fit(u, y, degree, width, at=at)
+        found = fit(u, y, degree=degree, lines=width, at=at)
         response = np.nan_to_num(found.response)
         variance = np.where(np.isfinite(found.variance), found.variance, np.inf)
         return ResponseEstimate(frequency, response, variance, 2.0 * free)

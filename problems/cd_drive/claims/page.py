@@ -6,7 +6,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 
-from workbench.tables import markdown
+from workbench._core.tables import markdown
 
 from .assignments import TABLES, natural, variables
 from .items import Found, Item, Number

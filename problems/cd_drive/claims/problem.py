@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.declare import Ref
-from workbench.heavy_types import Dataset, Figure
 from workbench.study import Study, arrays, dim, figure, metric, part
 
 from . import page, summaries

@@ -14,9 +14,9 @@ import math
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import UncertaintyModel

@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import DataArray, Figure
 from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
@@ -78,18 +78,24 @@ class CoverVariants(Study):
     def plant(self, variant: str) -> GeneralisedPlant:
         """The generalised plant from w_p to z_p."""
         exogenous, performance = CHANNELS[CHANNEL]
-        return generalised(self.axis, self.model(variant)).channel(performance, exogenous)
+        return generalised(self.axis, self.model(variant)).channel(
+            performance=performance, exogenous=exogenous
+        )
 
-    @array((variant, bound), "1", "certified bounds of the peak of mu, w_p to z_p")
+    @array(
+        dims=(variant, bound), unit="1", meaning="certified bounds of the peak of mu, w_p to z_p"
+    )
     def peak(self, context: Context) -> RealArray:
         """NaN where the nominal loop is unstable."""
         found = []
         for variant in context.track(VARIANTS, "peaks"):
-            one = performance_peak(self.plant(variant), controller(self.axis), 1e-4)
+            one = performance_peak(self.plant(variant), controller(self.axis), tolerance=1e-4)
             found.append([np.nan] * 2 if one is None else [one.lower, one.upper])
         return np.array(found)
 
-    @array((variant, bound, frequency), "1", "mu of robust performance, w_p to z_p")
+    @array(
+        dims=(variant, bound, frequency), unit="1", meaning="mu of robust performance, w_p to z_p"
+    )
     def mu(self, frequency: DataArray) -> RealArray:
         omega = 2 * np.pi * frequency.values
         found = []
@@ -98,7 +104,7 @@ class CoverVariants(Study):
             found.append([one.lower, one.upper])
         return np.array(found)
 
-    @array((variant, quantity, frequency), "1", "sizes relative to the nominal")
+    @array(dims=(variant, quantity, frequency), unit="1", meaning="sizes relative to the nominal")
     def size(self, frequency: DataArray) -> RealArray:
         omega = 2 * np.pi * frequency.values
         found = []
@@ -108,20 +114,28 @@ class CoverVariants(Study):
             found.append([sets.radius, sets.half_length, *fitted])
         return np.array(found)
 
-    @array((variant,), "rad/s", "largest real part of a zero of the real weight")
+    @array(dims=(variant,), unit="rad/s", meaning="largest real part of a zero of the real weight")
     def rightmost_zero(self) -> RealArray:
         return np.array([_rightmost(self.model(variant).W_r) for variant in VARIANTS])
 
-    @check("peaks", "lower over upper bound of a peak", at_most=1.0)
+    @check(title="peaks", statement="lower over upper bound of a peak", at_most=1.0)
     def peaks_in_order(peak: DataArray) -> DataArray:  # noqa: N805
         return peak.sel(bound="lower") / peak.sel(bound="upper")
 
-    @check("curves", "mu at the frequencies over the certified peak, less 1", at_most=1e-6)
+    @check(
+        title="curves",
+        statement="mu at the frequencies over the certified peak, less 1",
+        at_most=1e-6,
+    )
     def curves_below(mu: DataArray, peak: DataArray) -> float:  # noqa: N805
         over = mu.sel(bound="lower").max("frequency") / peak.sel(bound="upper")
         return float(over.max()) - 1
 
-    @check("minimum phase", "largest real part of a zero of that weight [rad/s]", at_most=0.0)
+    @check(
+        title="minimum phase",
+        statement="largest real part of a zero of that weight [rad/s]",
+        at_most=0.0,
+    )
     def zeros_left(rightmost_zero: DataArray) -> float:  # noqa: N805
         return float(rightmost_zero.sel(variant="minimum phase"))
 

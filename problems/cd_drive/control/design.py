@@ -57,5 +57,6 @@ def synthesis_plant(
     Raises InputError as `performance_weight`.
     """
     return regularised(
-        generalised(axis, uncertain, speed).channel(("z_p", "z_u"), "w_p"), MEASUREMENT_NOISE
+        generalised(axis, uncertain, speed).channel(performance=("z_p", "z_u"), exogenous="w_p"),
+        MEASUREMENT_NOISE,
     )

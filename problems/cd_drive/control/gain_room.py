@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure
 from workbench.mu import GainRoom, Peak, PeakChecker, RoomChecker, gain_room, performance_peak
 from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
 from workbench.uncertainty import GeneralisedPlant
@@ -72,7 +72,7 @@ class ReferenceGainRoom(Study):
         covered = {"parametric": None, "circle": self.circle, "stadium": self.stadium}[form]
         exogenous, performance = CHANNELS[channel]
         whole = generalised(self.axis, uncertainty(self.axis, covered))
-        return whole.channel(performance, exogenous)
+        return whole.channel(performance=performance, exogenous=exogenous)
 
     @part
     def plants(self) -> Plants:
@@ -84,7 +84,7 @@ class ReferenceGainRoom(Study):
         """Peaks by form, channel and factor; None where the nominal loop is unstable."""
         K = controller(self.axis)
         return {
-            (*case, factor): performance_peak(plants[case], factor * K, CURVE_TOLERANCE)
+            (*case, factor): performance_peak(plants[case], factor * K, tolerance=CURVE_TOLERANCE)
             for case in context.track(list(plants), "peaks")
             for factor in FACTORS.tolist()
         }
@@ -99,7 +99,11 @@ class ReferenceGainRoom(Study):
             for factor in FACTORS.tolist()
         }
 
-    @array((form, channel, factor, bound), "1", "certified bounds of the peak, NaN if unstable")
+    @array(
+        dims=(form, channel, factor, bound),
+        unit="1",
+        meaning="certified bounds of the peak, NaN if unstable",
+    )
     def peak(self, factor_peaks: dict[Any, Peak | None]) -> RealArray:
         found = [[np.nan] * 2 if p is None else [p.lower, p.upper] for p in factor_peaks.values()]
         return np.reshape(found, (len(FORMS), len(CHANNELS), len(FACTORS), 2))
@@ -109,14 +113,18 @@ class ReferenceGainRoom(Study):
         """Room by form and channel; None where performance is not proven with the gain as it is."""
         K = controller(self.axis)
         cases = context.track(list(plants), "edges")
-        return {case: gain_room(plants[case], K, EDGE_TOLERANCE) for case in cases}
+        return {case: gain_room(plants[case], K, tolerance=EDGE_TOLERANCE) for case in cases}
 
     @rooms.checkers
     def of_the_plants(self, plants: Plants) -> dict[Any, RoomChecker]:
         """What certifies each room."""
         return {case: RoomChecker(plant, controller(self.axis)) for case, plant in plants.items()}
 
-    @array((form, channel, end), "1", "factors proven to keep or to lose robust performance")
+    @array(
+        dims=(form, channel, end),
+        unit="1",
+        meaning="factors proven to keep or to lose robust performance",
+    )
     def room(self, rooms: dict[Any, GainRoom | None]) -> RealArray:
         """NaN where robust performance is not proven with the gain as it is."""
         found = [
@@ -124,13 +132,21 @@ class ReferenceGainRoom(Study):
         ]
         return np.reshape(found, (len(FORMS), len(CHANNELS), len(ENDS)))
 
-    @check("between", "peak between the factors that keep robust performance", at_most=1.0)
+    @check(
+        title="between",
+        statement="peak between the factors that keep robust performance",
+        at_most=1.0,
+    )
     def kept_between(peak: DataArray, room: DataArray) -> DataArray:  # noqa: N805
         """Peaks of the curve at factors between the two edges."""
         inside = (peak["factor"] >= room.sel(end="low")) & (peak["factor"] <= room.sel(end="high"))
         return peak.sel(bound="upper").where(inside, 0.0)
 
-    @check("edges", "factor that keeps robust performance over one that loses it", at_most=1.0)
+    @check(
+        title="edges",
+        statement="factor that keeps robust performance over one that loses it",
+        at_most=1.0,
+    )
     def edges_in_order(room: DataArray) -> float:  # noqa: N805
         upper = room.sel(end="high") / room.sel(end="above")
         lower = room.sel(end="below") / room.sel(end="low")

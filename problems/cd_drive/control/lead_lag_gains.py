@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from flint import fmpq_mat, fmpq_poly
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.known_plants.exact_function import exact_rational
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 
 UNITS = {
     "proportional_gain": "V/unit",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.mu import RankOneLoop
 from workbench.synthesis import AnalyticBasis, ControlCover, LoopWeights
 from workbench.uncertainty import Responses, UncertaintyModel

@@ -14,11 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, figures, problem
+from workbench._core.heavy_types import Figure
+from workbench._core.tables import markdown
 from workbench.certificate import EVERY_PERTURBATION
-from workbench.heavy_types import Figure
 from workbench.mu import performance_sweep
 from workbench.synthesis import LeadLag, MuController, MuSynthesis
-from workbench.tables import markdown
 
 from ..drive.plants import Gain
 from ..drive.plants import controller as reference

@@ -22,10 +22,10 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 from scipy.signal import butter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.synthesis import known_disturbance_bound
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.norms import norm
@@ -124,11 +124,11 @@ class TradeOff:
     @cached_property
     def nominal(self) -> GeneralisedPlant:
         """w to (z_p, z_sd, z_u) without uncertainty."""
-        return self.uncertain.channel(CHANNELS, "w").nominal()
+        return self.uncertain.channel(performance=CHANNELS, exogenous="w").nominal()
 
     def effort(self, K: StateSpace) -> float:
         """c of the nominal loop."""
-        loop = self.nominal.channel("z_u").close(K)
+        loop = self.nominal.channel(performance="z_u").close(K)
         return norm((loop.A, loop.B, loop.C, loop.D))
 
     def design(self, share: float) -> tuple[float, StateSpace]:
@@ -144,7 +144,7 @@ class TradeOff:
         def made(sigma: float) -> StateSpace:
             import control
 
-            system = shocked.weighted([1.0, share, sigma]).system
+            system = shocked.weighted(performance=[1.0, share, sigma]).system
             parts = (system.A, system.B, system.C, system.D)
             return control.ss(*central(*parts, shocked.controls, shocked.measurements).K)
 
@@ -207,7 +207,7 @@ class TradeOff:
             share * above * _butterworth(upper, "low"),
             zeta * above * _butterworth(upper, "high"),
         ]
-        return self.nominal.weighted(rows)
+        return self.nominal.weighted(performance=rows)
 
 
 def _butterworth(corner: float, kind: str) -> StateSpace:

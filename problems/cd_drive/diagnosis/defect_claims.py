@@ -6,10 +6,10 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from workbench import Check
-from workbench.heavy_types import DataArray
+from workbench._core.heavy_types import DataArray
+from workbench._core.tables import markdown
 from workbench.study import claim_of, share_of_draws
 from workbench.study.draws import SURE
-from workbench.tables import markdown
 
 
 class Claim(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis import events
 from workbench.diagnosis.evaluation.performance import Interval
 
@@ -26,7 +26,7 @@ LATE = 20
 
 def defect_events(dist: RealArray, dist_min: float) -> list[Interval]:
     """Events in which dist (N,) rises above dist_min, until it is below half of dist_min."""
-    return events(dist, dist_min, 0.5 * dist_min, APART)
+    return events(dist, dist_min, 0.5 * dist_min, apart=APART)
 
 
 def features(run: DefectRun, dist: RealArray, event: Interval) -> RealArray:

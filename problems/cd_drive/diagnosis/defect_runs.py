@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis import clean_level
 from workbench.diagnosis.evaluation.performance import Interval
 from workbench.simulation import Cascade, Controller, linear

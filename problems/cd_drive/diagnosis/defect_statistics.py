@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis import cusum, glr
 from workbench.diagnosis.evaluation.performance import Interval
 from workbench.simulation import linear, play

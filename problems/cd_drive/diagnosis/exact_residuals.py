@@ -18,10 +18,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.diagnosis import FaultModel, fault_detection
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, system, table
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -90,7 +90,7 @@ class ExactResiduals(Study):
         D = np.array([[0.0, optical_gain(self.axis)]])
         matrices = G.A, np.hstack([sign * G.B, 0.0 * G.B]), G.C, D
         system = realisation(matrices, 0.0, inputs=["u", "f_sd"], outputs=["f_en"])
-        return FaultModel(system, ("u",), faults=("f_sd",))
+        return FaultModel(system, controls=("u",), faults=("f_sd",))
 
     filter, condition = dim(FILTERS), dim(CONDITIONS)
     frequency = dim(FREQUENCY, unit="Hz")
@@ -107,21 +107,27 @@ class ExactResiduals(Study):
             for name, (kind, said) in FILTERS.items()
         }
 
-    leak = array((filter, condition, frequency), "1", "gain from u to r over that of H_act alone")(
-        lambda self, filters: leaks_of(self.axis, filters)
-    )
+    leak = array(
+        dims=(filter, condition, frequency),
+        unit="1",
+        meaning="gain from u to r over that of H_act alone",
+    )(lambda self, filters: leaks_of(self.axis, filters))
 
-    @array((filter, frequency), "1/m", "gain from f_sd to r")
+    @array(dims=(filter, frequency), unit="1/m", meaning="gain from f_sd to r")
     def fault_gain(self, filters: dict[str, StateSpace]) -> Any:
         return [optical_gain(self.axis) * abs(_parts(Q)[0]) for Q in filters.values()]
 
-    @array((drive, frequency), "1", "gain from u to r of another drive, over that of H_act alone")
+    @array(
+        dims=(drive, frequency),
+        unit="1",
+        meaning="gain from u to r of another drive, over that of H_act alone",
+    )
     def leak_of_drives(self) -> RealArray:
         """With the generator of the nominal drive: the same for every H_photo."""
         every = responses(self.axis, FREQUENCY, antialiasing=False)
         return np.abs(every / nominal_response(self.axis) - 1.0)
 
-    @array((condition, time), "m", "residual of the model beside, equation 7.6")
+    @array(dims=(condition, time), unit="m", meaning="residual of the model beside, equation 7.6")
     def course(self, filters: dict[str, StateSpace]) -> Any:
         """u is 1 V at the rotation frequency; a scratch seems to displace the layer."""
         Q, seconds = next(iter(filters.values())), np.arange(0.0, DURATION, PERIOD)
@@ -134,7 +140,12 @@ class ExactResiduals(Study):
             )
         return np.array(found, np.float32)
 
-    fault = array(time, "m", "false displacement", lambda time: scratch(time.values).astype("f4"))
+    fault = array(
+        dims=time,
+        unit="m",
+        meaning="false displacement",
+        value=lambda time: scratch(time.values).astype("f4"),
+    )
 
     # --- checks -------------------------------------------------------------------------------
 
@@ -144,27 +155,27 @@ class ExactResiduals(Study):
         slowest = {name: float(Q.poles().real.max()) for name, Q in filters.items()}
         return [Check(f"stable: {name}", what, one, -1.0) for name, one in slowest.items()]
 
-    @check("zero without a fault", at_most=LEAK)
+    @check(title="zero without a fault", at_most=LEAK)
     def exact(self, filters: dict[str, StateSpace]) -> float:
         """gain from u to r over that of H_act alone, by the sign that the plant asks for"""
         return float(_by_sign(leaks_of(self.axis, filters), right=True).max())
 
-    @check("the other sign", at_most=-DOUBLED)
+    @check(title="the other sign", at_most=-DOUBLED)
     def doubled(self, filters: dict[str, StateSpace]) -> float:
         """minus the least such gain by the other sign"""
         return float(-_by_sign(leaks_of(self.axis, filters), right=False).min())
 
-    @check("gains", at_most=LEAK)
+    @check(title="gains", at_most=LEAK)
     def stored_gains(self, filters: dict[str, StateSpace], leak: DataArray) -> DataArray:
         """largest difference of a stored gain from that of the stored generators"""
         return abs(leak - leaks_of(self.axis, filters))
 
-    @check("fault", "distance of the gain of a constant fault from 1", at_most=1e-6)
+    @check(title="fault", statement="distance of the gain of a constant fault from 1", at_most=1e-6)
     def detected(self, filters: dict[str, StateSpace]) -> float:
         gains = [optical_gain(self.axis) * _parts(Q, np.zeros(1))[0] for Q in filters.values()]
         return float(abs(np.array(gains) - 1.0).max())
 
-    @check("residual over time", at_most=1e-6)
+    @check(title="residual over time", at_most=1e-6)
     def quiet(self, course: DataArray, fault: DataArray) -> DataArray:
         """largest residual where there is no fault, by the right sign, over the fault's size"""
         clean = course.sel(condition="plus").where(fault == 0.0)
@@ -184,10 +195,14 @@ class ExactResiduals(Study):
             found[f"least_leak_minus_{end}"] = one.sel(condition="minus, as printed").min()
         return found
 
-    order = metric(lambda self, answer: float(next(iter(self.filters(answer).values())).nstates))
+    order = metric(
+        template=lambda self, answer: float(next(iter(self.filters(answer).values())).nstates)
+    )
     drives_leak_most = metric(lambda leak_of_drives: leak_of_drives.max())
     drives_leak_at_100_hz = metric(
-        lambda leak_of_drives: leak_of_drives.sel(frequency=100.0, method="nearest").max("drive")
+        template=lambda leak_of_drives: leak_of_drives.sel(frequency=100.0, method="nearest").max(
+            "drive"
+        )
     )
 
     @table

@@ -24,7 +24,9 @@ def diode_quality(
 
     level: sum of both diodes on a clean disc [V]; the others as in `quality_signal`.
     """
-    return quality_signal(level, dist_min, dist_max, alpha, noise, DIODES, DARK)
+    return quality_signal(
+        level, dist_min, dist_max, alpha=alpha, noise=noise, signals=DIODES, extinct=DARK
+    )
 
 
 def dimming_detector(
@@ -34,4 +36,6 @@ def dimming_detector(
 
     level: sum of both diodes on a clean disc [V].
     """
-    return drop_detector(level, below, release, noise, MEASUREMENTS.index("sum"))
+    return drop_detector(
+        level, below=below, release=release, noise=noise, signal=MEASUREMENTS.index("sum")
+    )

@@ -18,7 +18,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Checker
 from workbench.diagnosis import (
     FaultModel,
@@ -27,7 +28,6 @@ from workbench.diagnosis import (
     performance_index,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import (
     Study,
     answers,
@@ -132,7 +132,7 @@ class ResidualIndex(Study):
 
     def _swapped(self, model: FaultModel) -> tuple[Any, ...]:
         """Filter, model with faults and disturbances exchanged, and range."""
-        other = FaultModel(model.system, ("u",), ("w_sd",), ("w_p",))
+        other = FaultModel(model.system, controls=("u",), disturbances=("w_sd",), faults=("w_p",))
         return residual_of(pass_all(), self.axis), other, self.band
 
     @arrays((), least_bound="1", least_hz="Hz")
@@ -169,13 +169,13 @@ class ResidualIndex(Study):
             for name, H in filters.items()
         }
 
-    index = array((filter, bound), "1", "ratio at its largest over the range")(
+    index = array(dims=(filter, bound), unit="1", meaning="ratio at its largest over the range")(
         lambda ratio_indices: [
             (float(one.lower[0]), float(one.upper[0])) for one in ratio_indices.values()
         ]
     )
 
-    @array((filter, norm), "1", "ratio of norms over the range")
+    @array(dims=(filter, norm), unit="1", meaning="ratio of norms over the range")
     def ratio(self, filters: dict[str, StateSpace], least_hz: DataArray) -> list[list[float]]:
         grid = self.grid(float(least_hz))
         return [ratios_of_norms(self.axis, H, grid) for H in filters.values()]
@@ -196,22 +196,22 @@ class ResidualIndex(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("one index", at_most=2 * INDEX_WIDTH)
+    @check(title="one index", at_most=2 * INDEX_WIDTH)
     def alike(self, index: DataArray) -> float:
         """largest certified index of a filter over the least, less 1"""
         return float(index.sel(bound="upper").max() / index.sel(bound="lower").min() - 1.0)
 
-    @check("bound", at_most=1.0 + 1e-6)
+    @check(title="bound", at_most=1.0 + 1e-6)
     def kept(self, ratio: DataArray, least_bound: DataArray) -> DataArray:
         """bound over the least ratio of norms of a filter"""
         return least_bound / ratio.min()
 
-    @check("bound at frequencies", at_most=1.0 + 1e-6)
+    @check(title="bound at frequencies", at_most=1.0 + 1e-6)
     def at_frequencies(self, pointwise: DataArray, least_bound: DataArray) -> DataArray:
         """bound over the least ratio at the frequencies shown, from the weights alone"""
         return least_bound / pointwise.min()
 
-    @check("reached", at_most=REACHED)
+    @check(title="reached", at_most=REACHED)
     def reached(self, ratio: DataArray, least_bound: DataArray) -> DataArray:
         """ratio of norms of the narrowest filter over the bound for every filter"""
         return ratio.isel(filter=-1) / least_bound
@@ -294,7 +294,7 @@ def weighted_model(axis: Axis) -> FaultModel:
         inputs=["u", "w_p", "w_sd"],
         outputs=["f_en"],
     )
-    return FaultModel(system, ("u",), ("w_p",), ("w_sd",))
+    return FaultModel(system, controls=("u",), disturbances=("w_p",), faults=("w_sd",))
 
 
 def residual_of(H: StateSpace, axis: Axis) -> StateSpace:

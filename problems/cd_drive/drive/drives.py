@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .actuator import general_model, resonances, stack
@@ -85,10 +85,10 @@ class Drives(Study):
     frequency = dim(lambda self: self.grid, unit="Hz")
     kind = dim(RESONANCES)
     parameter = dim(PARAMETERS)
-    unit = array(parameter, value=lambda: UNITS, coordinate=True)
+    unit = array(dims=parameter, value=lambda: UNITS, coordinate=True)
     quantity = dim(DERIVED)
     derived_unit = array(
-        quantity, value=lambda: [one.unit for one in DERIVED.values()], coordinate=True
+        dims=quantity, value=lambda: [one.unit for one in DERIVED.values()], coordinate=True
     )
 
     @part
@@ -96,58 +96,58 @@ class Drives(Study):
         """The drives by axis."""
         return {axis: drives(axis, self.values) for axis in AXES}
 
-    @array((axis, drive, frequency), "units/V", "u to normalised error")
+    @array(dims=(axis, drive, frequency), unit="units/V", meaning="u to normalised error")
     def response(self) -> list[Any]:
         return [responses(axis, self.grid, "own", self.values) for axis in AXES]
 
-    @array((axis, drive), "1", "gain of the automatic gain control")
+    @array(dims=(axis, drive), unit="1", meaning="gain of the automatic gain control")
     def agc_gain(self) -> list[RealArray]:
         return [_agc_gain(axis, self.values) for axis in AXES]
 
-    @array((axis, drive, frequency), "m/V", "general actuator model, eq. 3.10")
+    @array(dims=(axis, drive, frequency), unit="m/V", meaning="general actuator model, eq. 3.10")
     def actuator_general(self, twelve: dict[Axis, Any]) -> list[Any]:
         models = (stack([general_model(one) for one in twelve[axis]]) for axis in AXES)
         return [model.response(self.grid) for model in models]
 
-    @array((axis, frequency), "units/V", "nominal parameters of Table 5.2")
+    @array(dims=(axis, frequency), unit="units/V", meaning="nominal parameters of Table 5.2")
     def nominal(self) -> list[Any]:
         return [nominal_response(axis, self.grid) for axis in AXES]
 
-    crossover = array(axis, "Hz", value=lambda: [crossover(axis) for axis in AXES])
+    crossover = array(dims=axis, unit="Hz", value=lambda: [crossover(axis) for axis in AXES])
 
-    @array((axis, drive, kind), "Hz", "natural frequency")
+    @array(dims=(axis, drive, kind), unit="Hz", meaning="natural frequency")
     def resonance(self, twelve: dict[Axis, Any]) -> list[Any]:
         found = [[resonances(one) for one in twelve[axis]] for axis in AXES]
         return [[(r.first, r.parasitic_zero, r.parasitic_pole) for r in row] for row in found]
 
-    @array((axis, drive, parameter))
+    @array(dims=(axis, drive, parameter))
     def parameters(self, twelve: dict[Axis, Any]) -> list[Any]:
         return [[[getattr(one, name) for name in PARAMETERS] for one in twelve[a]] for a in AXES]
 
-    @array((axis, drive, quantity), meaning="what follows from the tables alone")
+    @array(dims=(axis, drive, quantity), meaning="what follows from the tables alone")
     def derived(self, twelve: dict[Axis, Any]) -> list[Any]:
         return [[[q.of(one) for q in DERIVED.values()] for one in twelve[a]] for a in AXES]
 
     zeta = dim(DAMPING_RATIOS, meaning="damping ratio")
     relative = dim(lambda: RELATIVE_FREQUENCIES, meaning="frequency over the natural one")
     spring_response = array(
-        (zeta, relative),
-        "1",
-        "k x / F by equation 3.7",
-        lambda zeta, relative: relative_response(zeta.values, relative.values),
+        dims=(zeta, relative),
+        unit="1",
+        meaning="k x / F by equation 3.7",
+        value=lambda zeta, relative: relative_response(zeta.values, relative.values),
     )
 
-    @check("figure 3.8", at_most=0.01)
+    @check(title="figure 3.8", at_most=0.01)
     def peaks(self, spring_response: DataArray) -> float:
         """relative distance of the peaks from their closed forms, in frequency and height"""
         return max(peak_off(spring_response))
 
-    @check("Table 3.2", at_most=1e-9)
+    @check(title="Table 3.2", at_most=1e-9)
     def polynomials(self, response: DataArray, parameters: DataArray) -> DataArray:
         """relative distance of the derived responses from the printed polynomials"""
         return off_table_3_2(response, parameters)
 
-    @check("equation 3.10", at_most=1e-9)
+    @check(title="equation 3.10", at_most=1e-9)
     def third_order(self, actuator_general: DataArray, parameters: DataArray) -> DataArray:
         """relative distance of the general model from the printed equation"""
         return off_equation_3_10(actuator_general, parameters)
@@ -162,28 +162,35 @@ class Drives(Study):
                 statement = f"relative distance from {stated:g} Hz"
                 size, where = off.max(), f"of {off.idxmax('drive').item()}"
                 title = f"{axis} {name} resonance"
-                found.append(Check(title, statement, float(size), RESONANCE_TOLERANCE, where))
+                found.append(Check(title, statement, float(size), RESONANCE_TOLERANCE, where=where))
         return found
 
-    @check("automatic gain control", at_most=0.05)
+    @check(title="automatic gain control", at_most=0.05)
     def equalised(self, answer: Dataset) -> DataArray:
         """spread of the gains that it leaves at crossover, relative"""
         gain = abs(answer["response"] * answer["agc_gain"])
         return spread(gain.sel(frequency=answer["crossover"], method="nearest")).max()
 
-    _middle = metric("{kind}_{axis}_hz", lambda resonance: _named(resonance).median("drive"))
+    _middle = metric(
+        template="{kind}_{axis}_hz", value=lambda resonance: _named(resonance).median("drive")
+    )
     _range = metric(
-        "{kind}_{axis}_spread_hz",
-        lambda resonance: _named(resonance).max("drive") - _named(resonance).min("drive"),
+        template="{kind}_{axis}_spread_hz",
+        value=lambda resonance: _named(resonance).max("drive") - _named(resonance).min("drive"),
     )
     _gain = metric(
-        "gain_spread_{axis}", lambda parameters: spread(parameters.sel(parameter="K_optn"))
+        template="gain_spread_{axis}",
+        value=lambda parameters: spread(parameters.sel(parameter="K_optn")),
     )
-    _crossover = metric("crossover_{axis}_hz", lambda crossover: crossover)
-    _margin = metric(lambda: {f"phase_margin_{axis}_deg": phase_margin(axis) for axis in AXES})
-    table_3_2_off = metric(lambda response, parameters: off_table_3_2(response, parameters))
+    _crossover = metric("crossover_{axis}_hz", value=lambda crossover: crossover)
+    _margin = metric(
+        template=lambda: {f"phase_margin_{axis}_deg": phase_margin(axis) for axis in AXES}
+    )
+    table_3_2_off = metric(
+        template=lambda response, parameters: off_table_3_2(response, parameters)
+    )
     figure_3_8_off = metric(
-        lambda spring_response: dict(
+        template=lambda spring_response: dict(
             zip(
                 ("figure_3_8_frequency_off", "figure_3_8_height_off"),
                 peak_off(spring_response),
@@ -192,7 +199,9 @@ class Drives(Study):
         )
     )
     equation_3_10_off = metric(
-        lambda actuator_general, parameters: off_equation_3_10(actuator_general, parameters)
+        template=lambda actuator_general, parameters: off_equation_3_10(
+            actuator_general, parameters
+        )
     )
 
     @metric("K_total_by_eq_3_18_{axis}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.mu import loop_margins
 
 
@@ -51,7 +51,7 @@ MARGIN_UNITS = {
 
 def nearest_margins(loop: StateSpace) -> NearestMargins:
     """The nearest margins of a stable loop that is closed with negative feedback."""
-    found = loop_margins(loop)
+    found = loop_margins(loop, tolerance=1e-4)
     low, high = found.gain
     factors, at = found.gains.T
     phases, crossovers = found.phases_deg.T

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.heavy_types import Axes, DataArray, Dataset, Figure
+from workbench._core.heavy_types import Axes, DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .tables import DiscFormat, disc_formats
@@ -100,45 +100,51 @@ class Optics(Study):
     quantity = dim(UNITS)
     obstacle = dim("dust", "hair")
     bound = dim("least", "most")
-    unit = array(quantity, value=lambda: UNITS, coordinate=True)
-    size = array(obstacle, "m", value=lambda self: [self.dust, self.hair], coordinate=True)
+    unit = array(dims=quantity, value=lambda: UNITS, coordinate=True)
+    size = array(
+        dims=obstacle, unit="m", value=lambda self: [self.dust, self.hair], coordinate=True
+    )
 
     formats = part(lambda: disc_formats())
     beams = part(lambda formats: [readout_beam(one) for one in formats.values()])
     rounded = part(lambda formats: [readout_beam(one, True) for one in formats.values()])
 
     both = (format, quantity)
-    beam = array(both, meaning="equations 2.1 to 2.4", value=lambda beams: _rows(beams))
+    beam = array(dims=both, meaning="equations 2.1 to 2.4", value=lambda beams: _rows(beams))
     beam_whole_degrees = array(
-        both, meaning="theta2 rounded for D", value=lambda rounded: _rows(rounded)
+        dims=both, meaning="theta2 rounded for D", value=lambda rounded: _rows(rounded)
     )
-    printed = array(both, meaning="Table 2.2", value=lambda formats: _rows(formats.values()))
-    density = array(format, "1/m^2", value=lambda beams: [one.density for one in beams])
-    depth_of_focus = array(format, "m", value=lambda beams: [one.depth for one in beams])
+    printed = array(dims=both, meaning="Table 2.2", value=lambda formats: _rows(formats.values()))
+    density = array(dims=format, unit="1/m^2", value=lambda beams: [one.density for one in beams])
+    depth_of_focus = array(dims=format, unit="m", value=lambda beams: [one.depth for one in beams])
     wavelength_inside = array(
-        format,
-        "m",
-        "in the cover layer",
-        lambda formats: [one.wavelength / one.refractive_index for one in formats.values()],
+        dims=format,
+        unit="m",
+        meaning="in the cover layer",
+        value=lambda formats: [one.wavelength / one.refractive_index for one in formats.values()],
     )
     capacity = array(
-        (format, bound),
-        "GB",
+        dims=(format, bound),
+        unit="GB",
         value=lambda formats: [(one.capacity_min, one.capacity_max) for one in formats.values()],
     )
     layer_thickness = array(
-        format, "m", value=lambda formats: [one.layer_thickness for one in formats.values()]
+        dims=format,
+        unit="m",
+        value=lambda formats: [one.layer_thickness for one in formats.values()],
     )
 
-    @array((format, obstacle), "1", "blocked share of a uniform beam, one pass")
+    @array(dims=(format, obstacle), unit="1", meaning="blocked share of a uniform beam, one pass")
     def blocked(self, beams: list[Beam]) -> list[tuple[float, float]]:
         dust, hair = self.dust, self.hair
         return [(blocked_by_particle(b.D, dust), blocked_by_hair(b.D, hair)) for b in beams]
 
     as_printed = check(
-        "Table 2.2, {quantity}",
-        "distance from the printed value, in halves of its last digit",
-        lambda beam_whole_degrees, printed: _halves(beam_whole_degrees, printed).max("format"),
+        title="Table 2.2, {quantity}",
+        statement="distance from the printed value, in halves of its last digit",
+        value=lambda beam_whole_degrees, printed: _halves(beam_whole_degrees, printed).max(
+            "format"
+        ),
         at_most=1.0 + 1e-9,
         each="quantity",
     )
@@ -155,11 +161,19 @@ class Optics(Study):
         """d/D, focus over beam at the surface"""
         return 1 / (beam.sel(quantity="D") / beam.sel(quantity="d")).min()
 
-    diameters = metric("{quantity}_{format}_m", lambda beam: beam.sel(quantity=["D", "d"]))
-    shares = metric("blocked_by_{obstacle}_{format}", lambda blocked: blocked)
-    densities = metric("density_{format}_over_CD", lambda density: density / density.loc["CD"])
-    depths = metric("depth_of_focus_{format}_m", lambda depth_of_focus: depth_of_focus)
-    inside = metric("wavelength_inside_{format}_m", lambda wavelength_inside: wavelength_inside)
+    diameters = metric(
+        template="{quantity}_{format}_m", value=lambda beam: beam.sel(quantity=["D", "d"])
+    )
+    shares = metric("blocked_by_{obstacle}_{format}", value=lambda blocked: blocked)
+    densities = metric(
+        template="density_{format}_over_CD", value=lambda density: density / density.loc["CD"]
+    )
+    depths = metric(
+        template="depth_of_focus_{format}_m", value=lambda depth_of_focus: depth_of_focus
+    )
+    inside = metric(
+        template="wavelength_inside_{format}_m", value=lambda wavelength_inside: wavelength_inside
+    )
 
     @metric("capacity_{format}_{bound}_over_CD")
     def capacities(self, capacity: DataArray) -> DataArray:
@@ -167,8 +181,8 @@ class Optics(Study):
         return capacity / capacity.sel(format="CD").values[::-1]
 
     missed = metric(
-        "printed_D_missed_by_exact_angles",
-        lambda beam, printed: (_halves(beam, printed).sel(quantity="D") > 1.0).sum(),
+        template="printed_D_missed_by_exact_angles",
+        value=lambda beam, printed: (_halves(beam, printed).sel(quantity="D") > 1.0).sum(),
     )
 
     @table

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, table
 
 from .actuator import checked_frequency
@@ -94,21 +94,21 @@ class Specifications(Study):
     frequency = dim(lambda self: self.grid, unit="Hz")
     side = dim("lower", "upper")
 
-    @array((axis, frequency), "m", "largest deviation")
+    @array(dims=(axis, frequency), unit="m", meaning="largest deviation")
     def envelope(self) -> list[RealArray]:
         return [envelope(axis, self.grid) for axis in AXES]
 
-    corner = array((axis, side), "Hz", value=lambda: [corners(axis) for axis in AXES])
-    acceptable_error = array(axis, "m", value=lambda: ACCEPTABLE_ERROR)
-    acceleration = array(axis, "m/s^2", value=lambda: _limits("acceleration"))
+    corner = array(dims=(axis, side), unit="Hz", value=lambda: [corners(axis) for axis in AXES])
+    acceptable_error = array(dims=axis, unit="m", value=lambda: ACCEPTABLE_ERROR)
+    acceleration = array(dims=axis, unit="m/s^2", value=lambda: _limits("acceleration"))
 
-    @check("{axis} corners", at_most=0.025, each="axis")
+    @check(title="{axis} corners", at_most=0.025, each="axis")
     def as_printed(self, corner: DataArray) -> DataArray:
         """relative distance from the printed frequencies, which are rounded"""
         off = abs(corner / list(PRINTED_CORNERS.values()) - 1)
         return _by_direction(off.max("side", skipna=False))
 
-    @check("{axis} acceleration", at_most=1.0 + 1e-9, each="axis")
+    @check(title="{axis} acceleration", at_most=1.0 + 1e-9, each="axis")
     def permitted_acceleration(self, answer: Dataset) -> DataArray:
         """share of the permitted acceleration below the upper corner"""
         frequency, limit = answer["frequency"], np.array(_limits("acceleration"))[:, None]
@@ -117,12 +117,12 @@ class Specifications(Study):
         below = share.where(frequency <= answer["corner"].sel(side="upper"), 0.0)
         return _by_direction(below.max("frequency", skipna=False))
 
-    @check("{axis} deviation", at_most=1.0 + 1e-9, each="axis")
+    @check(title="{axis} deviation", at_most=1.0 + 1e-9, each="axis")
     def permitted_deviation(self, envelope: DataArray) -> DataArray:
         """share of the permitted deviation"""
         return _by_direction(envelope.max("frequency", skipna=False) / _limits("deviation"))
 
-    corners = metric("{side}_corner_{axis}_hz", lambda corner: corner)
+    corners = metric("{side}_corner_{axis}_hz", value=lambda corner: corner)
 
     @metric("attenuation_{axis}_db")
     def attenuation(self, envelope: DataArray, acceptable_error: DataArray) -> Any:
@@ -132,8 +132,12 @@ class Specifications(Study):
     def acceptable_from(self, acceleration: DataArray, acceptable_error: DataArray) -> DataArray:
         return (acceleration / acceptable_error) ** 0.5 / (2 * np.pi)
 
-    _rotation = metric(lambda: {f"rotation_{place}_hz": f for place, f in rotations().items()})
-    _bits = metric(lambda: {f"coded_bits_per_mm_{v}": n for v, n in coded_bits_per_mm().items()})
+    _rotation = metric(
+        template=lambda: {f"rotation_{place}_hz": f for place, f in rotations().items()}
+    )
+    _bits = metric(
+        template=lambda: {f"coded_bits_per_mm_{v}": n for v, n in coded_bits_per_mm().items()}
+    )
     user_data_kib_per_s = metric(lambda: user_data_rate())
     largest_tracking_S = metric(lambda: largest_tracking_sensitivity())
 

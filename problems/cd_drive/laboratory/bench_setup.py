@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.simulation import Converter, band_limited
 
 from ..drive.actuator import SERIES_RESISTANCE, Actuator, specific_model
@@ -154,7 +154,9 @@ def electromechanics(actuator: Actuator, to_coil: float) -> StateSpace:
 
 def channel_converters(bits: int | None) -> RealArray:
     """Levels (4, 3) of the input converters, referred to the signals before their amplifiers."""
-    return np.array([Converter(INPUT_LIMIT, bits).levels(gain) for gain in CHANNEL_GAINS.values()])
+    return np.array(
+        [Converter(INPUT_LIMIT, bits=bits).levels(gain=gain) for gain in CHANNEL_GAINS.values()]
+    )
 
 
 def optical_noise(
@@ -165,7 +167,7 @@ def optical_noise(
     It is white from 0 to `band` [Hz]. The diodes' noises are independent and have half the power
     each, so their sum is as noisy as their difference.
     """
-    return band_limited(rng, (samples, 2), drive.K_opt * size / np.sqrt(2), band, RATE)
+    return band_limited(rng, (samples, 2), drive.K_opt * size / np.sqrt(2), band, 1 / RATE)
 
 
 def electronics_noise(rng: np.random.Generator, samples: int, steps: float) -> RealArray:

@@ -14,9 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.bench.declare import Ref
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import IdentificationWarning
 from workbench.simulation.machine import machine
 from workbench.study import (
@@ -34,7 +35,6 @@ from workbench.study import (
     table,
 )
 from workbench.study.draws import LEAST_COVERAGE_P, SURE
-from workbench.tables import markdown
 
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
@@ -140,7 +140,7 @@ class ClosedLoop(Study):
     parameter, signal = dim(FITTED), dim(RECORDED)
     draw = dim(lambda self: range(self.draws))
 
-    @array(draw)
+    @array(dims=draw)
     def seed(self, context: Context) -> Any:
         return experiment_seeds(context.rng, "closed-loop", self.bench.drive, self.draws)
 
@@ -188,33 +188,46 @@ class ClosedLoop(Study):
         response="m/V", radius="m/V", fitted="m/V",
         exact=("m/V", "without noise, by the measurement chain that is told"),
     )  # fmt: skip
-    excitation = array(frequency, "V", value=lambda self: self.experiment.sine.amplitude)
+    excitation = array(dims=frequency, unit="V", value=lambda self: self.experiment.sine.amplitude)
     notes = array(value=lambda heard, fits: "\n".join([*heard[1][:1], *fits[0].notes]))
 
     # --- all draws ----------------------------------------------------------------------------
 
-    value = array((draw, parameter), value=lambda fits: [one.value for one in fits])
+    value = array(dims=(draw, parameter), value=lambda fits: [one.value for one in fits])
     half_width = array(
-        (draw, parameter), "", "of the 99 % interval", lambda fits: [one.half_width for one in fits]
+        dims=(draw, parameter),
+        unit="",
+        meaning="of the 99 % interval",
+        value=lambda fits: [one.half_width for one in fits],
     )
     table_value = array(
-        parameter, value=lambda self: [getattr(self.bench.parameters, name) for name in FITTED]
+        dims=parameter, value=lambda self: [getattr(self.bench.parameters, name) for name in FITTED]
     )
     numbers = arrays(
         draw,
         lambda fits: {name: [one.numbers[name] for one in fits] for name in NUMBERS},
         **dict.fromkeys(NUMBERS, ""),
     )
-    events = array(draw, "", "", lambda records: [one.events for one in records])
-    largest_error = array(draw, "m", "", lambda records: [one.largest_error for one in records])
+    events = array(
+        dims=draw, unit="", meaning="", value=lambda records: [one.events for one in records]
+    )
+    largest_error = array(
+        dims=draw,
+        unit="m",
+        meaning="",
+        value=lambda records: [one.largest_error for one in records],
+    )
     saturated = array(
-        (draw, signal), "", "share of samples", lambda records: [one.saturated for one in records]
+        dims=(draw, signal),
+        unit="",
+        meaning="share of samples",
+        value=lambda records: [one.saturated for one in records],
     )
     level = array(
-        (draw, signal),
-        "",
-        "largest magnitude over the converter's limit",
-        lambda records: [one.level for one in records],
+        dims=(draw, signal),
+        unit="",
+        meaning="largest magnitude over the converter's limit",
+        value=lambda records: [one.level for one in records],
     )
 
     # --- checks -------------------------------------------------------------------------------
@@ -232,7 +245,7 @@ class ClosedLoop(Study):
             Check("fit", "checks of a fit that fail, all draws", failed, 0.0),
         ]
 
-    @check("{parameter} over mass", each="parameter", at_most=1.0 - SURE)
+    @check(title="{parameter} over mass", each="parameter", at_most=1.0 - SURE)
     def parameters_close(self, answer: Dataset) -> DataArray | None:
         """share of draws with a relative error above the limit, over the effective mass"""
         if not self._order_is_right:
@@ -240,17 +253,17 @@ class ClosedLoop(Study):
         limits = answer["table_value"].copy(data=[self.limits[name] for name in FITTED])
         return share_of_draws(_errors_over_mass(answer) > limits, "parameter")
 
-    @check("coverage of {parameter}", each="parameter", at_most=1.0 - LEAST_COVERAGE_P)
+    @check(title="coverage of {parameter}", each="parameter", at_most=1.0 - LEAST_COVERAGE_P)
     def coverage(self, answer: Dataset) -> DataArray | None:
         """1 - p of so few draws whose 99 % interval holds the truth"""
         return 1.0 - coverage_p(_held(answer), CONFIDENCE) if self._order_is_right else None
 
-    @check("order", at_most=1.0 - LEAST_COVERAGE_P)
+    @check(title="order", at_most=1.0 - LEAST_COVERAGE_P)
     def order(self, chi_square_p: DataArray) -> DataArray | None:
         """1 - p of so many draws in which the chi-square of the fit rejects the order"""
         return 1.0 - _accepted_p(chi_square_p) if self._order_is_right else None
 
-    @check("smooth misfit", at_most=1.0 - LEAST_COVERAGE_P)
+    @check(title="smooth misfit", at_most=1.0 - LEAST_COVERAGE_P)
     def smooth_misfit(self, neighbours_p: DataArray) -> DataArray | None:
         """1 - p of so many draws whose residuals are alike at neighbouring frequencies"""
         return 1.0 - _accepted_p(neighbours_p) if self._order_is_right else None
@@ -262,20 +275,25 @@ class ClosedLoop(Study):
 
     # --- what is told -------------------------------------------------------------------------
 
-    errors = metric("error_{parameter}_{summary}", lambda answer: over_draws(_errors(answer)))
+    errors = metric(
+        template="error_{parameter}_{summary}", value=lambda answer: over_draws(_errors(answer))
+    )
     errors_over_mass = metric(
-        "error_{parameter}_over_mass_{summary}",
-        lambda answer: over_draws(_errors_over_mass(answer)),
+        template="error_{parameter}_over_mass_{summary}",
+        value=lambda answer: over_draws(_errors_over_mass(answer)),
     )
     half_widths = metric(
-        "half_width_{parameter}_{summary}",
-        lambda half_width, table_value: over_draws(half_width / table_value),
+        template="half_width_{parameter}_{summary}",
+        value=lambda half_width, table_value: over_draws(half_width / table_value),
     )
-    covered_each = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
+    covered_each = metric(
+        template="covered_{parameter}", value=lambda answer: _held(answer).mean("draw")
+    )
     covered = metric(lambda answer: _held(answer).mean())
-    levels = metric("level_{signal}", lambda level: level.max("draw"))
+    levels = metric("level_{signal}", value=lambda level: level.max("draw"))
     largest_um = metric(
-        "largest_error_{summary}_um", lambda largest_error: over_draws(1e6 * largest_error)
+        template="largest_error_{summary}_um",
+        value=lambda largest_error: over_draws(1e6 * largest_error),
     )
 
     @metric
@@ -288,7 +306,7 @@ class ClosedLoop(Study):
         }
 
     wrong_order = metric(
-        lambda chi_square_p, neighbours_p: share_of_draws(
+        template=lambda chi_square_p, neighbours_p: share_of_draws(
             np.minimum(chi_square_p, neighbours_p) < LEAST_P
         )
     )

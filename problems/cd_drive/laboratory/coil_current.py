@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench import solve
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.identification import (
     FittedParameter,
@@ -107,7 +107,7 @@ class CoilExperiment:
 
     @cached_property
     def _sweep(self) -> SteppedSine:
-        return SteppedSine(self.frequency, PERIODS, self.amplitude, RATE)
+        return SteppedSine(self.frequency, PERIODS, self.amplitude, 1 / RATE)
 
     @cached_property
     def _signals(self) -> CoilSignals:
@@ -123,7 +123,9 @@ class CoilExperiment:
         record, lengths = self._signals.measured(seed), self._sweep.lengths
         pieces = list(zip(self.frequency, lengths, np.cumsum(lengths), strict=True))
         u, v = (
-            np.array([sine_fit(one[end - n : end], RATE, f)[:PERIODS, 0] for f, n, end in pieces])
+            np.array(
+                [sine_fit(one[end - n : end], 1 / RATE, f)[:PERIODS, 0] for f, n, end in pieces]
+            )
             for one in (record.u_m, record.v_r / self.laboratory.coil_gain)
         )
         return Current(u, v, max(record.saturation.values()))
@@ -153,10 +155,10 @@ class CoilExperiment:
         resonance = RESONANCE[self.axis] if self.resonance is None else self.resonance
         stiffness = mass * (2 * np.pi * resonance) ** 2
         start = {
-            "R": FittedParameter(15.0, 1.0, 100.0),
-            "Bl": FittedParameter(0.2, 0.01, 2.0),
-            "k": FittedParameter(stiffness, 1.0, 1e3),
-            "b": FittedParameter(0.01, 1e-4, 1.0),
+            "R": FittedParameter(15.0, lower=1.0, upper=100.0),
+            "Bl": FittedParameter(0.2, lower=0.01, upper=2.0),
+            "k": FittedParameter(stiffness, lower=1.0, upper=1e3),
+            "b": FittedParameter(0.01, lower=1e-4, upper=1.0),
         }
         program = self._program(model, start, (response, variance, degrees))
         answer, count = solved(program), len(start)
@@ -172,10 +174,10 @@ class CoilExperiment:
         """R, Bl, k, b by equations 4.20-4.23 from the fitted coefficients of eq. 4.19."""
         resonance = (2 * np.pi * RESONANCE[self.axis]) ** 2
         start = {
-            "A": FittedParameter(0.07, 1e-3, 1.0),
-            "a1": FittedParameter(15.0, 0.1, 1e3),
-            "a2": FittedParameter(resonance, 0.1 * resonance, 10 * resonance),
-            "b1": FittedParameter(20.0, 0.1, 1e3),
+            "A": FittedParameter(0.07, lower=1e-3, upper=1.0),
+            "a1": FittedParameter(15.0, lower=0.1, upper=1e3),
+            "a2": FittedParameter(resonance, lower=0.1 * resonance, upper=10 * resonance),
+            "b1": FittedParameter(20.0, lower=0.1, upper=1e3),
         }
         program = self._program(rational_current, start, (response, variance, DEGREES))
         A, a1, a2, b1 = solved(program)[:4]
@@ -193,9 +195,14 @@ class CoilExperiment:
         def filtered(p: Any, s: Any) -> Any:
             return model(p, s) * corner_ratio(p["corner"], s)
 
-        response = MeasuredResponse(filtered, self.frequency, *measured, "v_r/u")
+        values, variance, degrees = measured
+        response = MeasuredResponse(
+            filtered, self.frequency, values, variance=variance, degrees=degrees, name="v_r/u"
+        )
         known = independent({"corner": (1.0, RATIO_DEVIATION)}, "corners")
-        return ParameterFit([response, known], start | {"corner": FittedParameter(1.0, 0.2, 5.0)})
+        return ParameterFit(
+            [response, known], start | {"corner": FittedParameter(1.0, lower=0.2, upper=5.0)}
+        )
 
     def _pole(self, raw: PeriodicResponse, mass: float) -> complex:
         """Pole [rad/s] of the first resonance."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import WorkbenchError
-from workbench.heavy_types import Dataset
 from workbench.solution import Solution, solve
 from workbench.solvers import Options
 

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import with_config
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
+from workbench._core.remembered import remembered
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
-from workbench.remembered import remembered
 from workbench.simulation import (
     Cascade,
     Controller,
@@ -146,7 +146,7 @@ class Laboratory:
         import control
 
         optics = control.ss(-ANTIALIASING, ANTIALIASING, -self.parameters.K_optn, 0.0)
-        return sampled(optics * _plant(self)[0, 0], PERIOD, self.delay)
+        return sampled(optics * _plant(self)[0, 0], PERIOD, delay_samples=self.delay)
 
     def coil(self, excitation: ArrayLike, seed: int = 0) -> CoilRecord:
         """Play an excitation u [V] (N,) from rest and measure the coil's current, without optics.
@@ -158,7 +158,7 @@ class Laboratory:
     def coil_signals(self, excitation: ArrayLike) -> CoilSignals:
         """The signals of `coil` before noise and converters, from which many records are made."""
         u = _series("excitation", excitation)
-        u_dac, saturated = Converter(OUTPUT_LIMIT, self.bits).convert(u)
+        u_dac, saturated = Converter(OUTPUT_LIMIT, bits=self.bits).convert(u)
         exact = respond(_sampled(self), u_dac[:, None])[:, 1:]
         return CoilSignals(u, u_dac, exact, saturated, self.electronics, self.bits)
 
@@ -234,7 +234,7 @@ def _plant(laboratory: Laboratory) -> StateSpace:
 @cache
 def _sampled(laboratory: Laboratory) -> StateSpace:
     """Exact sampled model of u -> x, v_r, u_m."""
-    return sampled(_plant(laboratory), PERIOD, laboratory.delay)
+    return sampled(_plant(laboratory), PERIOD, delay_samples=laboratory.delay)
 
 
 @remembered(megabytes=100)  # strategies are compared under the same noise
@@ -273,9 +273,9 @@ def _loop(laboratory: Laboratory) -> SampledLoop:
         read_parameters=np.array([Converter(INPUT_LIMIT).step / DIODE_GAIN]),
         measurements=len(MEASUREMENTS),
         channel_levels=channel_converters(laboratory.bits),
-        output_levels=Converter(OUTPUT_LIMIT, laboratory.bits).levels()[None],
-        period=PERIOD,
-        delay=laboratory.delay,
+        output_levels=Converter(OUTPUT_LIMIT, bits=laboratory.bits).levels()[None],
+        dt=PERIOD,
+        delay_samples=laboratory.delay,
         refine=laboratory.refine,
     )
 
@@ -300,8 +300,8 @@ class CoilSignals:
         noise = electronics_noise(np.random.default_rng(seed), len(self.u), self.electronics)
         measured, saturation = {}, {"u": self.saturated}
         for name, values in zip(ELECTRICAL, (self.exact + noise).T, strict=True):
-            converter, gain = Converter(INPUT_LIMIT, self.bits), CHANNEL_GAINS[name]
-            measured[name], saturation[name] = converter.convert(values, gain)
+            converter, gain = Converter(INPUT_LIMIT, bits=self.bits), CHANNEL_GAINS[name]
+            measured[name], saturation[name] = converter.convert(values, gain=gain)
         return CoilRecord(_time(len(self.u)), self.u, self.u_dac, **measured, saturation=saturation)
 
 

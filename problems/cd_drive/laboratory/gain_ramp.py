@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import Cascade, Part, linear, ramped
 from workbench.simulation.machine import machine
 from workbench.study import (
@@ -32,7 +33,6 @@ from workbench.study import (
     table,
     with_interval,
 )
-from workbench.tables import markdown
 
 from ..drive.disc import Disc
 from ..drive.margins import NearestMargins, nearest_margins
@@ -118,7 +118,7 @@ class GainRamp(Study):
     direction = dim(DIRECTIONS)
     draw = dim(lambda self: range(self.draws))
 
-    @array((drive, draw))
+    @array(dims=(drive, draw))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, 12, self.draws)
 
@@ -132,8 +132,8 @@ class GainRamp(Study):
         deviation = self.deviation * red_book(self.axis).deviation
         slope = DIRECTIONS[direction] * SPEED
         law = [
-            Part("K", linear(controller(self.axis), PERIOD), ["f_en"], ["u_k"]),
-            Part("ramp", ramped(slope, SETTLED, PERIOD), ["u_k"], ["u"]),
+            Part("K", linear(controller(self.axis), PERIOD), ["f_en"], tells=["u_k"]),
+            Part("ramp", ramped(slope, SETTLED, PERIOD), ["u_k"], tells=["u"]),
         ]
         return self.bench(drive).closed_loop(
             Cascade(MEASUREMENTS, law),
@@ -198,13 +198,13 @@ class GainRamp(Study):
     # --- checks -------------------------------------------------------------------------------
 
     ended_ = check(
-        "ramps end",
-        "share of ramps that never end",
-        lambda change: np.isnan(change).mean(),
+        title="ramps end",
+        statement="share of ramps that never end",
+        value=lambda change: np.isnan(change).mean(),
         at_most=0.0,
     )
 
-    @check("{direction} by the model", at_most=SLACK, each="direction")
+    @check(title="{direction} by the model", at_most=SLACK, each="direction")
     def within(self, change: DataArray, model: DataArray) -> DataArray:
         """how far a ramp goes on where the model is unstable [dB]"""
         return (abs(change) - abs(model)).max(["drive", "draw"])
@@ -212,15 +212,20 @@ class GainRamp(Study):
     # --- what is told -------------------------------------------------------------------------
 
     changes = metric(
-        "change_{direction}_{summary}", lambda change: over_draws(abs(change), "drive")
+        template="change_{direction}_{summary}",
+        value=lambda change: over_draws(abs(change), "drive"),
     )
     frequencies = metric(
-        "frequency_{direction}_{summary}_hz", lambda frequency: over_draws(frequency, "drive")
+        template="frequency_{direction}_{summary}_hz",
+        value=lambda frequency: over_draws(frequency, "drive"),
     )
-    share_full = metric("full_{direction}", lambda full: full.mean(["drive", "draw"]))
-    models = metric("model_{direction}_mean", lambda model: abs(model).mean("drive"))
+    share_full = metric(
+        template="full_{direction}", value=lambda full: full.mean(["drive", "draw"])
+    )
+    models = metric("model_{direction}_mean", value=lambda model: abs(model).mean("drive"))
     model_frequencies = metric(
-        "model_frequency_{direction}_mean_hz", lambda model_frequency: model_frequency.mean("drive")
+        template="model_frequency_{direction}_mean_hz",
+        value=lambda model_frequency: model_frequency.mean("drive"),
     )
 
     @table
@@ -233,9 +238,9 @@ class GainRamp(Study):
             for direction in DIRECTIONS:
                 at = one.sel(direction=direction)
                 cells += [
-                    with_interval(over_draws(at["change"]), "{:.1f}"),
+                    with_interval(over_draws(at["change"]), form="{:.1f}"),
                     f"{float(at['model']):.1f}",
-                    with_interval(over_draws(at["frequency"]), "{:.0f}"),
+                    with_interval(over_draws(at["frequency"]), form="{:.0f}"),
                     f"{float(at['model_frequency']):.0f}",
                 ]
             rows.append([str(name), *cells, f"{printed.get(str(name), np.nan):.1f}"])

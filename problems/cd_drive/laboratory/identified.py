@@ -14,9 +14,9 @@ import numpy as np
 from scipy import stats
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import MeasuredResponse, ParameterFit
 from workbench.study import (
     Study,
@@ -120,13 +120,13 @@ class Identified(Study):
             for one, found in context.track(list(every), "fits")
         ]
 
-    @array((drive, frequency), "m/V")
+    @array(dims=(drive, frequency), unit="m/V")
     def identified(self, value: DataArray, frequency: DataArray) -> Any:
         rows = (dict(zip(NAMES, row, strict=True)) for row in value.values.tolist())
         responses = _responses([ActuatorParameters(**row) for row in rows], frequency)
         return np.asarray(responses, np.complex64)
 
-    @array((drive, frequency), "m/V")
+    @array(dims=(drive, frequency), unit="m/V")
     def true(self, frequency: DataArray) -> Any:
         return np.asarray(_responses(drives(self.axis), frequency), np.complex64)
 
@@ -139,10 +139,10 @@ class Identified(Study):
         }
 
     failures = array(
-        drive,
-        "",
-        "checks of its experiments that fail",
-        lambda experiments: [found.failures for found in experiments],
+        dims=drive,
+        unit="",
+        meaning="checks of its experiments that fail",
+        value=lambda experiments: [found.failures for found in experiments],
     )
 
     @arrays((drive, lumped), lumped_value="", lumped_half_width="", lumped_truth="")
@@ -155,37 +155,38 @@ class Identified(Study):
             "lumped_truth": [one["truth"] for one in every],
         }
 
-    chi_square = array(drive, value=lambda fits: [fit.chi_square for fit in fits])
+    chi_square = array(dims=drive, value=lambda fits: [fit.chi_square for fit in fits])
 
     hold = check(
-        "experiments",
-        "checks of a drive's experiments that fail",
-        lambda failures: failures,
+        title="experiments",
+        statement="checks of a drive's experiments that fail",
+        value=lambda failures: failures,
         at_most=0.0,
     )
     coverage = check(
-        "coverage of {lumped}",
-        "1 - p of so few drives whose 99 % interval, of the current alone, holds the truth",
-        lambda answer: 1.0 - coverage_p(_held(answer).rename(drive="draw"), CONFIDENCE),
+        title="coverage of {lumped}",
+        statement="1 - p of so few drives whose 99 % interval, of the current alone, holds the "
+        "truth",
+        value=lambda answer: 1.0 - coverage_p(_held(answer).rename(drive="draw"), CONFIDENCE),
         each="lumped",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
     near_true = check(
-        "{parameter}",
-        "largest relative error over the drives",
-        lambda answer: _errors(answer).sel(parameter=list(LIMITS)),
+        title="{parameter}",
+        statement="largest relative error over the drives",
+        value=lambda answer: _errors(answer).sel(parameter=list(LIMITS)),
         at_most=LIMITS,
         each="parameter",
         where="of {drive}",
     )
 
-    @check("response", at_most=lambda self: RESPONSE_LIMIT[self.axis])
+    @check(title="response", at_most=lambda self: RESPONSE_LIMIT[self.axis])
     def responses(self, identified: DataArray, true: DataArray) -> DataArray:
         """largest relative error of a response, over drives and frequencies"""
         return _worst_response(identified, true)
 
     worst_response = metric(lambda identified, true: _worst_response(identified, true))
-    errors = metric("error_{parameter}", lambda answer: _errors(answer).max("drive"))
+    errors = metric("error_{parameter}", value=lambda answer: _errors(answer).max("drive"))
 
     @metric
     def others(self, answer: Dataset) -> dict[str, DataArray]:
@@ -242,8 +243,10 @@ class Identified(Study):
         low, v_r, noise = (current[n].values for n in ("frequency", "response", "variance"))
         high = motion["frequency"].values
         data: list[Any] = [
-            MeasuredResponse(_current, low, v_r, noise, degrees, "v_r/u"),
-            MeasuredResponse(_motion, high, moved, variance, LOOP_DEGREES, "x/v"),
+            MeasuredResponse(_current, low, v_r, variance=noise, degrees=degrees, name="v_r/u"),
+            MeasuredResponse(
+                _motion, high, moved, variance=variance, degrees=LOOP_DEGREES, name="x/v"
+            ),
             KnownQuantities(
                 lambda p: [lumped_values(p).m],
                 np.array([mass]),
@@ -256,7 +259,9 @@ class Identified(Study):
         parameters = arm_parameters(self.axis, NAMES) | CHAIN
         program = ParameterFit(data, parameters | {"filters": CHAIN["corner"]})
         answer = solved(program, drive.name)
-        return DriveFit(answer, program.intervals(answer, 0.99), program.chi_square(answer)[0])
+        return DriveFit(
+            answer, program.intervals(answer, confidence=0.99), program.chi_square(answer)[0]
+        )
 
 
 @dataclass(frozen=True)

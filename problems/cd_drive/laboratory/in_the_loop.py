@@ -15,7 +15,7 @@ from scipy import stats
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import PeriodicResponse, SteppedSine, from_periods, sine_fit
 from workbench.simulation import linear, sampled
 
@@ -83,7 +83,7 @@ class Chain(NamedTuple):
         s = 2j * np.pi * frequency
         hold = (1 - np.exp(-s * PERIOD)) / (s * PERIOD) * np.exp(-s * PERIOD * self.delay)
         corner = self.control_corner
-        u_m = sampled(control.ss(-corner, corner, 1.0, 0.0), PERIOD, self.delay)
+        u_m = sampled(control.ss(-corner, corner, 1.0, 0.0), PERIOD, delay_samples=self.delay)
         control_signal = u_m(np.exp(s * PERIOD), squeeze=False)[0, 0]
         lens_signal = hold * self.error_corner / (s + self.error_corner)
         found: ComplexArray = -self.gain * lens_signal / control_signal
@@ -121,7 +121,7 @@ def excitation(
     wanted = ERROR_SWING[axis] * nominal.parameters.K_optn / abs(plant * sensitivity)
     allowed = LARGEST_EXCITATION / np.maximum(1.0, abs(sensitivity))
     periods = PERIODS * np.maximum(1, np.ceil(dwell * frequency / PERIODS)).astype(int)
-    return SteppedSine(frequency, periods, np.minimum(wanted, allowed), RATE)
+    return SteppedSine(frequency, periods, np.minimum(wanted, allowed), 1 / RATE)
 
 
 def controller_response(axis: Axis, frequency: RealArray) -> ComplexArray:
@@ -203,9 +203,9 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     would count more. Noise and input therefore have the power of their neighbourhood.
     """
     u, y = amplitudes(np.stack([record.u_m, error]), sine, turning)
-    estimate = from_periods(sine.frequencies, u, y)
+    estimate = from_periods(sine.frequencies_hz, u, y)
     scatter = y - estimate.response[:, 0] * u
-    steps = pool_steps(sine.frequencies)
+    steps = pool_steps(sine.frequencies_hz)
     noise = np.sum(abs(scatter) ** 2, axis=1) / (EVALUATED - 1) / EVALUATED
     noise, colour = (
         uniform_filter1d(one, steps, mode="nearest") for one in (noise, noise_colour(scatter))
@@ -230,10 +230,10 @@ def amplitudes(signals: RealArray, sine: SteppedSine, turning: bool) -> ComplexA
     ends = np.cumsum(sine.lengths)
     parts = np.split(signals, ends[:-1], axis=1)
     found = [
-        sine_fit(part, RATE, frequency)[:, :periods, 0]
+        sine_fit(part, 1 / RATE, frequency)[:, :periods, 0]
         .reshape(len(signals), PERIODS, -1)
         .mean(axis=-1)[:, PERIODS - EVALUATED :]
-        for part, frequency, periods in zip(parts, sine.frequencies, sine.periods, strict=True)
+        for part, frequency, periods in zip(parts, sine.frequencies_hz, sine.periods, strict=True)
     ]
     return np.moveaxis(np.array(found), 1, 0)
 
@@ -241,7 +241,7 @@ def amplitudes(signals: RealArray, sine: SteppedSine, turning: bool) -> ComplexA
 def smooth_power(u: ComplexArray, sine: SteppedSine) -> RealArray:
     """Power (F,) of the input, given its amplitudes (F, M), smooth over frequencies."""
     power = np.log(abs(u.mean(axis=1)) ** 2 / sine.amplitude**2)
-    steps = 2 * round(INPUT_BAND / float(np.mean(np.diff(sine.frequencies))) / 2) + 1
+    steps = 2 * round(INPUT_BAND / float(np.mean(np.diff(sine.frequencies_hz))) / 2) + 1
     smooth = np.exp(savgol_filter(power, min(max(steps, 5), power.size), 2))
     found: RealArray = smooth * sine.amplitude**2
     return found

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.identification import FittedParameter
 
 from ..drive.actuator import SERIES_RESISTANCE
@@ -135,9 +135,9 @@ def _model_covariance() -> RealArray:
 
 
 CHAIN = {
-    "gain": FittedParameter(1.0, 0.2, 5.0),
-    "delay": FittedParameter(1.0, 0.5, 1.5),
-    "corner": FittedParameter(1.0, 0.2, 5.0),
+    "gain": FittedParameter(1.0, lower=0.2, upper=5.0),
+    "delay": FittedParameter(1.0, lower=0.5, upper=1.5),
+    "corner": FittedParameter(1.0, lower=0.2, upper=5.0),
 }
 """Starts and bounds of the parameters of `chain_ratio`."""
 
@@ -166,6 +166,9 @@ def arm_parameters(axis: Axis, names: Sequence[str]) -> dict[str, FittedParamete
     """
     arm = nominal_parameters(axis)
     start = {name: getattr(arm, name) for name in names}
-    found = {name: FittedParameter(value, value / 5, value * 5) for name, value in start.items()}
-    found["b2"] = FittedParameter(arm.b2, -20 * arm.b2, 20 * arm.b2)
+    found = {
+        name: FittedParameter(value, lower=value / 5, upper=value * 5)
+        for name, value in start.items()
+    }
+    found["b2"] = FittedParameter(arm.b2, lower=-20 * arm.b2, upper=20 * arm.b2)
     return found

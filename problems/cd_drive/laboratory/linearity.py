@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import SteppedSine, sine_fit, total_harmonic_distortion
 from workbench.simulation import linear
 from workbench.simulation.machine import machine
@@ -121,7 +121,7 @@ class Linearity(Study):
         bands = (OPEN_BAND[self.laboratory.axis], CLOSED_BAND)
         return [np.linspace(*band, self.frequencies) for band in bands]
 
-    @array((draw, loop))
+    @array(dims=(draw, loop))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, self.draws, len(LOOPS))
 
@@ -139,25 +139,25 @@ class Linearity(Study):
         found = context.spread(played, list(np.ndindex(seed.shape)), "records")
         return np.reshape(found, (*seed.shape, *np.shape(found)[1:]))
 
-    thd = array((draw, loop, channel, "step"), "%", "total harmonic distortion")(
+    thd = array(dims=(draw, loop, channel, "step"), unit="%", meaning="total harmonic distortion")(
         lambda spectra: percent(spectra[..., :HARMONICS]).astype("f4")
     )
 
-    @array((channel, "step"), "%", "THD in closed loop without disturbances")
+    @array(dims=(channel, "step"), unit="%", meaning="THD in closed loop without disturbances")
     def distortion(self, grids: list[RealArray]) -> RealArray:
         quiet = replace(self.laboratory, noise=0.0, electronics=0.0, bits=None)
         return percent(closed_loop(quiet, grids[1], 0, STILL)[..., :HARMONICS])
 
-    @array((harmonics, loop, channel), "%", "mean THD with so many harmonics")
+    @array(dims=(harmonics, loop, channel), unit="%", meaning="mean THD with so many harmonics")
     def by_harmonics(self, spectra: ComplexArray) -> RealArray:
         counts = range(2, MOST_HARMONICS + 1)
         return np.array([percent(spectra[..., :n]).mean(axis=(0, 3)) for n in counts])
 
-    frequency = array((loop, "step"), "Hz", value=lambda grids: grids)
+    frequency = array(dims=(loop, "step"), unit="Hz", value=lambda grids: grids)
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("{words}", at_most=1.0 - SURE, each="words")
+    @check(title="{words}", at_most=1.0 - SURE, each="words")
     def as_described(self, thd: DataArray) -> DataArray:
         """share of the draws in which the levels are not as section 4.6.4 describes them"""
         import xarray as xr
@@ -166,33 +166,41 @@ class Linearity(Study):
         return xr.DataArray(share, {"words": list(described(thd))}, "words")
 
     distortion_small = check(
-        "closed loop, distortion",
-        "largest level of the output without noise and disturbances [%]",
-        lambda distortion: distortion.sel(channel="output").max(),
+        title="closed loop, distortion",
+        statement="largest level of the output without noise and disturbances [%]",
+        value=lambda distortion: distortion.sel(channel="output").max(),
         at_most=5.0,
     )
 
     # --- what is told -------------------------------------------------------------------------
 
-    means = metric("{channel}_{loop}_percent_{summary}", lambda thd: over_draws(thd.mean("step")))
+    means = metric(
+        template="{channel}_{loop}_percent_{summary}",
+        value=lambda thd: over_draws(thd.mean("step")),
+    )
     medians = metric(
-        "{channel}_{loop}_median_percent_{summary}", lambda thd: over_draws(thd.median("step"))
+        template="{channel}_{loop}_median_percent_{summary}",
+        value=lambda thd: over_draws(thd.median("step")),
     )
     most = metric(
-        "{channel}_{loop}_largest_percent_{summary}", lambda thd: over_draws(thd.max("step"))
+        template="{channel}_{loop}_largest_percent_{summary}",
+        value=lambda thd: over_draws(thd.max("step")),
     )
     first = metric(
-        "input_closed_first_percent_{summary}",
-        lambda thd: over_draws(thd.sel(loop="closed", channel="input").isel(step=0)),
+        template="input_closed_first_percent_{summary}",
+        value=lambda thd: over_draws(thd.sel(loop="closed", channel="input").isel(step=0)),
     )
     last = metric(
-        "input_closed_last_percent_{summary}",
-        lambda thd: over_draws(thd.sel(loop="closed", channel="input").isel(step=-1)),
+        template="input_closed_last_percent_{summary}",
+        value=lambda thd: over_draws(thd.sel(loop="closed", channel="input").isel(step=-1)),
     )
     with_harmonics = metric(
-        "{channel}_{loop}_{harmonics}_harmonics_percent", lambda by_harmonics: by_harmonics
+        template="{channel}_{loop}_{harmonics}_harmonics_percent",
+        value=lambda by_harmonics: by_harmonics,
     )
-    output_distortion_percent = metric(lambda distortion: distortion.sel(channel="output").max())
+    output_distortion_percent = metric(
+        template=lambda distortion: distortion.sel(channel="output").max()
+    )
 
     @table
     def thd_(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
@@ -200,7 +208,7 @@ class Linearity(Study):
         for loop in LOOPS:
             for n, frequency in enumerate(answer["frequency"].sel(loop=loop).values):
                 one = told.sel(loop=loop).isel(step=n)
-                cells = [with_interval(one.sel(channel=name), "{:.2f}") for name in CHANNELS]
+                cells = [with_interval(one.sel(channel=name), form="{:.2f}") for name in CHANNELS]
                 rows.append([loop, f"{frequency:.1f}", *cells])
         return ["loop", "frequency [Hz]", "THD of input [%]", "of output [%]"], rows
 
@@ -245,7 +253,7 @@ def described(thd: DataArray) -> dict[str, DataArray]:
 
 def open_loop(bench: Laboratory, frequency: RealArray, seed: int) -> ComplexArray:
     """Harmonics (2, F, MOST_HARMONICS) of the control signal and of the coil's current."""
-    sweep = SteppedSine(frequency, PERIODS, OPEN_AMPLITUDE, RATE)
+    sweep = SteppedSine(frequency, PERIODS, OPEN_AMPLITUDE, 1 / RATE)
     record = bench.coil(np.concatenate([samples for _, samples in sweep]), seed)
     return np.array([averages(one, sweep) for one in (record.u_m, record.v_r)])
 
@@ -255,7 +263,7 @@ def closed_loop(
 ) -> ComplexArray:
     """Harmonics (2, F, MOST_HARMONICS) of the control signal and of the normalised error."""
     law = linear(controller(bench.axis), PERIOD)
-    sweep = SteppedSine(frequency, PERIODS, closed_loop_amplitude(bench.axis, frequency), RATE)
+    sweep = SteppedSine(frequency, PERIODS, closed_loop_amplitude(bench.axis, frequency), 1 / RATE)
     rest = np.zeros(round(RUN_UP * RATE))
     excitation = np.concatenate([rest, *(samples for _, samples in sweep)])
     record = bench.closed_loop(law, excitation, disc=disc, seed=seed)
@@ -283,8 +291,10 @@ def averages(signal: RealArray, sweep: SteppedSine) -> ComplexArray:
     ends = np.cumsum(sweep.lengths)
     return np.array(
         [
-            sine_fit(signal[end - n : end], RATE, f, MOST_HARMONICS)[DISCARDED:PERIODS].mean(axis=0)
-            for f, n, end in zip(sweep.frequencies, sweep.lengths, ends, strict=True)
+            sine_fit(signal[end - n : end], 1 / RATE, f, harmonics=MOST_HARMONICS)[
+                DISCARDED:PERIODS
+            ].mean(axis=0)
+            for f, n, end in zip(sweep.frequencies_hz, sweep.lengths, ends, strict=True)
         ]
     )
 

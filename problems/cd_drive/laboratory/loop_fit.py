@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench import solve
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.identification import (
     FittedParameter,
@@ -86,7 +86,7 @@ def fit_of_draw(
     found = solution.answer
     p, s = dict(zip(program.names, found.tolist(), strict=True)), 2j * np.pi * grid
     fitted = lens_on_arms(p, s, known.R, arms) * chain_ratio(p, s)
-    response, radius = estimate.response[:, 0, 0], estimate.radius(CONFIDENCE)[:, 0, 0]
+    response, radius = estimate.response[:, 0, 0], estimate.radius(confidence=CONFIDENCE)[:, 0, 0]
     exact = bench.actuator.response(grid) * Chain.told(bench).response(grid) / chain
     chi_square, p_value = program.chi_square(found)
     numbers = {
@@ -127,7 +127,9 @@ def two_mass_fit(
 
     response, chain = MeasuredResponse.of(model, estimate), chain_known(GAIN_DEVIATION[axis])
     data: list[Any] = [response, known.data, chain]
-    mismatches = {name: FittedParameter(0.0, -0.95, 0.95) for name in mismatch_names(arms)}
+    mismatches = {
+        name: FittedParameter(0.0, lower=-0.95, upper=0.95) for name in mismatch_names(arms)
+    }
     parameters = arm_parameters(axis, (*FITTED, "Bl")) | CHAIN | mismatches
     program = ParameterFit(data, parameters)
     shape = np.linspace(1.0, -1.0, arms)[:-1]

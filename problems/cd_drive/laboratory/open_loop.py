@@ -14,9 +14,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import figures, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import PeriodicResponse, from_periods
 from workbench.study import (
     Study,
@@ -92,11 +92,11 @@ class OpenLoop(Study):
 
     frequency = dim(lambda self: self.experiment.frequency, unit="Hz", meaning="frequency")
     parameter, assumption = dim(PARAMETERS), dim(ASSUMPTIONS)
-    unit = array(parameter, value=lambda: PARAMETERS, coordinate=True)
+    unit = array(dims=parameter, value=lambda: PARAMETERS, coordinate=True)
     found, other = dim(FOUND), dim(FOUND)
     draw = dim(lambda self: range(self.draws))
 
-    @array(draw)
+    @array(dims=draw)
     def seed(self, context: Context) -> Any:
         bench = self.experiment.laboratory
         return experiment_seeds(context.rng, "open-loop", bench.drive, self.draws)
@@ -116,7 +116,10 @@ class OpenLoop(Study):
         return [one.corrected(each, self.experiment.frequency) for one, each in pairs]
 
     mass = array(
-        draw, "kg", "as told", lambda self, told: [self.experiment.mass * one.mass for one in told]
+        dims=draw,
+        unit="kg",
+        meaning="as told",
+        value=lambda self, told: [self.experiment.mass * one.mass for one in told],
     )
     raw = part(
         lambda self, currents: [
@@ -143,37 +146,52 @@ class OpenLoop(Study):
     # --- the first draw -----------------------------------------------------------------------
 
     response = array(
-        frequency, "V/V", "v_r/u measured", lambda settled: settled[0].response[:, 0, 0]
+        dims=frequency,
+        unit="V/V",
+        meaning="v_r/u measured",
+        value=lambda settled: settled[0].response[:, 0, 0],
     )
     variance = array(
-        frequency, "1", value=lambda settled: _measured(settled[0])[1], degrees=DEGREES
+        dims=frequency, unit="1", value=lambda settled: _measured(settled[0])[1], degrees=DEGREES
     )
     radius = array(
-        frequency,
-        "V/V",
+        dims=frequency,
+        unit="V/V",
         value=lambda variance: np.sqrt(stats.f.ppf(CONFIDENCE, 2, DEGREES) * variance),
     )
-    exact = array(frequency, "V/V", "v_r/u noise-free", lambda self: self.experiment.exact())
+    exact = array(
+        dims=frequency,
+        unit="V/V",
+        meaning="v_r/u noise-free",
+        value=lambda self: self.experiment.exact(),
+    )
 
-    @array((frequency, "period"), "V/V")
+    @array(dims=(frequency, "period"), unit="V/V")
     def periods(self, currents: list[Current]) -> Any:
         return (currents[0].v / currents[0].u)[:, DISCARDED:].astype(np.complex64)
 
     # --- all draws ----------------------------------------------------------------------------
 
-    estimate = array((draw, parameter), value=lambda fits: [one.values[:JUDGED] for one in fits])
-    covariance = array((draw, found, other), value=lambda fits: [one.covariance for one in fits])
+    estimate = array(
+        dims=(draw, parameter), value=lambda fits: [one.values[:JUDGED] for one in fits]
+    )
+    covariance = array(
+        dims=(draw, found, other), value=lambda fits: [one.covariance for one in fits]
+    )
     half_width = array(
-        (draw, parameter),
-        "",
-        "of the 99 % interval",
-        lambda fits: [one.half_width[:JUDGED] for one in fits],
+        dims=(draw, parameter),
+        unit="",
+        meaning="of the 99 % interval",
+        value=lambda fits: [one.half_width[:JUDGED] for one in fits],
     )
     chi_square = array(
-        draw, "", "of the fit, per degree of freedom", lambda fits: [one.chi_square for one in fits]
+        dims=draw,
+        unit="",
+        meaning="of the fit, per degree of freedom",
+        value=lambda fits: [one.chi_square for one in fits],
     )
 
-    @array((draw, parameter))
+    @array(dims=(draw, parameter))
     def by_equations(self, settled: list[PeriodicResponse], mass: DataArray) -> Any:
         """R, Bl, k, b by equations 4.20-4.23"""
         every = zip(settled, mass.values.tolist(), strict=True)
@@ -192,11 +210,13 @@ class OpenLoop(Study):
         }
 
     assumption_p = array(
-        (draw, assumption),
+        dims=(draw, assumption),
         value=lambda settled: [[getattr(s.assumptions, n) for n in ASSUMPTIONS] for s in settled],
     )
-    transient_p = array(draw, value=lambda raw: [one.assumptions.independent for one in raw])
-    saturation = array(draw, "1", value=lambda currents: [one.saturation for one in currents])
+    transient_p = array(dims=draw, value=lambda raw: [one.assumptions.independent for one in raw])
+    saturation = array(
+        dims=draw, unit="1", value=lambda currents: [one.saturation for one in currents]
+    )
 
     # --- checks -------------------------------------------------------------------------------
 
@@ -207,9 +227,10 @@ class OpenLoop(Study):
         return abs(answer["estimate"] / (answer["truth"] * told**power) - 1)
 
     check_errors = check(
-        "error of {parameter}",
-        "share of draws with a relative error, the mass as told, above the thesis' accuracy",
-        lambda self, answer: share_of_draws(
+        title="error of {parameter}",
+        statement="share of draws with a relative error, the mass as told, above the thesis' "
+        "accuracy",
+        value=lambda self, answer: share_of_draws(
             self.at_told_mass(answer)
             > answer["truth"].copy(data=[ERROR_TOLERANCE[name] for name in PARAMETERS]),
             "parameter",
@@ -218,41 +239,51 @@ class OpenLoop(Study):
         at_most=1.0 - SURE,
     )
     check_coverage = check(
-        "coverage of {parameter}",
-        "1 - p of so few draws whose 99 % interval holds the truth",
-        lambda answer: 1.0 - coverage_p(_held(answer), CONFIDENCE),
+        title="coverage of {parameter}",
+        statement="1 - p of so few draws whose 99 % interval holds the truth",
+        value=lambda answer: 1.0 - coverage_p(_held(answer), CONFIDENCE),
         each="parameter",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
     check_equations = check(
-        "equations 4.20-4.23",
-        "relative distance of their parameters from those of the direct fit, any draw",
-        lambda by_equations, estimate: abs(by_equations / estimate - 1),
+        title="equations 4.20-4.23",
+        statement="relative distance of their parameters from those of the direct fit, any draw",
+        value=lambda by_equations, estimate: abs(by_equations / estimate - 1),
         at_most=1e-4,
     )
     check_saturation = check(
-        "saturation",
-        "share of samples at a converter's limit, any draw",
-        lambda saturation: saturation,
+        title="saturation",
+        statement="share of samples at a converter's limit, any draw",
+        value=lambda saturation: saturation,
         at_most=0.0,
     )
 
     # --- what is told -------------------------------------------------------------------------
 
     errors = metric(
-        "error_{parameter}_{summary}",
-        lambda answer: over_draws(abs(answer["estimate"] / answer["truth"] - 1)),
+        template="error_{parameter}_{summary}",
+        value=lambda answer: over_draws(abs(answer["estimate"] / answer["truth"] - 1)),
     )
     errors_at_told_mass = metric(
-        "error_{parameter}_told_mass_{summary}",
-        lambda self, answer: over_draws(self.at_told_mass(answer)),
+        template="error_{parameter}_told_mass_{summary}",
+        value=lambda self, answer: over_draws(self.at_told_mass(answer)),
     )
-    covered_each = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
+    covered_each = metric(
+        template="covered_{parameter}", value=lambda answer: _held(answer).mean("draw")
+    )
     covered = metric(lambda answer: _held(answer).mean())
-    biases = metric("bias_{parameter}", lambda answer: answer["truth"] / answer["table"] - 1)
-    tests = metric("{assumption}_p_{summary}", lambda assumption_p: over_draws(assumption_p))
-    ringing = metric("transient_p_{summary}", lambda transient_p: over_draws(transient_p))
-    misfit = metric("chi_square_{summary}", lambda chi_square: over_draws(chi_square))
+    biases = metric(
+        template="bias_{parameter}", value=lambda answer: answer["truth"] / answer["table"] - 1
+    )
+    tests = metric(
+        template="{assumption}_p_{summary}", value=lambda assumption_p: over_draws(assumption_p)
+    )
+    ringing = metric(
+        template="transient_p_{summary}", value=lambda transient_p: over_draws(transient_p)
+    )
+    misfit = metric(
+        template="chi_square_{summary}", value=lambda chi_square: over_draws(chi_square)
+    )
 
     @table
     def parameters(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:

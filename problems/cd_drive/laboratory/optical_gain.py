@@ -16,9 +16,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -101,9 +101,9 @@ class OpticalGain(Study):
 
     drive = dim(lambda self: [each.name for each in drives(self.axis)])
     quantity, draw = dim(OPTICAL_GAINS), dim(lambda self: range(self.draws))
-    unit = array(quantity, value=lambda: list(OPTICAL_GAINS.values()), coordinate=True)
+    unit = array(dims=quantity, value=lambda: list(OPTICAL_GAINS.values()), coordinate=True)
 
-    @array((draw, drive))
+    @array(dims=(draw, drive))
     def seed(self, drive: DataArray, context: Context) -> Any:
         every = [
             experiment_seeds(context.rng, "optical-gain", name, self.draws)
@@ -127,24 +127,41 @@ class OpticalGain(Study):
 
     distance = dim(lambda scans: scans[0][0].distance, unit="m")
     along = (drive, distance)
-    difference = array(along, "V", "error, one draw", lambda scans: _first(scans, "difference"))
-    sum = array(along, "V", "sum of the diodes, one draw", lambda scans: _first(scans, "sum"))
-    normalised = array(along, "1", "normalised error", lambda difference, sum: difference / sum)
+    difference = array(
+        dims=along,
+        unit="V",
+        meaning="error, one draw",
+        value=lambda scans: _first(scans, "difference"),
+    )
+    sum = array(
+        dims=along,
+        unit="V",
+        meaning="sum of the diodes, one draw",
+        value=lambda scans: _first(scans, "sum"),
+    )
+    normalised = array(
+        dims=along,
+        unit="1",
+        meaning="normalised error",
+        value=lambda difference, sum: difference / sum,
+    )
 
     told = array(
-        (draw, drive),
-        "1",
-        "distance that is told over the true one",
-        lambda self, seed: [
+        dims=(draw, drive),
+        unit="1",
+        meaning="distance that is told over the true one",
+        value=lambda self, seed: [
             [Told.drawn(self.axis, one).distance for one in row] for row in seed.values.tolist()
         ],
     )
     found = array(
-        (draw, drive, quantity),
+        dims=(draw, drive, quantity),
         value=lambda scans, told: _every(scans, "gains") / told.values[..., None],
     )
 
-    @array((draw, drive, quantity), "1", "half-width of the 99 % interval, relative")
+    @array(
+        dims=(draw, drive, quantity), unit="1", meaning="half-width of the 99 % interval, relative"
+    )
     def half_width(self, scans: list[list[Scan]]) -> RealArray:
         degrees = _every(scans, "repeats")[..., None] - 1
         noise = stats.t.ppf(0.5 + CONFIDENCE / 2, degrees) * _every(scans, "scatter")
@@ -152,18 +169,18 @@ class OpticalGain(Study):
         half: RealArray = np.hypot(noise, known) + _every(scans, "law")[..., None]
         return half
 
-    gain = array((drive, quantity), value=lambda found: found.isel(draw=0, drop=True))
+    gain = array(dims=(drive, quantity), value=lambda found: found.isel(draw=0, drop=True))
 
     def error(self, gain: DataArray) -> DataArray:
         """Relative distance of gains (..., drive, quantity) from those of Table A.3."""
         return gain / _printed(self.axis) - 1
 
-    @check("{quantity}", at_most=1.0 - SURE, each="quantity")
+    @check(title="{quantity}", at_most=1.0 - SURE, each="quantity")
     def near(self, found: DataArray) -> DataArray:
         """share of the scans with an error above three deviations of the told distance"""
         return (abs(self.error(found)) > GAIN_TOLERANCE[self.axis]).mean(["draw", "drive"])
 
-    @check("{quantity} covered", at_most=1.0 - LEAST_P, each="quantity")
+    @check(title="{quantity} covered", at_most=1.0 - LEAST_P, each="quantity")
     def enough(self, found: DataArray, half_width: DataArray) -> DataArray:
         """one minus the probability that 99 % intervals cover no more often than these"""
         covered = self.covered(found, half_width)
@@ -197,23 +214,26 @@ class OpticalGain(Study):
         ]
 
     errors = metric(
-        "error_{quantity}_{summary}",
-        lambda self, found: over_draws(abs(self.error(found)), "drive"),
+        template="error_{quantity}_{summary}",
+        value=lambda self, found: over_draws(abs(self.error(found)), "drive"),
     )
     errors_without_told = metric(
-        "error_{quantity}_known_distance_{summary}",
-        lambda self, found, told: over_draws(abs(self.error(found * told)), "drive"),
+        template="error_{quantity}_known_distance_{summary}",
+        value=lambda self, found, told: over_draws(abs(self.error(found * told)), "drive"),
     )
     coverage = metric(
-        "covered_{quantity}",
-        lambda self, found, half_width: self.covered(found, half_width).mean(["draw", "drive"]),
+        template="covered_{quantity}",
+        value=lambda self, found, half_width: self.covered(found, half_width).mean(
+            ["draw", "drive"]
+        ),
     )
     half_widths = metric(
-        "half_width_{quantity}", lambda half_width: half_width.mean(["draw", "drive"])
+        template="half_width_{quantity}",
+        value=lambda half_width: half_width.mean(["draw", "drive"]),
     )
     spread = metric(
-        "spread_{quantity}_{summary}",
-        lambda found: over_draws(found.groupby("draw").map(spread)),
+        template="spread_{quantity}_{summary}",
+        value=lambda found: over_draws(found.groupby("draw").map(spread)),
     )
 
     @table
@@ -229,7 +249,12 @@ class OpticalGain(Study):
                 at = {"drive": drive, "quantity": name}
                 width = float(half_width.sel(at).mean("draw"))
                 share = f"{float(covered.sel(at)):.0%}"
-                row += [with_interval(told.sel(at), "{:.0f}"), f"{width:.1%}", f"{true:.0f}", share]
+                row += [
+                    with_interval(told.sel(at), form="{:.0f}"),
+                    f"{width:.1%}",
+                    f"{true:.0f}",
+                    share,
+                ]
             rows.append(row)
         return heads, rows
 

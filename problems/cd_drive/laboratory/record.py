@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 
 UNITS = {"f_en": "1", "x": "m", "x_cd": "m", "f_sd": "m", "light": "1", "time": "s"}
 """Units of the recorded signals; those not named here are in V."""

@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
 from workbench.arrays import RealArray
 from workbench.compiled import kernel
+
 from workbench.simulation import Cascade, Controller, Part, blend, following
 
 from ..drive.actuator import SERIES_RESISTANCE
@@ -62,17 +62,17 @@ class Search:
         steps = RETREAT * volts * PERIOD, self.speed * volts * PERIOD
         ends = BEGIN * volts, END * volts
         parameters = np.array([*ends, *steps, WAIT / PERIOD, self.light, waited])
-        return Controller(_search, np.zeros(5), parameters, outputs=2, reads=3, period=PERIOD)
+        return Controller(_search, np.zeros(5), parameters, outputs=2, reads=3, dt=PERIOD)
 
     @property
     def cascade(self) -> Cascade:
         """The search and the reference controller, one of which has the command."""
         follower = following(controller("focus"), PERIOD, FOLLOWING)
         parts = [
-            Part("search", self.law, ["f_en", "sum", "u_last"], ["closed", "ramp"]),
-            Part("seen", blend(), ["closed", "f_en"]),
-            Part("K", follower, ["seen", "closed", "u_last"], ["u_k"]),
-            Part("u", blend(), ["closed", "u_k", "ramp"]),
+            Part("search", self.law, given=["f_en", "sum", "u_last"], tells=["closed", "ramp"]),
+            Part("seen", blend(), given=["closed", "f_en"]),
+            Part("K", follower, given=["seen", "closed", "u_last"], tells=["u_k"]),
+            Part("u", blend(), given=["closed", "u_k", "ramp"]),
         ]
         return Cascade(MEASUREMENTS, parts)
 

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -112,7 +112,7 @@ class AfterDefects(Study):
         unit="s",
         meaning="time from the end of a scratch",
     )
-    seed = array(draw, value=lambda self, context: independent_seeds(context.rng, self.draws))
+    seed = array(dims=draw, value=lambda self, context: independent_seeds(context.rng, self.draws))
 
     @part
     def found(self, seed: DataArray, context: Context) -> Any:
@@ -125,17 +125,31 @@ class AfterDefects(Study):
             for one in zip(*every, strict=True)
         )
 
-    level = array((draw, loop, signal), "1", "clean level", lambda found: found[0])
-    after = array((draw, loop, kind, signal), "s", "mean time beyond it", lambda found: found[1])
-    lost = array((draw, loop), "1", "times that the loop was lost", lambda found: found[2])
+    level = array(
+        dims=(draw, loop, signal), unit="1", meaning="clean level", value=lambda found: found[0]
+    )
+    after = array(
+        dims=(draw, loop, kind, signal),
+        unit="s",
+        meaning="mean time beyond it",
+        value=lambda found: found[1],
+    )
+    lost = array(
+        dims=(draw, loop),
+        unit="1",
+        meaning="times that the loop was lost",
+        value=lambda found: found[2],
+    )
 
     settles = array(
-        (draw, loop, signal_without_noise),
-        "s",
-        "mean time in which a scratch's effect settles, without noise",
+        dims=(draw, loop, signal_without_noise),
+        unit="s",
+        meaning="mean time in which a scratch's effect settles, without noise",
     )(lambda found: found[3])
 
-    @array((loop, signal, time), "1", "effect of the first scratch of the first draw")
+    @array(
+        dims=(loop, signal, time), unit="1", meaning="effect of the first scratch of the first draw"
+    )
     def shown(self, seed: DataArray) -> Any:
         found = []
         for loop in LOOPS:
@@ -198,33 +212,34 @@ class AfterDefects(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("{loop}: error settles later than the sum", at_most=1.0 - SURE, each="loop")
+    @check(title="{loop}: error settles later than the sum", at_most=1.0 - SURE, each="loop")
     def later(self, settles: DataArray) -> DataArray:
         """share of draws in which a scratch's effect on the sum settles no sooner, without noise"""
         error, total = (settles.sel(signal_without_noise=one) for one in SIGNALS[:2])
         return share_of_draws(error <= total, "loop")
 
-    @check("error seen longer than the sum", at_most=1.0 - SURE)
+    @check(title="error seen longer than the sum", at_most=1.0 - SURE)
     def longer(self, after: DataArray) -> DataArray:
         """share of draws, reference strategy, in which the sum is seen no less after scratches"""
         one = after.sel(kind="scratch", loop=LOOPS[1])
         return share_of_draws(one.sel(signal="error") <= one.sel(signal="sum"))
 
-    @check("loop", "share of draws in which a loop is lost", at_most=1.0 - SURE)
+    @check(title="loop", statement="share of draws in which a loop is lost", at_most=1.0 - SURE)
     def held(self, lost: DataArray) -> DataArray:
         return (lost > 0).mean("draw").max()
 
     # --- what is told -------------------------------------------------------------------------
 
     times_ms = metric(
-        "{signal}_after_{kind}_{loop}_{summary}_ms", lambda after: over_draws(1e3 * after)
+        template="{signal}_after_{kind}_{loop}_{summary}_ms",
+        value=lambda after: over_draws(1e3 * after),
     )
     settling_ms = metric(
-        "{signal_without_noise}_settles_{loop}_{summary}_ms",
-        lambda settles: over_draws(1e3 * settles),
+        template="{signal_without_noise}_settles_{loop}_{summary}_ms",
+        value=lambda settles: over_draws(1e3 * settles),
     )
 
-    share_lost = metric("lost_{loop}", lambda lost: (lost > 0).mean("draw"))
+    share_lost = metric("lost_{loop}", value=lambda lost: (lost > 0).mean("draw"))
 
     @table
     def durations(self, after: DataArray, settles: DataArray) -> Any:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.remembered import remembered
 from workbench.errors import InputError
-from workbench.remembered import remembered
 
 from ..diagnosis.defect_kinds import KINDS, SHOCK_PEAK, draw, shocks
 from ..drive.disc import Defect, Disc

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -99,7 +99,7 @@ class FalseDetections(Study):
         unit="s",
         meaning="time from the start of the detection",
     )
-    seed = array(draw, value=lambda self, context: independent_seeds(context.rng, self.draws))
+    seed = array(dims=draw, value=lambda self, context: independent_seeds(context.rng, self.draws))
 
     def start(self, scratch: ScratchDraw) -> float:
         """Start [s] of the detection: at the scratch's angle, when the strategy has settled."""
@@ -143,13 +143,15 @@ class FalseDetections(Study):
         called_bad=("1", "clean samples that the detector itself calls bad"),
     )
 
-    @array((strategy, case), "m", "the same without noise, first draw")
+    @array(dims=(strategy, case), unit="m", meaning="the same without noise, first draw")
     def error_without_noise(self, seed: DataArray) -> list[list[float]]:
         scratch = ScratchDraw.drawn(self.experiment.axis, int(seed[0]))
         every = [self.outcome(name, scratch, noisy=False) for name in STRATEGIES]
         return [[one[0] for one in each] for each in every]
 
-    @array((strategy, case, time), "m", "true error of the first draw, without noise")
+    @array(
+        dims=(strategy, case, time), unit="m", meaning="true error of the first draw, without noise"
+    )
     def shown(self, seed: DataArray) -> Any:
         scratch, found = ScratchDraw.drawn(self.experiment.axis, int(seed[0])), []
         at = round(self.start(scratch) * RATE)
@@ -161,38 +163,44 @@ class FalseDetections(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("it costs", at_most=1.0)
+    @check(title="it costs", at_most=1.0)
     def costs(self, error: DataArray) -> DataArray:
         """mean largest error without a false detection over that with it, reference strategy"""
         mean = error.sel(strategy="reference").mean("draw")
         return mean.sel(case="without") / mean.sel(case="with")
 
-    @check("{strategy} costs less", at_most=1.0, each="strategy")
+    @check(title="{strategy} costs less", at_most=1.0, each="strategy")
     def less(self, error: DataArray) -> DataArray:
         """mean largest error with a false detection over the reference strategy's, A and B"""
         mean = error.sel(case="with").mean("draw")
         return mean.sel(strategy=["A", "B"]) / mean.sel(strategy="reference")
 
-    @check("loop", "share of draws in which a strategy loses the loop", at_most=1.0 - SURE)
+    @check(
+        title="loop",
+        statement="share of draws in which a strategy loses the loop",
+        at_most=1.0 - SURE,
+    )
     def held(self, lost: DataArray) -> DataArray:
         return (lost.sel(case="with") > 0).mean("draw").max()
 
     # --- what is told -------------------------------------------------------------------------
 
     errors_um = metric(
-        "error_{strategy}_{case}_{summary}_um", lambda error: over_draws(1e6 * error)
+        template="error_{strategy}_{case}_{summary}_um", value=lambda error: over_draws(1e6 * error)
     )
     errors_without_noise_um = metric(
-        "error_{strategy}_{case}_without_noise_um",
-        lambda error_without_noise: 1e6 * error_without_noise,
+        template="error_{strategy}_{case}_without_noise_um",
+        value=lambda error_without_noise: 1e6 * error_without_noise,
     )
     out_of_range = metric(
-        "beyond_acceptable_{strategy}",
-        lambda self, error: share_of_draws(
+        template="beyond_acceptable_{strategy}",
+        value=lambda self, error: share_of_draws(
             error.sel(case="with") > ACCEPTABLE_ERROR[self.experiment.axis], "strategy"
         ),
     )
-    losses = metric("lost_{strategy}", lambda lost: (lost.sel(case="with") > 0).mean("draw"))
+    losses = metric(
+        template="lost_{strategy}", value=lambda lost: (lost.sel(case="with") > 0).mean("draw")
+    )
     called_bad_samples = metric(lambda called_bad: called_bad.sum())
 
     @table

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     bootstrap_weights,
     percentile_interval,
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.tables import markdown
 
 from ..diagnosis.defect_kinds import KINDS
 from ..drive.shared_parameters import TABLES
@@ -90,9 +90,13 @@ class Immunity(Study):
         every = circumstances(self.axis, self.scenarios, self.cases.duration, rng)
         return [one for one in every if one.group == "shocks" or one.group in KINDS]
 
-    group = array("circumstance", value=lambda many: [GROUPS.index(one.group) for one in many])
+    group = array(dims="circumstance", value=lambda many: [GROUPS.index(one.group) for one in many])
 
-    @array((strategy, gain, "circumstance"), "1", "share of time out of spec, mean over drives")
+    @array(
+        dims=(strategy, gain, "circumstance"),
+        unit="1",
+        meaning="share of time out of spec, mean over drives",
+    )
     def outside(self, many: list[Circumstance], context: Context) -> RealArray:
         def scores(one: Circumstance) -> RealArray:
             played = [Case(name, gain) for name in STRATEGIES for gain in GAINS]
@@ -125,7 +129,7 @@ class Immunity(Study):
             found.append(np.einsum("wc,sgc->wsg", share, outside.values[..., part_of]))
         return np.stack(found, axis=1)
 
-    @array((told, cause, strategy, gain), "1", "mean time out of spec, with 95 %")
+    @array(dims=(told, cause, strategy, gain), unit="1", meaning="mean time out of spec, with 95 %")
     def cost(self, costs: RealArray) -> RealArray:
         return _told(costs)
 
@@ -146,29 +150,31 @@ class Immunity(Study):
         return {"allowed": _told(gains), "shocks": _told(shocks)}
 
     sensitivity = array(
-        gain,
-        "1",
-        "largest |S| of the twelve drives",
-        lambda self: [peak_sensitivity(self.axis, sampled_controller(self.axis, g)) for g in GAINS],
+        dims=gain,
+        unit="1",
+        meaning="largest |S| of the twelve drives",
+        value=lambda self: [
+            peak_sensitivity(self.axis, sampled_controller(self.axis, g)) for g in GAINS
+        ],
     )
 
     # --- checks and what is told --------------------------------------------------------------
 
-    @check("shares", at_most=1.0)
+    @check(title="shares", at_most=1.0)
     def shares(self, outside: DataArray) -> float:
         """largest share of time"""
         return float(outside.max())
 
-    @check("sensitivity", at_most=1e-6)
+    @check(title="sensitivity", at_most=1e-6)
     def again(self, sensitivity: DataArray) -> float:
         """relative difference of the largest |S| at the controller's own gain, computed again"""
         own = peak_sensitivity(self.axis, sampled_controller(self.axis, GAINS[0]))
         return abs(float(sensitivity.sel(gain=GAINS[0])) / own - 1.0)
 
-    gains = metric("gain_{strategy}_{told}", lambda allowed: allowed)
-    in_shocks = metric("shocks_{strategy}_{told}", lambda shocks: shocks)
+    gains = metric("gain_{strategy}_{told}", value=lambda allowed: allowed)
+    in_shocks = metric("shocks_{strategy}_{told}", value=lambda shocks: shocks)
     sensitivities = metric(
-        lambda sensitivity: {
+        template=lambda sensitivity: {
             f"sensitivity_{one:g}_db": float(sensitivity.sel(gain=one)) for one in GAINS
         }
     )

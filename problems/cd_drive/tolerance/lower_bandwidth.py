@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, THIS_SYSTEM
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_transition, discretised
 from workbench.systems import loop_response
@@ -73,11 +73,15 @@ def lower_bandwidth(
     import control
 
     K = start * control.ss(reference(axis))
-    plant = TradeOff(axis, defect_mm / 1e3).uncertain.channel(CHANNELS, "w")
+    plant = TradeOff(axis, defect_mm / 1e3).uncertain.channel(performance=CHANNELS, exogenous="w")
     relaxed = CAPTURE[axis] / ACCEPTABLE_ERROR[axis]
     weights = [1 / relaxed, share, roll_off()]
     return LowerBandwidth(
-        plant.weighted(weights), start=K, family=LeadLag.of(K)[0], axis=axis, units=SIGNAL_UNITS
+        plant.weighted(performance=weights),
+        start=K,
+        family=LeadLag.of(K)[0],
+        axis=axis,
+        units=SIGNAL_UNITS,
     )
 
 

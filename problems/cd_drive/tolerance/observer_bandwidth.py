@@ -14,10 +14,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.diagnosis import Estimator, Rotation
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import in_discrete_time, sampled
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.systems import bandwidths, loop_response
@@ -83,19 +83,23 @@ class ObserverBandwidth(Study):
     drives = part(lambda self: sampled_drives(self.axis))
     laws = part(lambda self: every_law(self.axis))
 
-    @array((observer, seen, drive), "Hz", "where |T| falls to -3 dB for good")
+    @array(dims=(observer, seen, drive), unit="Hz", meaning="where |T| falls to -3 dB for good")
     def bandwidth(self, laws: Any, drives: dict[str, StateSpace]) -> RealArray:
         return self.over(laws, drives, lambda L: bandwidths(L)["T"])
 
-    @array((observer, seen, drive), "Hz", "where |L| falls to 1 for good")
+    @array(dims=(observer, seen, drive), unit="Hz", meaning="where |L| falls to 1 for good")
     def crossover(self, laws: Any, drives: dict[str, StateSpace]) -> RealArray:
         return self.over(laws, drives, lambda L: bandwidths(L)["crossover"])
 
-    @array((observer, seen, drive), "1", "largest modulus of a pole of the closed loop")
+    @array(
+        dims=(observer, seen, drive),
+        unit="1",
+        meaning="largest modulus of a pole of the closed loop",
+    )
     def radius(self, laws: Any, drives: dict[str, StateSpace]) -> RealArray:
         return self.over(laws, drives, closed_radius)
 
-    @array((observer, seen, frequency), "1", "|T| of the nominal drive")
+    @array(dims=(observer, seen, frequency), unit="1", meaning="|T| of the nominal drive")
     def T(self, laws: Any, drives: dict[str, StateSpace]) -> Any:
         nominal = {"nominal": drives["nominal"]}
         return self.over(laws, nominal, lambda L: _closed(loop_response(L, FREQUENCY)))[
@@ -123,12 +127,12 @@ class ObserverBandwidth(Study):
             for one in SEEN
         ]
 
-    @check("observer alone", at_most=SAME)
+    @check(title="observer alone", at_most=SAME)
     def unchanged(self, bandwidth: DataArray) -> DataArray:
         """largest relative change of a drive's bandwidth by an observer of 5 kHz, no u_p"""
         return abs(changes(bandwidth)).sel(observer=list(FAST), seen=SEEN[2]).max()
 
-    @check("found otherwise", at_most=1e-6)
+    @check(title="found otherwise", at_most=1e-6)
     def again(self, bandwidth: DataArray, radius: DataArray) -> float:
         """largest distance of |T| from -3 dB at a bandwidth, and of a pole, of the closed system"""
         import control
@@ -146,19 +150,19 @@ class ObserverBandwidth(Study):
     # --- what is told -------------------------------------------------------------------------
 
     largest_change = metric(
-        "largest_change_{observer}_{seen}",
-        lambda bandwidth: abs(changes(bandwidth)).drop_sel(observer="none").max("drive"),
+        template="largest_change_{observer}_{seen}",
+        value=lambda bandwidth: abs(changes(bandwidth)).drop_sel(observer="none").max("drive"),
     )
     nominal_change = metric(
-        "nominal_change_{observer}_{seen}",
-        lambda bandwidth: changes(bandwidth).drop_sel(observer="none").sel(drive="nominal"),
+        template="nominal_change_{observer}_{seen}",
+        value=lambda bandwidth: changes(bandwidth).drop_sel(observer="none").sel(drive="nominal"),
     )
     unstable_drives = metric(
-        "unstable_drives_{observer}_{seen}",
-        lambda radius: (radius.drop_sel(drive="nominal") >= 1.0).sum("drive"),
+        template="unstable_drives_{observer}_{seen}",
+        value=lambda radius: (radius.drop_sel(drive="nominal") >= 1.0).sum("drive"),
     )
     nominal_bandwidth_hz = metric(
-        lambda bandwidth: bandwidth.sel(observer="none", seen=SEEN[0], drive="nominal")
+        template=lambda bandwidth: bandwidth.sel(observer="none", seen=SEEN[0], drive="nominal")
     )
 
     @table
@@ -203,7 +207,7 @@ def changes(bandwidth: DataArray) -> DataArray:
 def sampled_drives(axis: Axis) -> dict[str, StateSpace]:
     """u [V] -> f_en [units] of every drive, behind the hold and the delay."""
     every = plants(axis, "own", "printed")
-    return {name: sampled(one, PERIOD, DELAY) for name, one in every.items()}
+    return {name: sampled(one, PERIOD, delay_samples=DELAY) for name, one in every.items()}
 
 
 def every_law(axis: Axis) -> dict[tuple[str, str], StateSpace]:

@@ -23,9 +23,9 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 from workbench.synthesis import (
     ControllerMode,
@@ -67,7 +67,7 @@ def lens_model(
     outputs = np.zeros((2, n + 1))
     outputs[0, :n], outputs[1, n] = C4[0], 1.0
     B = np.vstack([B4, [[0.0]]])
-    P = sampled(control.ss(A, B, outputs, 0.0), PERIOD, delay)
+    P = sampled(control.ss(A, B, outputs, 0.0), PERIOD, delay_samples=delay)
     return SampledPlant(P.A, P.B, P.C[:1], P.C[1:], K_optn * MICRO, PERIOD, filtered)
 
 

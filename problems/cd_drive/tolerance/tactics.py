@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import Rotation
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
 from workbench.simulation import (
     Cascade,
     Controller,
@@ -110,7 +110,7 @@ class Strategies:
         """Parts that compute the quality w_Q (eq. 7.13), which is 0 in false detections."""
         seen = diode_quality(self.level, DIST_MIN, DIST_MAX)
         return [
-            Part("detector", seen, MEASUREMENTS, ("quality", "dist", "error_read")),
+            Part("detector", seen, MEASUREMENTS, tells=("quality", "dist", "error_read")),
             Part("w_Q", silenced(self.false, PERIOD), ["quality"]),
         ]
 
@@ -120,7 +120,7 @@ class Strategies:
 
     def _reference(self) -> list[Part]:
         """Figure 8.2: the loop is opened; the controller goes on with an error of 0."""
-        return [Part("seen", blend(), ["w_Q", "f_en"]), Part("K", self._law, ["seen"], ["u"])]
+        return [Part("seen", blend(), ["w_Q", "f_en"]), Part("K", self._law, ["seen"], tells=["u"])]
 
     def _repetitive(self) -> list[Part]:
         """Strategy A, figure 8.3: the repetitive filter goes on with what it has learnt."""
@@ -128,7 +128,7 @@ class Strategies:
             Part("trusted", blend(), ["w_Q", "f_en"]),
             Part("REP", self.repetitive.controller, ["trusted"]),
             Part("seen", total(), ["trusted", "REP"]),
-            Part("K", self._law, ["seen"], ["u"]),
+            Part("K", self._law, ["seen"], tells=["u"]),
         ]
 
     def _estimated(self) -> list[Part]:
@@ -136,9 +136,9 @@ class Strategies:
         estimator = kalman(self.axis, Rotation(self.rotation)).controller
         told = ("f_en_hat", "e_hat", "x_hat", "u_p", "rotation")
         return [
-            Part("estimator", estimator, ["f_en", "u_last", "w_Q"], told),
+            Part("estimator", estimator, ["f_en", "u_last", "w_Q"], tells=told),
             Part("seen", blend(), ["w_Q", "f_en", "f_en_hat"]),
-            Part("K", self._law, ["seen"], ["u_k"]),
+            Part("K", self._law, ["seen"], tells=["u_k"]),
             Part("u", total(), ["u_k", "u_p"]),
         ]
 
@@ -148,8 +148,8 @@ class Strategies:
         F = stand_in_filter() if self.F is None else self.F
         return [
             Part("u_f", linear(F / K_optn, PERIOD), ["f_en"]),
-            Part("seen", removed(K_optn), ["w_Q", "f_en", "u_f"]),
-            Part("K", self._law, ["seen"], ["u"]),
+            Part("seen", removed(gain=K_optn), ["w_Q", "f_en", "u_f"]),
+            Part("K", self._law, ["seen"], tells=["u"]),
         ]
 
     def _replaced(self) -> list[Part]:
@@ -162,15 +162,15 @@ class Strategies:
             )
         if not self.bumpless:
             return [
-                Part("K", linear(self.controller, PERIOD), ["f_en"], ["u_k"]),
-                Part("K'", linear(other, PERIOD), ["f_en"], ["u_k'"]),
+                Part("K", linear(self.controller, PERIOD), ["f_en"], tells=["u_k"]),
+                Part("K'", linear(other, PERIOD), ["f_en"], tells=["u_k'"]),
                 Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
             ]
         follower = following(self.controller, PERIOD, FOLLOWING)
         substitute = following(other, PERIOD, FOLLOWING, substitute=True)
         return [
-            Part("K", follower, ["f_en", "w_Q", "u_last"], ["u_k"]),
-            Part("K'", substitute, ["f_en", "w_Q", "u_last"], ["u_k'"]),
+            Part("K", follower, ["f_en", "w_Q", "u_last"], tells=["u_k"]),
+            Part("K'", substitute, ["f_en", "w_Q", "u_last"], tells=["u_k'"]),
             Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
         ]
 

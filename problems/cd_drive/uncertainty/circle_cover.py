@@ -52,9 +52,9 @@ def circle_cover(
     return CircleCover(
         measured,
         order,
-        zeros,
-        complex_order,
+        zeros=zeros,
+        complex_order=complex_order,
         form=form,
         leave_out=leave_out,
-        windows=WINDOWS[axis],
+        windows_hz=WINDOWS[axis],
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from workbench import Run
-from workbench.heavy_types import DataArray
+from workbench._core.heavy_types import DataArray
 from workbench.uncertainty.covers.cover import UncertaintyCover
 
 

@@ -67,8 +67,8 @@ def measured_drives(
         found = optical_gains.data["gain"].sel(quantity="K_optn").sel(drive=names)
         gains = found.values.tolist()
     measured = Responses(
-        2 * np.pi * frequency,
-        responses_of(axis, models, gains, frequency, gain, False).T,
+        omega=2 * np.pi * frequency,
+        values=responses_of(axis, models, gains, frequency, gain, False).T,
         plants=names,
         unit="units/V",
         known=systems_of(axis, models, gains, gain, False),

@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric
 
 from ..drive.plants import nominal_response
@@ -79,18 +79,24 @@ class NominalModels(Study):
         """Nominal functions of the complex and the mixed form."""
         return [self.circles.answer.model.nominal, self.stadiums.answer.model.nominal]
 
-    @array((form, frequency), "units/V", "nominal response")
+    @array(dims=(form, frequency), unit="units/V", meaning="nominal response")
     def nominal(self, frequency: DataArray) -> list[Any]:
         printed = nominal_response(self.axis, frequency.values, antialiasing=False)
         return [printed, *(one.response(2 * np.pi * frequency.values) for one in self.fitted)]
 
     response = array(
-        ("frequency", "drive"), "units/V", value=lambda self: covered_responses(self.circles).values
+        dims=("frequency", "drive"),
+        unit="units/V",
+        value=lambda self: covered_responses(self.circles).values,
     )
-    complex_zeros = array("complex_zeros", "rad/s", value=lambda self: self.fitted[0].zeros)
-    complex_poles = array("complex_poles", "rad/s", value=lambda self: self.fitted[0].poles)
-    mixed_zeros = array("mixed_zeros", "rad/s", value=lambda self: self.fitted[1].zeros)
-    mixed_poles = array("mixed_poles", "rad/s", value=lambda self: self.fitted[1].poles)
+    complex_zeros = array(
+        dims="complex_zeros", unit="rad/s", value=lambda self: self.fitted[0].zeros
+    )
+    complex_poles = array(
+        dims="complex_poles", unit="rad/s", value=lambda self: self.fitted[0].poles
+    )
+    mixed_zeros = array(dims="mixed_zeros", unit="rad/s", value=lambda self: self.fitted[1].zeros)
+    mixed_poles = array(dims="mixed_poles", unit="rad/s", value=lambda self: self.fitted[1].poles)
 
     def difference(self, nominal: DataArray) -> dict[str, DataArray]:
         """Largest difference [dB] of two magnitudes (F,) outside and inside the resonances."""
@@ -109,7 +115,7 @@ class NominalModels(Study):
             for place, one in self.difference(nominal).items()
         ]
         return [
-            Check(f"agreement {place}", statement.format(place), size, CLOSE[place], where)
+            Check(f"agreement {place}", statement.format(place), size, CLOSE[place], where=where)
             for place, size, where in worst
         ]
 
@@ -122,7 +128,9 @@ class NominalModels(Study):
             "difference_at_resonances_hz": difference["inside"].idxmax(),
         }
 
-    resonances = metric("resonance_{form}_hz", lambda nominal: abs(nominal).idxmax("frequency"))
+    resonances = metric(
+        template="resonance_{form}_hz", value=lambda nominal: abs(nominal).idxmax("frequency")
+    )
 
     @figure
     def bode(self, answer: Dataset) -> Figure:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.uncertainty.algebra.lft import left_divide, matrix
 from workbench.uncertainty.parametric_models.model import ParametricModel, parametric
 from workbench.uncertainty.parametric_models.parameters import Parameter

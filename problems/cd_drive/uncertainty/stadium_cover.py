@@ -61,12 +61,12 @@ def stadium_cover(
     return StadiumCover(
         measured,
         order,
-        zeros,
-        complex_order,
-        real_order,
+        zeros=zeros,
+        complex_order=complex_order,
+        real_order=real_order,
         orientation=ORIENTATIONS[orientation],
         minimum_phase=minimum_phase,
         form=form,
         leave_out=leave_out,
-        windows=WINDOWS[axis],
+        windows_hz=WINDOWS[axis],
     )

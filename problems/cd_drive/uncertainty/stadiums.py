@@ -33,4 +33,4 @@ def stadiums(
     """
     points = nyquist_points(axis, frequencies, lowest, highest, gain, values)
     given = None if angle is None else np.asarray(angle)
-    return NarrowestStadium(points, None, given, windows=WINDOWS[axis])
+    return NarrowestStadium(points, center=None, angle=given, windows=WINDOWS[axis])

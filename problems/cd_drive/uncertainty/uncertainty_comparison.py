@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import worst
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty.covers.sets import (
     circles_about_nominal,
@@ -91,11 +91,11 @@ class UncertaintyComparison(Study):
     def frequency(self) -> RealArray:
         return np.asarray(self.runs["circle", "steps"].data["frequency"])
 
-    @array((by, frequency), "1")
+    @array(dims=(by, frequency), unit="1")
     def radius(self) -> list[RealArray]:
         return [self.runs["circle", method].answer.second.radius for method in COVER_METHODS]
 
-    @array((by, quantity, frequency), "1")
+    @array(dims=(by, quantity, frequency), unit="1")
     def size(self, frequency: DataArray) -> list[Any]:
         hertz, rows = frequency.values, []
         for method in COVER_METHODS:
@@ -108,21 +108,21 @@ class UncertaintyComparison(Study):
             rows.append([*about, *map(np.abs, responses[1:])])
         return rows
 
-    @array((gain, shape, frequency), "1")
+    @array(dims=(gain, shape, frequency), unit="1")
     def variant(self, frequency: DataArray) -> list[Any]:
         printed = nominal_response(self.axis, frequency.values, antialiasing=False)
         return [_about(self.axis, frequency.values, gain, printed) for gain in GAIN_VARIANTS]
 
     parametric = array(
-        (set, frequency), "1", value=lambda self: self.spread.answer["deviation"].values
+        dims=(set, frequency), unit="1", value=lambda self: self.spread.answer["deviation"].values
     )
 
-    @check("never wider", at_most=1 + 1e-9)
+    @check(title="never wider", at_most=1 + 1e-9)
     def never_wider(self, variant: DataArray) -> tuple[float, str]:
         """half-width over radius, same centre"""
         return _worst(variant.sel(shape="stadium") / variant.sel(shape="circle"))
 
-    @check("never wider, fitted", at_most=1 + 1e-9)
+    @check(title="never wider, fitted", at_most=1 + 1e-9)
     def never_wider_fitted(self, size: DataArray) -> tuple[float, str]:
         """the same about nominals"""
         return _worst(size.sel(quantity="width about") / size.sel(quantity="radius about"))
@@ -151,14 +151,16 @@ class UncertaintyComparison(Study):
         radius, width = own.sel(frequency=float(peak))
         return {"radius_over_width_at_peak": radius / width, "peak_hz": peak}
 
-    peaks = metric("{shape}_peak_{gain}", lambda variant: _named(variant).max("frequency"))
+    peaks = metric(
+        template="{shape}_peak_{gain}", value=lambda variant: _named(variant).max("frequency")
+    )
     medians = metric(
-        "median_{shape}_{gain}",
-        lambda variant: (
+        template="median_{shape}_{gain}",
+        value=lambda variant: (
             _named(variant).sel(frequency=slice(HIGH_FREQUENCY, None)).median("frequency")
         ),
     )
-    radius_peak = metric("radius_peak_{by}", lambda radius: radius.max("frequency"))
+    radius_peak = metric("radius_peak_{by}", value=lambda radius: radius.max("frequency"))
 
     @metric("{quantity}_peak_{by}")
     def fitted_peaks(self, size: DataArray) -> DataArray:

@@ -11,12 +11,12 @@ import xarray as xr
 from html_page import Page
 
 from workbench import figures
+from workbench._core.heavy_types import Figure
 from workbench.bench.comparison.styles import GID
 from workbench.bench.report.points import every_cell, scaled
 from workbench.bench.report.toggles import has_methods, telling, toggled
 from workbench.errors import ResultError
 from workbench.figures.formats import svg
-from workbench.heavy_types import Figure
 
 HOSTILE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
  width="10" onload="alert(1)" viewBox="0 0 1 1"><script>alert(2)</script><style>*{color:red}</style>

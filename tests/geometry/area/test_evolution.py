@@ -16,7 +16,7 @@ from workbench.solvers import Options
 def test_it_finds_the_smallest_area(case):
     points = random_sets(11, 8, 10)
     program = SmallestAreaStadium(points, **CASES[case])
-    solution = wb.solve(program, "evolution")
+    solution = wb.solve(program, method="evolution")
     assert solution.certificate.failures == ()
     assert solution.certificate.gap.value < 1e-6
 
@@ -27,7 +27,7 @@ def test_it_finds_the_smallest_area(case):
 @given(point_sets)
 def test_it_is_valid_and_never_below_the_search(case, points):
     program = SmallestAreaStadium(points, **CASES[case])
-    solution = wb.solve(program, "evolution")
+    solution = wb.solve(program, method="evolution")
     assert solution.certificate.valid, solution.certificate.failures
     search = smallest_area_stadium(points, **CASES[case]).area
     rounding = 1e-14 * np.abs(points).max() ** 2  # of points on a line both areas are rounding
@@ -37,13 +37,13 @@ def test_it_is_valid_and_never_below_the_search(case, points):
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_degenerate_sets_are_covered(name):
     points, _ = DEGENERATE[name]
-    assert wb.solve(SmallestAreaStadium(points), "evolution").certificate.valid
+    assert wb.solve(SmallestAreaStadium(points), method="evolution").certificate.valid
 
 
 def test_another_seed_searches_elsewhere_and_ends_at_the_same_area():
     points = random_sets(12, 3, 9)
     answers = [
-        wb.solve(SmallestAreaStadium(points), "evolution", Options(seed=seed)).answer
+        wb.solve(SmallestAreaStadium(points), method="evolution", options=Options(seed=seed)).answer
         for seed in (0, 0, 1)
     ]
     np.testing.assert_array_equal(answers[0].angle, answers[1].angle)

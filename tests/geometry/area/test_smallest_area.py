@@ -74,7 +74,7 @@ def test_the_search_is_certified_for_degenerate_sets(name, case, where):
         chosen["center"] = points[0] + (0 if where == "at a point" else (2 - 1j) * size)
     elif where == "at a point":
         pytest.skip("no centre given")
-    solution = solve(SmallestAreaStadium(points, **chosen), options=Options("high"))
+    solution = solve(SmallestAreaStadium(points, **chosen), options=Options(tolerance="high"))
     assert solution.certificate.failures == ()
     assert solution.outcome is Outcome.SOLVED
 
@@ -221,7 +221,7 @@ def test_narrowest_stadiums_and_circles_are_valid_with_a_gap(case):
     assert certificate.valid and not certificate.holds
     missed = (1 - best.area / other.area).max()
     assert certificate.gap.value == pytest.approx(missed, rel=1e-6)
-    solution = solve(SmallestAreaStadium(points, **CASES[case]), "narrowest")
+    solution = solve(SmallestAreaStadium(points, **CASES[case]), method="narrowest")
     assert solution.outcome is Outcome.SOLVED  # it claims no optimum
     assert solution.certificate.gap.value == pytest.approx(certificate.gap.value)
 
@@ -244,7 +244,7 @@ def test_the_bound_holds_whatever_the_answer_was():
 def test_ipopt_finds_the_same(case):
     points = random_sets(9, 2, 8)
     best = smallest_area_stadium(points, **CASES[case])
-    solution = solve(SmallestAreaStadium(points, **CASES[case]), "ipopt")
+    solution = solve(SmallestAreaStadium(points, **CASES[case]), method="ipopt")
     assert solution.certificate.valid
     assert np.all(solution.answer.area >= best.area * (1 - 1e-9))
     np.testing.assert_allclose(solution.answer.area, best.area, rtol=5e-3)  # a local minimum

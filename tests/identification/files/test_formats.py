@@ -80,7 +80,7 @@ def test_matlab_7_3(tmp_path):
     for name, said in (("tt", "is an object of MATLAB, such as a time"), ("nothing", "is empty"),
                        ("note", "has no numbers")):  # fmt: skip
         with pytest.raises(InputError, match=f"'{name}' {said}"):
-            read_record(file, "u", name, 1.0)
+            read_record(file, "u", name, dt=1 / 1.0)
 
 
 def test_structs_of_older_files(tmp_path):
@@ -193,7 +193,7 @@ def test_a_million_rows_take_about_a_second(tmp_path):
     file.write_text("u [V],y [mm/s]\n" + "0.123456,-1.234567\n" * 1_000_000)
     read_variables(io_warmed(tmp_path))
     begun = time.process_time()
-    data = read_record(file, "u", "y", sample_rate=1e3)
+    data = read_record(file, "u", "y", dt=1 / 1e3)
     assert time.process_time() - begun < 2.0
     assert data.sizes["time"] == 1_000_000
 

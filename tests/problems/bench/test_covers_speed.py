@@ -65,9 +65,9 @@ def test_the_run_is_shown(solved):
 def test_scanned_stadiums_are_nearly_the_narrowest(center):
     rng = np.random.default_rng(3)
     sets = rng.normal(size=(2, 7)) + 1j * rng.normal(size=(2, 7))
-    context = Context(Options())
+    context = Context(options=Options())
     radius, angle = ScannedStadiums(7, context).narrowest(sets, center, "test")
-    exact = narrowest_stadium(sets, center)
+    exact = narrowest_stadium(sets, center=center)
     assert (radius >= exact.radius * (1 - 1e-6)).all()
     np.testing.assert_allclose(radius, exact.radius, rtol=0.02)
     assert ((angle >= 0) & (angle < np.pi)).all()

@@ -21,7 +21,7 @@ def test_record():
 def test_subspace_model_of_low_order():
     program = load("cd-arm/identification", highest_order=6)
     assert program.orders == (2, 4, 6)
-    solution = solve(program, "subspace")
+    solution = solve(program, method="subspace")
     assert solution.certificate.holds
     metrics = program.metrics(solution.answer)
     assert metrics["fit_one_step_y1"] > 85

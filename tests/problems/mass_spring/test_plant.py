@@ -21,10 +21,10 @@ from workbench.structure import Complex, Full, Real, Structure
 
 def test_sizes_and_structure():
     plant = two_mass_plant()
-    assert plant.structure == Structure((Complex(1, "dynamics"), Real(1, "k1")))
+    assert plant.structure == Structure((Complex(1, name="dynamics"), Real(1, name="k1")))
     assert (plant.exogenous, plant.performance) == (2, 2)
     assert (plant.controls, plant.measurements) == (1, 1)
-    assert plant.structure.with_performance(2, 2).blocks[-1] == Full(2, 2, "performance")
+    assert plant.structure.with_performance(2, 2).blocks[-1] == Full(2, 2, name="performance")
     assert plant.system.nstates == 4 + 4  # the masses, and four weights with a pole
 
 

@@ -20,7 +20,7 @@ from workbench.bench.project import registry
 
 
 def objective(program, method=None):
-    return program.objective(wb.solve(program, method).answer)
+    return program.objective(wb.solve(program, method=method).answer)
 
 
 @pytest.mark.cases(0)

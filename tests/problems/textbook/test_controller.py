@@ -48,7 +48,7 @@ def test_chains_need_what_they_go_on_from():
 def test_every_plant_has_a_problem(name):
     program = controller(name)
     assert program.structure is not None
-    assert f"{name}/controller" in [entry.name for entry in wb.problems("*/controller")]
+    assert f"{name}/controller" in [entry.name for entry in wb.problems(pattern="*/controller")]
 
 
 @pytest.mark.slow
@@ -57,7 +57,7 @@ def test_the_column_by_dk():
 
     Alternation alone ends between 0.972 and 1.018, which hangs on the last bits of the processor.
     """
-    solution = wb.solve(controller("distillation"), "dk")
+    solution = wb.solve(controller("distillation"), method="dk")
     assert solution.certificate.holds, solution.certificate
     assert solution.answer.upper <= 0.96
     assert min(each.peak for each in solution.answer.history[:2]) < 0.975
@@ -66,7 +66,7 @@ def test_the_column_by_dk():
 @pytest.mark.slow
 def test_a_fifth_order_controller_of_the_two_masses():
     """The full-order one has 24 states and a peak of 0.855."""
-    found = wb.solve(MuSynthesis(PLANTS["mass-spring"](), order=5), "fixed")
+    found = wb.solve(MuSynthesis(PLANTS["mass-spring"](), order=5), method="fixed")
     assert found.certificate.holds, found.certificate
     assert found.answer.K.nstates == 5
     assert found.answer.upper <= 1.04

@@ -55,7 +55,7 @@ def test_wrong_numbers_are_rejected(solved):
 @pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 def test_a_controller_for_the_set_is_certified_and_stabilises_the_truth(form):
-    solution = wb.solve(estimate_to_mu(form), "dk")
+    solution = wb.solve(estimate_to_mu(form), method="dk")
     assert solution.certificate.valid, solution
     assert solution.answer.upper < 0.85
     parts = TRUE_PLANT.state_space()

@@ -35,14 +35,20 @@ def test_sets_and_weights_are_smaller_than_those_of_dkpy_on_its_own_example(form
     plants = example["complex_response_offnominal_list"]
     values = np.moveaxis(np.asarray(plants), 0, 1)
     program = MatrixCover(
-        MatrixResponses(omega, values), example["system_nominal"], form, left_order=4, right_order=3
+        MatrixResponses(omega, values),
+        example["system_nominal"],
+        form=form,
+        left_order=4,
+        right_order=3,
     )
     kind = {"output": "multiplicative_output"}.get(form, form.replace("-", "_"))
     nominal = example["complex_response_nominal"]
     residuals = dkpy.compute_uncertainty_residual_response(nominal, plants, {kind})[kind]
     W = dkpy.compute_uncertainty_weight_response(residuals, "diagonal", "diagonal")
 
-    traces = wb.uncertainty.MatrixSets(program.deviations, "diagonal", "diagonal", size="trace")
+    traces = wb.uncertainty.MatrixSets(
+        program.deviations, left="diagonal", right="diagonal", size="trace"
+    )
     found = wb.solve(traces)
     theirs = np.prod([np.linalg.norm(each, axis=(1, 2)) / np.sqrt(2) for each in W], axis=0)
     np.testing.assert_allclose(traces.sizes(found.answer), theirs, rtol=1e-5)

@@ -39,7 +39,7 @@ def test_two_states_in_a_row_have_the_norm_of_the_closed_form(method):
     A, B = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]]
     plant = control.ss(A, [[0, 0, 0], [1, 0, 1]], [[1, 0], [0, 0], [1, 0]],
                        [[0, 0, 0], [0, 0, 1], [0, 1, 0]])  # fmt: skip
-    solution = wb.solve(H2Synthesis(GeneralisedPlant(plant, None, 1, 1)), method)
+    solution = wb.solve(H2Synthesis(GeneralisedPlant(plant, None, 1, 1)), method=method)
     # X = Y' = [[r2, 1], [1, r2]], F = [-1, -r2], so that J = tr(B1' X B1) + F Y F' = 6 r2
     assert solution.holds and solution.answer.norm**2 == pytest.approx(6 * math.sqrt(2), rel=1e-6)
     assert B and solution.answer.K.nstates == 2
@@ -65,9 +65,9 @@ def test_no_neighbour_of_the_controller_is_better(seed, dt):
 def test_methods_agree(dt):
     for seed in range(3):
         program = H2Synthesis(random_plant(seed, dt))
-        norms = [wb.solve(program, name).answer.norm for name in ("riccati", "clarabel")]
+        norms = [wb.solve(program, method=name).answer.norm for name in ("riccati", "clarabel")]
         if not dt:
-            norms.append(wb.solve(program, "sb10hd").answer.norm)
+            norms.append(wb.solve(program, method="sb10hd").answer.norm)
         np.testing.assert_allclose(norms, norms[0], rtol=1e-4)
 
 

@@ -182,7 +182,7 @@ def test_fast_poles_are_left_out_where_they_are_not_needed():
 @pytest.mark.parametrize("method", ["riccati", "sb10ad", "clarabel"])
 def test_every_method_perturbs(method):
     plant = no_noise(0)
-    solution = solve(HinfSynthesis(plant), method)
+    solution = solve(HinfSynthesis(plant), method=method)
     assert solution.certificate.holds
     # A conic solver's controllers are made up to 5e-2 above its least level.
     assert solution.answer.norm <= 1.05 * least_by_inequalities(plant)
@@ -295,6 +295,6 @@ def test_mu_synthesis_of_an_integrator_without_a_weight_of_u():
         control=["u"],
         measurement="e",
     )
-    solution = solve(MuSynthesis(plant), "dk", Options("low"))
+    solution = solve(MuSynthesis(plant), method="dk", options=Options(tolerance="low"))
     assert solution.certificate.holds
     assert 0.5 <= solution.answer.upper <= 0.51

@@ -30,7 +30,7 @@ def test_a_gain_is_as_good_as_the_best_of_a_search_along_the_line():
     found = minimize_scalar(
         lambda k: loop_norm(control.tf([k], [1.0])), bounds=(0.01, 30.0), method="bounded"
     )
-    solution = wb.solve(MixedSensitivity(G, W_S, W_KS, order=0))
+    solution = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS, order=0))
     assert solution.holds
     assert solution.answer.norm == pytest.approx(found.fun, rel=2e-3)
 
@@ -46,7 +46,7 @@ def test_a_pid_is_as_good_as_the_best_of_searches_without_slopes():
         minimize(size, start, method="Nelder-Mead", options={"maxfev": 600, "fatol": 1e-5}).fun
         for start in ([1.0, 0.5, 1.0, -3.0], [2.0, 2.0, 2.0, -4.0])
     )
-    solution = wb.solve(MixedSensitivity(G, W_S, W_KS, family=PID()))
+    solution = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS, family=PID()))
     assert solution.holds
     assert solution.answer.norm <= 1.005 * best
     assert 0 < solution.answer.least <= solution.answer.norm
@@ -54,9 +54,9 @@ def test_a_pid_is_as_good_as_the_best_of_searches_without_slopes():
 
 @pytest.mark.cases(0)
 def test_the_distance_from_the_best_of_any_order_is_told():
-    program = MixedSensitivity(G, W_S, W_KS, order=1)
+    program = MixedSensitivity(G, W_S=W_S, W_KS=W_KS, order=1)
     solution = wb.solve(program)
-    every = wb.solve(MixedSensitivity(G, W_S, W_KS)).answer
+    every = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS)).answer
     answer = solution.answer
     assert answer.K.nstates <= 1
     assert answer.least == pytest.approx(every.least, rel=1e-3)
@@ -69,8 +69,8 @@ def test_the_distance_from_the_best_of_any_order_is_told():
 
 @pytest.mark.cases(0)
 def test_an_order_that_is_no_hindrance_gives_the_least_norm():
-    every = hinf(MixedSensitivity(G, W_S, W_KS).plant)
-    few = hinf(MixedSensitivity(G, W_S, W_KS).plant, order=every.K.nstates)
+    every = hinf(MixedSensitivity(G, W_S=W_S, W_KS=W_KS).plant)
+    few = hinf(MixedSensitivity(G, W_S=W_S, W_KS=W_KS).plant, order=every.K.nstates)
     assert few.norm <= 1.02 * every.norm
 
 
@@ -91,18 +91,18 @@ def test_no_stable_controller_exists_where_poles_and_zeros_interlace_wrongly():
 
 @pytest.mark.cases(0)
 def test_a_level_above_the_reachable_norm_is_met_and_one_below_is_not_claimed():
-    program = MixedSensitivity(G, W_S, W_KS, order=0)
+    program = MixedSensitivity(G, W_S=W_S, W_KS=W_KS, order=0)
     norm = wb.solve(program).answer.norm
-    met = wb.solve(MixedSensitivity(G, W_S, W_KS, gamma=1.1 * norm, order=0))
+    met = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS, gamma=1.1 * norm, order=0))
     assert met.holds and met.answer.norm <= 1.1 * norm
-    assert not wb.solve(MixedSensitivity(G, W_S, W_KS, gamma=0.9 * norm, order=0)).holds
+    assert not wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS, gamma=0.9 * norm, order=0)).holds
 
 
 @pytest.mark.cases(0)
 def test_a_controller_that_is_asked_to_be_slow_is_slow():
-    fast = wb.solve(MixedSensitivity(G, W_S, W_KS)).answer
+    fast = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS)).answer
     assert np.abs(fast.K.poles()).max() > 5.0
-    slow = wb.solve(MixedSensitivity(G, W_S, W_KS, fastest_pole=5.0, order=3))
+    slow = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS, fastest_pole=5.0, order=3))
     assert slow.holds and np.abs(slow.answer.K.poles()).max() <= 5.0 * (1 + 1e-6)
 
 
@@ -173,14 +173,14 @@ def test_a_gain_that_does_not_exist_is_said_to_be_infeasible():
 )
 def test_what_cannot_be_asked_of_a_controller_is_named(asked, words):
     with pytest.raises(InputError, match=words.replace("(", r"\(").replace(")", r"\)")):
-        MixedSensitivity(G, W_S, W_KS, **asked)
+        MixedSensitivity(G, W_S=W_S, W_KS=W_KS, **asked)
 
 
 def test_poles_of_weights_leave_no_room_for_an_order():
     with pytest.raises(InputError, match="order cannot be given: move these poles"):
-        MixedSensitivity(G, control.tf([1.0], [1.0, 0.0]), W_KS, order=1)
+        MixedSensitivity(G, W_S=control.tf([1.0], [1.0, 0.0]), W_KS=W_KS, order=1)
 
 
 def test_the_search_is_asked_for_something():
     with pytest.raises(InputError, match="no demand on the controller"):
-        wb.solve(MixedSensitivity(G, W_S, W_KS), "fixed")
+        wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS), method="fixed")

@@ -36,14 +36,18 @@ def flexible():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_finds_the_best_gain(method):
-    solution = wb.solve(HinfSynthesis(first_order(), order=0), method, Options(seed=0))
+    solution = wb.solve(
+        HinfSynthesis(first_order(), order=0), method=method, options=Options(seed=0)
+    )
     assert solution.certificate.holds
     assert solution.answer.norm == pytest.approx(1 + np.sqrt(3), rel=2e-3)
     assert solution.answer.least <= solution.answer.norm
 
 
 def test_the_answer_tells_what_starts_reached_and_the_slope_that_remains():
-    solution = wb.solve(HinfSynthesis(first_order(), order=0), "bfgs", Options(seed=0))
+    solution = wb.solve(
+        HinfSynthesis(first_order(), order=0), method="bfgs", options=Options(seed=0)
+    )
     answer = solution.answer
     assert len(answer.reached) > 3
     assert list(answer.reached) == sorted(answer.reached)
@@ -56,19 +60,23 @@ def test_the_answer_tells_what_starts_reached_and_the_slope_that_remains():
 
 
 def test_a_family_and_a_sampled_plant():
-    solution = wb.solve(HinfSynthesis(first_order(), family=PI()), "bfgs", Options(seed=0))
+    solution = wb.solve(
+        HinfSynthesis(first_order(), family=PI()), method="bfgs", options=Options(seed=0)
+    )
     assert solution.certificate.holds
     sampled = first_order()
     A, B = [[1.02]], [[0.02, 0, 0.02]]
     system = control.ss(A, B, sampled.system.C, sampled.system.D, 0.02)
     plant = GeneralisedPlant(system, None, 1, 1)
-    solution = wb.solve(HinfSynthesis(plant, order=0), "fixed", Options(seed=0))
+    solution = wb.solve(HinfSynthesis(plant, order=0), method="fixed", options=Options(seed=0))
     assert solution.certificate.holds
     assert solution.answer.norm == pytest.approx(1 + np.sqrt(3), rel=0.05)
 
 
 def test_a_level_that_is_asked_for_ends_the_search():
-    solution = wb.solve(HinfSynthesis(first_order(), 3.5, order=0), "fixed", Options(seed=0))
+    solution = wb.solve(
+        HinfSynthesis(first_order(), gamma=3.5, order=0), method="fixed", options=Options(seed=0)
+    )
     assert solution.certificate.holds
     assert solution.answer.norm <= 3.5
 

@@ -51,7 +51,12 @@ class Cell:
     @property
     def options(self) -> Options:
         asked = self.question.options
-        return Options(asked["tolerance"], asked["time_limit"], self.verbose, asked["seed"])
+        return Options(
+            tolerance=asked["tolerance"],
+            time_limit=asked["time_limit"],
+            verbose=self.verbose,
+            seed=asked["seed"],
+        )
 
 
 def answer(cell: Cell, place: Site) -> Record:
@@ -115,7 +120,7 @@ class Said:
 
 def _once(task: Program, method: str, options: Options, longer: float = 0.0) -> Said:
     """A method's answer in one call, which may exceed its time limit by ``longer`` [s]."""
-    context, limit = Context(options), options.time_limit
+    context, limit = Context(options=options), options.time_limit
     forget_peak_memory()
     reason = "" if limit is None else f"killed at its time limit of {limit:.4g} s"
     if longer:
@@ -140,7 +145,7 @@ WARM = (
 
 def cell_workers(count: int, memory_limit: int | None, threads: int) -> Workers:
     """A pool of processes that have imported everything cells need."""
-    return Workers(count, threads=threads, memory_limit=memory_limit, preload=WARM)
+    return Workers(count=count, threads=threads, memory_limit=memory_limit, preload=WARM)
 
 
 _apart = threading.local()

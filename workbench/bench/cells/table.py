@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.bench.cells.machine import this_machine
 from workbench.bench.cells.record import Record
 from workbench.bench.comparison import DIMS
 from workbench.executor import WALL_TIME
-from workbench.heavy_types import Dataset
 from workbench.solvers import ACCURACY
 
 

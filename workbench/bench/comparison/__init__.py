@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from workbench._core.on_demand import no_more_names
 from workbench.bench.comparison.changes import changed_cells, changes, changes_table
 from workbench.bench.comparison.files import cell_columns, need_table_file, write_cells
 from workbench.bench.comparison.layout import DIMS, METHOD, UNFIT, need_comparison
@@ -9,7 +10,6 @@ from workbench.bench.comparison.numbers import badge, counts, shifted_mean
 from workbench.bench.comparison.study import Comparison
 from workbench.bench.comparison.tables import HEADS, alike, failures, rows, unfit
 from workbench.bench.comparison.verdicts import SAFETY, judged
-from workbench.on_demand import no_more_names
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.bench.comparison.layout import METHOD, tried
 from workbench.bench.comparison.layout import seconds as wall_seconds
 from workbench.bench.comparison.numbers import certified, largest_gap, quartiles
 from workbench.bench.comparison.styles import WIDTH, Look, keys, legend, shortened
 from workbench.bench.comparison.verdicts import CONTRADICTION, WRONG
-from workbench.heavy_types import Axes, Dataset, Figure
 
 LINEAR = 1e-12
 """Gaps below this are drawn on a linear scale: rounding errors, far below the finest accuracy

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.comparison.layout import METHOD
 from workbench.bench.comparison.numbers import disagreements
 from workbench.bench.comparison.styles import GID, WIDTH
-from workbench.heavy_types import Dataset, Figure
 
 LEAST, MOST = 1e-12, 1.0
 """Ends of the colour scale; differences outside it get the colour of the nearer end."""

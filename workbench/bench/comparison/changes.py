@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
+from workbench._core.tables import markdown
 from workbench.bench.comparison.layout import DIMS, METHOD, cell_labels
 from workbench.bench.comparison.numbers import certified_times, combined_verdicts, largest_gap
 from workbench.bench.comparison.verdicts import judged
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
-from workbench.tables import markdown
 
 CONFIDENCE = 0.95
 """Confidence of the intervals for ratios of times."""

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.comparison.accuracy_time import accuracy_against_time
 from workbench.bench.comparison.agreement import agreement_matrix
 from workbench.bench.comparison.layout import METHOD
@@ -13,7 +14,6 @@ from workbench.bench.comparison.numbers import certified, groups
 from workbench.bench.comparison.profiles import cactus, performance_profile
 from workbench.bench.comparison.scaling import has_sizes, scaling_figure
 from workbench.bench.comparison.styles import Look, method_looks
-from workbench.heavy_types import Dataset, Figure
 
 
 def drawings(data: Dataset) -> dict[str, Figure]:

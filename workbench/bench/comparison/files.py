@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.bench.comparison.layout import COORDINATES, DIMS, asked_cells, command
 from workbench.bench.comparison.verdicts import judged
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 
 FORMATS = (".csv", ".parquet")
 

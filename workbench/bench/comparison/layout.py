@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.errors import ResultError
-from workbench.heavy_types import DataArray, Dataset
 from workbench.solvers import Outcome
 
 METHOD = "by_method"

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.bench.comparison.layout import METHOD, UNFIT, seconds, time_limit, tried
 from workbench.bench.comparison.verdicts import CERTIFIED, CONTRADICTION, WRONG
-from workbench.heavy_types import Dataset
 
 SHIFTS = (0.01, 10.0)
 """Shifts [s] of geometric means. The first exceeds the overhead of a call and still resolves

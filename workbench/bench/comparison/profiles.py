@@ -11,11 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.bench.comparison.layout import METHOD
 from workbench.bench.comparison.numbers import certified_times
 from workbench.bench.comparison.styles import WIDTH, Look, keys, legend, share_axis
-from workbench.heavy_types import Axes, Dataset, Figure
 
 BEYOND = 1.3
 """Factor by which the time axis extends beyond the last step of a curve."""

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.comparison.layout import METHOD
 from workbench.bench.comparison.numbers import certified_times
 from workbench.bench.comparison.styles import WIDTH, Look, keys, legend
-from workbench.heavy_types import Dataset, Figure
 
 
 def problem_sizes(data: Dataset) -> RealArray:

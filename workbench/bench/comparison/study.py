@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.comparison.drawings import drawings
 from workbench.bench.comparison.layout import asked_cells
 from workbench.bench.comparison.numbers import badge, counts
@@ -15,7 +16,6 @@ from workbench.bench.comparison.verdicts import judged
 from workbench.certificate import Check
 from workbench.errors import ResultError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
 from workbench.study import Study
 
 

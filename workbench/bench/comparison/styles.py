@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.bench.comparison.layout import METHOD, asked_cells
 from workbench.figures import CYCLE
-from workbench.heavy_types import Axes, Dataset, Figure
 
 MARKERS = "osD^vp<>*hdP"
 """Markers of methods; none is a cross, which marks a false claim."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
+from workbench._core.tables import Rows, markdown
 from workbench.bench.comparison.layout import (
     METHOD,
     UNFIT,
@@ -26,9 +28,7 @@ from workbench.bench.comparison.numbers import (
     shifted_mean,
 )
 from workbench.bench.comparison.verdicts import CERTIFIED, CONTRADICTION, WRONG
-from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
-from workbench.tables import Rows, markdown
 
 HEADS = [
     "problem", "method", "accuracy", "verdict", "claim", "gap", "objective",

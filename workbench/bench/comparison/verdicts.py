@@ -42,13 +42,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.bench.comparison.layout import (
     METHOD,
     asked_cells,
     need_comparison,
     tolerances,
 )
-from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
 
 SAFETY = 10.0

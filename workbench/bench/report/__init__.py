@@ -37,10 +37,10 @@ __all__ = ["failed_runs", "report", "single_page"]
 
 
 def report(
+    *,
     root: str | Path | None = None,
     output: str | Path | None = None,
     pattern: str = "*",
-    *,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Path:

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import workbench
+from workbench._core.heavy_types import Figure
 from workbench.bench.project import add_problems, added_problems
 from workbench.bench.report.points import every_cell
 from workbench.bench.report.toggles import has_methods, telling
@@ -18,7 +19,6 @@ from workbench.bench.results import COMPARISON, Run
 from workbench.errors import WorkbenchError
 from workbench.executor import Progress, spread
 from workbench.figures.formats import png, svg
-from workbench.heavy_types import Figure
 
 LIBRARY = Path(workbench.__file__).parent
 
@@ -46,7 +46,13 @@ class DrawnRun:
 
 def draw_runs(folders: Sequence[Path], executor: Executor, progress: Progress) -> list[DrawnRun]:
     """Figures and tables of the runs in results folders, one task for each run."""
-    return spread(partial(_draw_run, added_problems()), folders, executor, progress, "runs drawn")
+    return spread(
+        partial(_draw_run, added_problems()),
+        folders,
+        executor,
+        progress=progress,
+        description="runs drawn",
+    )
 
 
 def _draw_run(problems: Sequence[Path], folder: Path) -> DrawnRun:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.bench.comparison.layout import METHOD, UNFIT, seconds
 from workbench.bench.comparison.styles import Look, keys, legend, method_looks
 from workbench.bench.comparison.verdicts import CONTRADICTION, WRONG
 from workbench.bench.report.toggles import Told
 from workbench.errors import ResultError
-from workbench.heavy_types import Axes, Dataset, Figure
 
 LINEAR = 1e-12
 """Gaps below this are drawn on a linear scale: rounding errors, far below the finest accuracy

@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 
 from markupsafe import Markup
 
+from workbench._core.heavy_types import Figure
 from workbench.bench.comparison.styles import GID
-from workbench.heavy_types import Figure
 
 _SPACE = "{http://www.w3.org/2000/svg}"
 _LINK = "{http://www.w3.org/1999/xlink}href"

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset
 from workbench.executor import WALL_TIME
-from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
 
 SWEEP = "sweep"

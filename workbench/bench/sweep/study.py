@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.bench.sweep.dataset import OWN, proven
 from workbench.certificate import Check
 from workbench.errors import ResultError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study
-from workbench.tables import markdown
 
 MOST_LINES = 8
 """Most lines with different colours; more are drawn as a heat map, or share colours."""

@@ -18,7 +18,7 @@ from fractions import Fraction
 
 from flint import fmpq
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import Rational, fraction, outside
 from workbench.certify.known_plants.exact_function import exact_rational

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from flint import acb, arb, ctx, fmpq, fmpq_poly
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 
 X = fmpq_poly([0, 1])

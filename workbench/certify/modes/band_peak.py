@@ -17,7 +17,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import EPS, Array, BoolArray, ComplexArray, RealArray
 from workbench.certify.modes.partial_fractions import PartialFractions
 from workbench.certify.modes.power_series import TERMS, Polynomials, polynomials
 from workbench.certify.rounding import UPWARD

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact, sharp_product, solution
 
 Realised = tuple[RealArray, RealArray, RealArray, RealArray]

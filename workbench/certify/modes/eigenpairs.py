@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray
+from workbench._core.arrays import Array, ComplexArray
 
 CLUSTER = 2.0**-16
 """Poles closer than this share of their size are kept together in one mode."""

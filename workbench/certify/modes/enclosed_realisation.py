@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.modes.bilinear import bilinear_enclosures
 from workbench.certify.modes.modal_form import (
     PRECISIONS,

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
 from workbench.certify.modes.eigenpairs import CLUSTER, eigenpairs
 from workbench.certify.modes.modal_response import real_eigenvectors
 from workbench.certify.rounding import (

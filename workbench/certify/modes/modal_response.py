@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, ComplexArray, RealArray
+from workbench._core.arrays import EPS, Array, ComplexArray, RealArray
 from workbench.errors import InputError
 
 FEWEST_DECOMPOSED = 12

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, ComplexArray, RealArray
+from workbench._core.arrays import EPS, Array, ComplexArray, RealArray
 from workbench.certify.modes.modal_response import real_modes
 from workbench.certify.rounding import (
     TINY,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.certify.modes.partial_fractions import PartialFractions
 from workbench.certify.rounding import TINY, UPWARD
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
 from workbench.certify.modes.modal_response import real_modes
 from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
 

@@ -27,7 +27,7 @@ from itertools import product
 import numpy as np
 from flint import acb, acb_mat, arb, ctx
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certify.balls import balls, below, identity
 from workbench.certify.rounding import exact, positive_definite
 

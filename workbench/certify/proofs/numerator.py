@@ -20,11 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import schur, solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.certify.rounding import UPWARD, Enclosure, exact, nearest_power_of_two
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import speed, with_state_units
 from workbench.systems.realisation import Matrices, matrices_of, realisation
 

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
 from workbench.certify.cover import CertifiedInterval
 from workbench.certify.interval import (
     Multipliers,

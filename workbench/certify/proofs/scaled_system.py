@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import EPS, Array, BoolArray, RealArray
+from workbench._core.arrays import EPS, Array, BoolArray, RealArray
 from workbench.certify.interval import proven_in_doubles
 from workbench.certify.modes.enclosed_realisation import with_balanced_states
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact, stacked_enclosures

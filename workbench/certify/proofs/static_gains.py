@@ -20,8 +20,8 @@ from typing import Any
 
 from flint import fmpq, fmpq_mat, fmpq_poly
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.interlacing import as_fraction, exact_matrix
-from workbench.heavy_types import StateSpace
 
 
 @dataclass(frozen=True)

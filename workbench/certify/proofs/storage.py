@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Dataset
 from workbench.certify.cover import CertifiedInterval
 from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.proofs.scaled_system import ScalingFunctions
-from workbench.heavy_types import Dataset
 
 MULTIPLIERS = ("D_left", "D_right", "G")
 """Names of an interval's multipliers."""

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from flint import arb, ctx
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.balls import above
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.realisations.lyapunov import frobenius

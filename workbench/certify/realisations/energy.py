@@ -17,7 +17,7 @@ import numpy as np
 from flint import ctx
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.balls import above, below
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.realisations.lyapunov import enclosed_gramian

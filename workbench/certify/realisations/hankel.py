@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.balls import above, below
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.realisations.lyapunov import EnclosedGramian, enclosed_gramian, frobenius

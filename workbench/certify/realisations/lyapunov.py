@@ -19,12 +19,12 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.balls import above
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.stability import stability_of
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
 
 MOST_CORRECTIONS = 80

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_mat, fmpq_poly
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.balls import above
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.norms import certified_norm
@@ -29,7 +30,6 @@ from workbench.certify.realisations.lyapunov import frobenius, rounded
 from workbench.certify.rounding import nearest_power_of_two
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import speed
 from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
 

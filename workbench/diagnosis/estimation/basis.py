@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimation.methods import nominal_filter
 from workbench.diagnosis.estimation.program import Channel, FaultEstimation
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, conic_solvers, solve_conic
@@ -76,7 +76,7 @@ class Constraint:
         Its frequencies are a grid that resolves that loop, the ends of the band, and `more`
         [rad/s].
         """
-        loop = program.loop(K, channel)
+        loop = program.loop(K, channel=channel)
         low, high = channel.band
         own = frequencies_of(loop.system)
         ends = [end for end in channel.band if 0.0 < end < np.inf]
@@ -84,7 +84,7 @@ class Constraint:
         omega = np.unique(np.concatenate([inside, ends, more[np.isfinite(more)]]))
         M = response(loop.system, omega)
         structure = loop.performance_structure
-        parts = program.plant.channel(None, list(channel.inputs))
+        parts = program.plant.channel(performance=None, exogenous=list(channel.inputs))
         P = response(parts.system, omega)
         p, m = parts.measurements, parts.controls
         V = basis.response(omega) @ P[:, -p:, :-m]
@@ -117,14 +117,14 @@ def _basis(program: FaultEstimation, context: Context) -> Claim:
         trial = program.answer(basis.filter(parameters))
         assert trial is not None
         for more, channel in zip(beside, program.channels, strict=True):
-            more.append(program.certified(trial.K, channel).omega)
+            more.append(program.certified(trial.K, channel=channel).omega)
         if trial.upper < best.upper:
             best = trial
         history.append(best.upper)
         context.record({"peak": best.upper})
         if len(history) > PATIENCE and history[-1] > (1 - SETTLED_FALL) * history[-1 - PATIENCE]:
             break
-    return program.answer(best.K, tuple(history)), Outcome.SOLVED, said
+    return program.answer(best.K, history=tuple(history)), Outcome.SOLVED, said
 
 
 def _step(

@@ -11,18 +11,18 @@ the fault after H.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stable_system import stable_system
 from workbench.diagnosis.estimation.weighting import Requirement
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.connection import generalised_plant
@@ -40,17 +40,17 @@ class EstimationDemands:
 
     Parameters
     ----------
-    error_above
+    disturbance
+        Stable weight whose magnitude is the disturbance's largest amplitude [unit of the fault].
+    error_above_hz
         Frequency [Hz] above which the relative error of the estimate is limited.
-    leakage_below
+    leakage_below_hz
         Frequency [Hz] below which the leakage of the disturbance is limited.
     gain
         Largest gain from disturbance or fault to the estimate, at any frequency and plant.
-    disturbance
-        Stable weight whose magnitude is the disturbance's largest amplitude [unit of the fault].
     noise
-        Rms of the measurement's noise, in the unit of the fault, white up to `noise_band`.
-    noise_band
+        Rms of the measurement's noise, in the unit of the fault, white up to `noise_band_hz`.
+    noise_band_hz
         Bandwidth of the noise [Hz].
     unit
         Typical size of a leakage; the cone programs are scaled by it.
@@ -66,22 +66,25 @@ class EstimationDemands:
     >>> from workbench.diagnosis import EstimationDemands
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> demands.disturbance_size([0.0]).tolist()
     [0.003]
     """
 
-    error_above: float
-    leakage_below: float
-    gain: float
     disturbance: StateSpace
+    error_above_hz: float
+    leakage_below_hz: float
+    gain: float
     noise: float
-    noise_band: float
+    noise_band_hz: float
+    _: KW_ONLY
     unit: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("error_above", "leakage_below", "gain", "noise", "noise_band", "unit"):
+        names = ("error_above_hz", "leakage_below_hz", "gain", "noise", "noise_band_hz", "unit")
+        for name in names:
             need_positive(getattr(self, name), name)
 
     def disturbance_size(self, omega: RealArray) -> RealArray:
@@ -97,15 +100,15 @@ class FaultLoop:
     ----------
     model
         Nominal plant and weights u -> y, without the measurement's filter.
-    K
+    controller
         e -> u, continuous, closed with negative feedback.
     filter
         H, continuous, stable.
     demands
         Demands on the estimate of the fault.
-    period
+    dt
         Sampling period [s]; None: the loop is continuous.
-    delay
+    delay_samples
         Delay of the computer [samples], given together with a period: the plant is sampled behind a
         hold and mapped back to continuous time by the bilinear transform; K and the weights
         represent their bilinear transforms.
@@ -124,7 +127,8 @@ class FaultLoop:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -135,15 +139,16 @@ class FaultLoop:
     """
 
     model: UncertaintyModel
-    K: StateSpace
+    controller: StateSpace
     filter: StateSpace
     demands: EstimationDemands
-    period: float | None = None
-    delay: float = 0.0
+    _: KW_ONLY
+    dt: float | None = None
+    delay_samples: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.period is not None:
-            need_positive(self.period, "period")
+        if self.dt is not None:
+            need_positive(self.dt, "dt")
         try:
             stable_system(self.filter)
         except InputError as fault:
@@ -161,24 +166,24 @@ class FaultLoop:
         }
         return replace(self, model=replace(self.model, **smaller))
 
-    def warped(self, frequency: ArrayLike) -> RealArray:
-        """omega [rad/s] at which the continuous systems respond as the loop does at `frequency`.
+    def warped(self, frequency_hz: ArrayLike) -> RealArray:
+        """omega [rad/s] at which the continuous systems respond as the loop does.
 
-        frequency [Hz] (F,).
+        ``frequency_hz`` (F,) [Hz].
         """
-        omega = 2 * np.pi * np.asarray(frequency, float)
-        if self.period is None:
+        omega = 2 * np.pi * np.asarray(frequency_hz, float)
+        if self.dt is None:
             return omega
-        rate = 2.0 / self.period
+        rate = 2.0 / self.dt
         return rate * np.tan(omega / rate)
 
     @cached_property
-    def G(self) -> StateSpace:
+    def nominal(self) -> StateSpace:
         """Nominal plant, including the filter of the measurement and the delay."""
         G = self.filter * self.model.systems()["G"]
-        if self.period is None:
+        if self.dt is None:
             return G
-        return bilinear_continuous(sampled(G, self.period, self.delay))
+        return bilinear_continuous(sampled(G, self.dt, delay_samples=self.delay_samples))
 
     @cached_property
     def plant(self) -> GeneralisedPlant:
@@ -205,7 +210,7 @@ class FaultLoop:
             for kind, block in zip(kinds, self.model.structure, strict=True)
         ]
         return generalised_plant(
-            [(self.G, "v", "x"), (self.K, seen, "m"), *blocks],
+            [(self.nominal, "v", "x"), (self.controller, seen, "m"), *blocks],
             {"v": " + ".join(["m", *(f"u_{kind}" for kind in kinds)])} | sums,
             perturbation=perturbation,
             **signals,
@@ -213,10 +218,10 @@ class FaultLoop:
 
     def open_loop(self, omega: RealArray) -> ComplexArray:
         """L (F,) of the nominal loop."""
-        parts = response(self.K, omega)[:, 0, 0], response(self.G, omega)[:, 0, 0]
+        parts = response(self.controller, omega)[:, 0, 0], response(self.nominal, omega)[:, 0, 0]
         return parts[0] * parts[1]
 
-    def differences(self, omega: RealArray, sides: int = BOUNDARY_POINTS) -> ComplexArray:
+    def differences(self, omega: RealArray, *, sides: int = BOUNDARY_POINTS) -> ComplexArray:
         """S_nominal / S (F, P) on the boundary of the set: 1 + T (W_c delta_c + W_r delta_r)."""
         L = self.open_loop(omega)
         T = L / (1 + L)
@@ -248,16 +253,18 @@ class FaultLoop:
         leakage: in the unit of the fault.
         """
         demands = self.demands
-        fast = float(self.warped(demands.error_above))
-        slow = float(self.warped(demands.leakage_below))
+        fast = float(self.warped(demands.error_above_hz))
+        slow = float(self.warped(demands.leakage_below_hz))
         return [
-            Requirement("error", "f", 1.0, error, (fast, math.inf)),
-            Requirement("leakage", "d", demands.disturbance, leakage, (0.0, slow)),
-            Requirement("gain", "d", 1.0, demands.gain),
+            Requirement("error", "f", weight=1.0, bound=error, band=(fast, math.inf)),
+            Requirement(
+                "leakage", "d", weight=demands.disturbance, bound=leakage, band=(0.0, slow)
+            ),
+            Requirement("gain", "d", weight=1.0, bound=demands.gain),
         ]
 
     @property
     def slowest_pole(self) -> float:
         """Distance [rad/s] of the slowest pole of K and G from the imaginary axis."""
-        poles = np.concatenate([self.K.poles(), self.G.poles()])
+        poles = np.concatenate([self.controller.poles(), self.nominal.poles()])
         return float(-poles[np.argmin(np.abs(poles))].real)

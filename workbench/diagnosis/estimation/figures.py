@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Figure, StateSpace
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.mu import frequency_sweep
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import frequencies_of
@@ -31,7 +31,7 @@ def channels(loops: Sequence[RequirementLoop]) -> Figure:
     for loop, colour in zip(loops, cycle(figures.CYCLE), strict=False):
         omega = frequencies_of(loop.system)
         omega = omega[(omega >= loop.band[0]) & (omega <= loop.band[1])]
-        found = frequency_sweep(loop.system, loop.structure, omega)
+        found = frequency_sweep(loop.system, loop.structure, omega=omega)
         frequency = found.omega / 2 / np.pi
         panel.loglog(frequency, found.upper, color=colour, label=f"{loop.name}, upper bound")
         panel.loglog(frequency, found.lower, ":", color=colour, label="lower bound")

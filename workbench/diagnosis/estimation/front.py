@@ -25,12 +25,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.diagnosis.estimation.front_program import FrontProgram
 from workbench.diagnosis.estimation.limits import Limits, exchanged
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -55,7 +55,8 @@ class FrontPoint:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -82,7 +83,7 @@ class FrontPoint:
 class FaultFront:
     """Filters F over a basis, for a loop's set of plants or (`nominal`) its nominal plant.
 
-    frequency: grid [Hz] (F,), rising. Raises InputError for another grid, or one without a
+    frequency_hz: grid [Hz] (F,), rising. Raises InputError for another grid, or one without a
     frequency at which the error, or the leakage, is limited.
 
     Examples
@@ -94,7 +95,8 @@ class FaultFront:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -106,17 +108,18 @@ class FaultFront:
     (0.0, 0.003, 0.0001)
     """
 
-    def __init__(self, loop: FaultLoop, frequency: ArrayLike, nominal: bool = False) -> None:
+    def __init__(self, loop: FaultLoop, frequency_hz: ArrayLike, *, nominal: bool = False) -> None:
         self.loop = loop
-        self.frequency = f = np.asarray(frequency, float)
+        self.frequency_hz = f = np.asarray(frequency_hz, float)
         if f.ndim != 1 or not np.isfinite(f).all() or (np.diff(f, prepend=0.0) <= 0.0).any():
             raise InputError("frequency must be (F,), positive, finite and rising")
-        if not f[0] <= loop.demands.leakage_below or not f[-1] >= loop.demands.error_above:
+        if not f[0] <= loop.demands.leakage_below_hz or not f[-1] >= loop.demands.error_above_hz:
             raise InputError(
                 f"the grid from {f[0]:g} to {f[-1]:g} Hz must have frequencies up to "
-                f"{loop.demands.leakage_below:g} Hz and from {loop.demands.error_above:g} Hz on"
+                f"{loop.demands.leakage_below_hz:g} Hz and from {loop.demands.error_above_hz:g} "
+                "Hz on"
             )
-        self.omega = loop.warped(self.frequency)
+        self.omega = loop.warped(self.frequency_hz)
         L = loop.open_loop(self.omega)
         self.back = 1 + L  # 1 / S
         one = np.ones((len(L), 1), complex)
@@ -137,18 +140,18 @@ class FaultFront:
 
     def judged(self, T: ComplexArray) -> tuple[float, float, float]:
         """Relative error, leakage and rms of the noise of T (F,), on the grid."""
-        f, size = self.frequency, np.abs(T) * self.worst
+        f, size = self.frequency_hz, np.abs(T) * self.worst
         demands = self.loop.demands
         error = np.abs(1 - T[:, None] / self.p).max(axis=1)
-        leakage = (size * self.disturbance)[f <= demands.leakage_below].max()
+        leakage = (size * self.disturbance)[f <= demands.leakage_below_hz].max()
         noise = demands.noise * np.sqrt((self._shares * size**2).sum())
-        return float(error[f >= demands.error_above].max()), float(leakage), float(noise)
+        return float(error[f >= demands.error_above_hz].max()), float(leakage), float(noise)
 
     @property
     def _shares(self) -> RealArray:
         """The share (F,) of the noise's power that each frequency of the grid represents."""
-        band = self.loop.demands.noise_band
-        inside = np.minimum(self.frequency, band)
+        band = self.loop.demands.noise_band_hz
+        inside = np.minimum(self.frequency_hz, band)
         edges = np.concatenate([[0.0], (inside[1:] + inside[:-1]) / 2, [inside[-1]]])
         return np.diff(edges) / band
 
@@ -161,6 +164,7 @@ class FaultFront:
         self,
         basis: ComplexArray,
         error: float,
+        *,
         leakage: float | None = None,
         peak: float | None = None,
     ) -> FrontPoint:
@@ -188,7 +192,7 @@ class FaultFront:
         need_positive(peak, "peak", or_none=True)
         self._need_stable_set()
         if self._factor_of_nothing(error, peak) <= 1.0:  # T = 0 lets nothing pass
-            nothing = np.zeros(len(self.frequency), complex)
+            nothing = np.zeros(len(self.frequency_hz), complex)
             return FrontPoint(np.zeros(basis.shape[1]), *self.judged(nothing))
         scale = np.abs(basis).max(axis=0)
         basis = basis / scale
@@ -206,7 +210,7 @@ class FaultFront:
         return FrontPoint(found[0] / scale, *self.judged(T))
 
     def least_factor(
-        self, basis: ComplexArray, error: float, leakage: float, peak: float | None = None
+        self, basis: ComplexArray, error: float, leakage: float, *, peak: float | None = None
     ) -> float:
         """Least factor by which all limits must grow so that a filter exists, with T = basis @ x.
 
@@ -226,7 +230,8 @@ class FaultFront:
         >>> from workbench.uncertainty import UncertaintyModel
         >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
         >>> demands = EstimationDemands(
-        ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+        ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+        ...     noise_band_hz=1.0
         ... )
         >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
         >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -258,7 +263,7 @@ class FaultFront:
     def _need_stable_set(self) -> None:
         """Raise SolverError if the loop itself is unstable for some plants of the set."""
         if not np.isfinite(self.worst).all():
-            at = self.frequency[~np.isfinite(self.worst)][0]
+            at = self.frequency_hz[~np.isfinite(self.worst)][0]
             raise SolverError(
                 f"no filter of this basis: near {at:.4g} Hz the set has plants on which the loop "
                 "itself is not stable; make it smaller (FaultLoop.within)"
@@ -276,9 +281,9 @@ class FaultFront:
         Their E is the leakage in the demands' unit; if a limit of the leakage is given, E is the
         common factor of error, leakage and peak.
         """
-        demands, f, tight = self.loop.demands, self.frequency, 1 - GRID_MARGIN
+        demands, f, tight = self.loop.demands, self.frequency_hz, 1 - GRID_MARGIN
         kept, growing = (1.0, 0.0) if leakage is None else (0.0, 1.0)
-        slow, fast = f <= demands.leakage_below, f >= demands.error_above
+        slow, fast = f <= demands.leakage_below_hz, f >= demands.error_above_hz
         leaking = _rows(basis, self.worst / demands.unit * self.disturbance)[slow]
         largest = tight * (1.0 if leakage is None else leakage / demands.unit)
         one, zero = np.ones(len(f)), np.zeros(len(f), complex)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import toeplitz
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis.estimation.fault_loop import EstimationDemands
 from workbench.diagnosis.estimation.front_program import solve_in_place
 from workbench.errors import SolverError
@@ -54,7 +54,7 @@ class ToeplitzLimit:
 
 
 def least_total(
-    demands: EstimationDemands, error: float, corner: float, coefficients: int = COEFFICIENTS
+    demands: EstimationDemands, error: float, corner: float, *, coefficients: int = COEFFICIENTS
 ) -> float:
     """Lower bound on E + 3 rms for all stable filters with this relative error, nominal plant.
 
@@ -84,7 +84,8 @@ def least_total(
     >>> from workbench.diagnosis import EstimationDemands, least_total
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> bound = least_total(demands, error=0.5, corner=1.0, coefficients=16)
     >>> bool(0 < bound < 3e-3)
@@ -102,10 +103,10 @@ def least_total(
     disturbance = demands.disturbance_size(omega) / demands.unit
     everywhere = _lower(_outer(np.full(CIRCLE, 1 / most), coefficients))
     relative = _lower(
-        _outer(np.where(f >= demands.error_above, 1 / error, 1 / (1 + most)), coefficients)
+        _outer(np.where(f >= demands.error_above_hz, 1 / error, 1 / (1 + most)), coefficients)
     )
     leaking = _lower(
-        _outer(np.where(f <= demands.leakage_below, disturbance, WEIGHT_FLOOR), coefficients)
+        _outer(np.where(f <= demands.leakage_below_hz, disturbance, WEIGHT_FLOOR), coefficients)
     )
     limits = [
         ToeplitzLimit(everywhere, 0 * everywhere, False),
@@ -159,8 +160,10 @@ def _noise(
 ) -> tuple[RealArray, float]:
     """Toeplitz matrix of the noise's weight in the demands' unit, and the floor's contribution."""
     size = demands.noise / demands.unit
-    density = np.pi * size**2 / demands.noise_band * corner / (4 * np.pi) / np.cos(theta / 2) ** 2
-    outside = f > demands.noise_band
+    density = (
+        np.pi * size**2 / demands.noise_band_hz * corner / (4 * np.pi) / np.cos(theta / 2) ** 2
+    )
+    outside = f > demands.noise_band_hz
     floor = WEIGHT_FLOOR**2 * density[~outside].max()
     lost = demands.gain * np.sqrt(floor * outside.mean())
     return _lower(_outer(np.sqrt(np.where(outside, floor, density)), count)), float(lost)

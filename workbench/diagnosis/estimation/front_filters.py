@@ -5,20 +5,20 @@ Only the poles of the reduced filter are kept: the best filter with them solves 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.diagnosis.estimation.front import FaultFront, FrontPoint, near_poles
 from workbench.diagnosis.estimation.laguerre import LaguerreBasis
 from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu import Conditions, conditions
 from workbench.synthesis import approximations
@@ -51,7 +51,8 @@ class FrontFilter:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -65,6 +66,7 @@ class FrontFilter:
     F: StateSpace
     point: FrontPoint
     answer: FaultFilter
+    _: KW_ONLY
     removal: Conditions | None = None
 
     @property
@@ -84,16 +86,17 @@ class FrontFilter:
 
 def full_order(
     loop: FaultLoop,
-    frequency: ArrayLike,
+    frequency_hz: ArrayLike,
     basis: LaguerreBasis,
     count: int,
     error: float,
     leakage: float,
+    *,
     peak: float | None = None,
 ) -> FrontFilter:
     """The certified filter with least leakage and noise over a Laguerre basis, within limits.
 
-    frequency: grid [Hz] (F,) of the convex problem. count: number of basis functions. leakage:
+    frequency_hz: grid [Hz] (F,) of the convex problem. count: number of basis functions. leakage:
     limit in the unit of the fault. peak: limit of the sensitivity while the estimate is subtracted
     from the error; None: it is never subtracted. Raises SolverError if the set of plants allows no
     such filter.
@@ -107,7 +110,8 @@ def full_order(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -117,24 +121,26 @@ def full_order(
     >>> found.meets, found.point.error <= 0.5 * (1 + 1e-6)
     (True, True)
     """
-    front = FaultFront(loop, frequency)
-    point = front.least(basis.response(count, front.omega), error, leakage, peak)
+    front = FaultFront(loop, frequency_hz)
+    functions = basis.response(front.omega, count)
+    point = front.least(functions, error, leakage=leakage, peak=peak)
     return certified_filter(loop, basis.filter(point.coefficients), point, error, leakage, peak)
 
 
 def few_states(
     loop: FaultLoop,
-    frequency: RealArray,
+    frequency_hz: RealArray,
     F: StateSpace,
     order: int,
     error: float,
     leakage: float,
+    *,
     peak: float | None = None,
 ) -> FrontFilter:
     """The best filter with the poles of a reduction of F, up to an order; F = 0 is kept.
 
-    Filters that are certified to meet all requirements come first. frequency: grid [Hz] (F,), to
-    which frequencies about the reduced poles are added. peak: as in `full_order`. Raises
+    Filters that are certified to meet all requirements come first. ``frequency_hz`` (F,) [Hz]:
+    grid, to which frequencies about the reduced poles are added. peak: as in `full_order`. Raises
     SolverError if no reduction has poles that meet the relative error, the leakage and the peak.
 
     Examples
@@ -152,7 +158,8 @@ def few_states(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -166,23 +173,23 @@ def few_states(
     if not F.C.any() and not F.D.any():  # F = 0, which needs no states
         import control
 
-        one = np.ones((len(frequency), 1), complex)
-        nothing = FaultFront(loop, frequency).least(one, error, leakage, peak)
+        one = np.ones((len(frequency_hz), 1), complex)
+        nothing = FaultFront(loop, frequency_hz).least(one, error, leakage=leakage, peak=peak)
         return certified_filter(loop, control.ss([], [], [], 0.0), nothing, error, leakage, peak)
     program = estimation(loop, error, leakage)
 
     def tried(poles: StateSpace) -> FrontFilter | None:
         """The best filter with these poles; None if none meets the error and the leakage."""
         try:
-            front = FaultFront(loop, near_poles(loop, frequency, poles.poles()))
+            front = FaultFront(loop, near_poles(loop, frequency_hz, poles.poles()))
             functions = front.of_filter(poles)
         except InputError:
             return None
         best = None
         for factor in TIGHTER:
-            limits = (factor * error, factor * leakage, peak and factor * peak)
+            limits = {"leakage": factor * leakage, "peak": peak and factor * peak}
             try:
-                point = front.least(functions, *limits)
+                point = front.least(functions, factor * error, **limits)
             except (InputError, SolverError):
                 break
             x = point.coefficients
@@ -195,7 +202,7 @@ def few_states(
                 return found
         return best
 
-    ways = [approximations(F, order, method, program.plant) for method in REDUCTIONS]
+    ways = [approximations(F, order, method=method, plant=program.plant) for method in REDUCTIONS]
     found = [one for way in ways for one in [tried(next(way))] if one is not None]
     if not found:  # no direct reduction works: take the first of the others that does
         others = filter(None, map(tried, chain.from_iterable(ways)))
@@ -211,7 +218,7 @@ def few_states(
 
 def estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation:
     """The fault estimation of a loop with its requirements."""
-    return FaultEstimation(loop.plant, "f", loop.requirements(error, leakage))
+    return FaultEstimation(loop.plant, "f", requirements=loop.requirements(error, leakage))
 
 
 def certified_filter(
@@ -227,7 +234,7 @@ def certified_filter(
     if answer is None:
         raise SolverError(f"the filter is not stable: poles {np.sort(F.poles().real)[-2:]}")
     removal = None if peak is None else removal_conditions(loop, F, peak)
-    return FrontFilter(F, point, answer, removal)
+    return FrontFilter(F, point, answer, removal=removal)
 
 
 def removal_conditions(
@@ -239,4 +246,4 @@ def removal_conditions(
     intervals. Raises InputError for a peak that is not positive.
     """
     need_positive(peak, "peak")
-    return conditions(loop.removal.weighted([1 / peak]), F, tolerance=tolerance)
+    return conditions(loop.removal.weighted(performance=[1 / peak]), F, tolerance=tolerance)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis.estimation.limits import Limits
 from workbench.executor import Context
 from workbench.solvers import Outcome, conic_solvers, solve_conic

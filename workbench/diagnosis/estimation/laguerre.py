@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.fitting.rational import Rational, conjugate_pairs
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.realisation import realisation
 
@@ -29,7 +29,8 @@ class LaguerreBasis:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
@@ -46,7 +47,7 @@ class LaguerreBasis:
     def __post_init__(self) -> None:
         need_positive(self.corner, "corner")
 
-    def response(self, count: int, omega: RealArray) -> ComplexArray:
+    def response(self, omega: RealArray, count: int) -> ComplexArray:
         """Responses (F, count) of the first functions at omega [rad/s]."""
         s = 1j * omega[:, None]
         zero = (s + self.loop.slowest_pole) / (s + self.corner)
@@ -67,9 +68,9 @@ class LaguerreBasis:
     def _inverse_sensitivity(self) -> Rational:
         """(1 + L) (s + slowest pole) / (s + corner)."""
         loop = self.loop
-        L = loop.G * loop.K
+        L = loop.nominal * loop.controller
         direct = 1.0 + float(L.D[0, 0])
         zeros = np.linalg.eigvals(L.A - L.B @ L.C / direct)
-        poles = np.concatenate([loop.K.poles(), loop.G.poles()])
+        poles = np.concatenate([loop.controller.poles(), loop.nominal.poles()])
         poles[np.argmin(np.abs(poles))] = -self.corner
         return Rational(conjugate_pairs(zeros), conjugate_pairs(poles), direct)

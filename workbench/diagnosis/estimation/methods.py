@@ -62,7 +62,7 @@ def _iteration(name: str) -> None:
         if found is None:
             return None, outcome, said
         peaks = tuple(each.peak for each in found.history)
-        return program.answer(found.K, peaks), outcome, said
+        return program.answer(found.K, history=peaks), outcome, said
 
     iterate.__doc__ = f"Least stacked mixed mu over the set of plants, by method {name!r}."
     method(FaultEstimation, name, optimal=False, unfit=_certain, accuracy=ANY_ACCURACY_ALIKE)(

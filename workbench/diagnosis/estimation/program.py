@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check, excess
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.estimation.figures import RequirementLoop, channels, fault_filter
@@ -27,7 +28,6 @@ from workbench.diagnosis.estimation.weighting import (
 )
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.program import Program
@@ -74,8 +74,8 @@ class FaultFilter(DrawnController):
     ...     [(lag, "d", "x")], {"y": "x + f"}, exogenous=["d", "f"], measurement="y"
     ... )
     >>> slow, fast = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])
-    >>> wanted = [Requirement("leakage", "d", slow), Requirement("error", "f", fast)]
-    >>> answer = wb.solve(FaultEstimation(plant, "f", wanted), "riccati").answer
+    >>> wanted = [Requirement("leakage", "d", weight=slow), Requirement("error", "f", weight=fast)]
+    >>> answer = wb.solve(FaultEstimation(plant, "f", requirements=wanted), method="riccati").answer
     >>> answer.peaks.shape, bool(answer.lower <= answer.upper)
     ((2, 2), True)
     """
@@ -83,6 +83,7 @@ class FaultFilter(DrawnController):
     K: StateSpace
     peaks: np.ndarray
     stacked: np.ndarray
+    _: KW_ONLY
     least: float = math.nan
     history: tuple[float, ...] = field(default=())
     """Largest upper bound of each round of an iteration."""
@@ -157,8 +158,8 @@ class FaultEstimation(Program):
     ...     [(lag, "d", "x")], {"y": "x + f"}, exogenous=["d", "f"], measurement="y"
     ... )
     >>> slow, fast = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])
-    >>> wanted = [Requirement("leakage", "d", slow), Requirement("error", "f", fast)]
-    >>> solution = wb.solve(FaultEstimation(plant, "f", wanted), "riccati")
+    >>> wanted = [Requirement("leakage", "d", weight=slow), Requirement("error", "f", weight=fast)]
+    >>> solution = wb.solve(FaultEstimation(plant, "f", requirements=wanted), method="riccati")
     >>> solution.certificate.holds, solution.answer.K.ninputs
     (True, 1)
     """
@@ -178,8 +179,8 @@ class FaultEstimation(Program):
         self,
         plant: GeneralisedPlant,
         faults: Signals,
-        requirements: Sequence[Requirement] | None = None,
         *,
+        requirements: Sequence[Requirement] | None = None,
         start: Any = None,
     ) -> None:
         weighted, met, ends = estimation_plant(plant, faults, requirements)
@@ -205,26 +206,32 @@ class FaultEstimation(Program):
         """The weighted plant without its uncertainty."""
         return self.plant.nominal()
 
-    def loop(self, K: StateSpace, channel: Channel | None = None) -> GeneralisedPlant:
+    def loop(self, controller: StateSpace, *, channel: Channel | None = None) -> GeneralisedPlant:
         """The plant closed by a filter, (perturbation, w) -> (perturbation, z); None: every w."""
-        closed = GeneralisedPlant(self.plant.close(K), self.plant.structure, 0, 0)
-        return closed if channel is None else closed.channel(None, list(channel.inputs))
+        closed = GeneralisedPlant(self.plant.close(controller), self.plant.structure, 0, 0)
+        return (
+            closed
+            if channel is None
+            else closed.channel(performance=None, exogenous=list(channel.inputs))
+        )
 
-    def certified(self, K: StateSpace, channel: Channel | None = None) -> Peak:
+    def certified(self, controller: StateSpace, *, channel: Channel | None = None) -> Peak:
         """The certified peak that a stable filter has in one channel; None: in all together."""
-        loop = self.loop(K, channel)
+        loop = self.loop(controller, channel=channel)
         band = EVERYWHERE if channel is None else channel.band
-        return peak(loop.system, loop.performance_structure, PEAK_TOLERANCE, band=band)
+        return peak(loop.system, loop.performance_structure, tolerance=PEAK_TOLERANCE, band=band)
 
     def answer(
-        self, K: StateSpace, history: tuple[float, ...] = (), least: float = math.nan
+        self, controller: StateSpace, *, history: tuple[float, ...] = (), least: float = math.nan
     ) -> FaultFilter | None:
         """A filter with its certified peaks; None if it is not stable."""
-        if not stability_of(K).holds:
+        if not stability_of(controller).holds:
             return None
-        found = [self.certified(K, channel) for channel in (*self.channels, None)]
+        found = [self.certified(controller, channel=channel) for channel in (*self.channels, None)]
         bounds = np.array([[each.lower, each.upper] for each in found])
-        return FaultFilter(K, bounds[:-1], bounds[-1], least, history, tuple(found))
+        return FaultFilter(
+            controller, bounds[:-1], bounds[-1], least=least, history=history, proven=tuple(found)
+        )
 
     # --- objective ----------------------------------------------------------------------------
 
@@ -259,7 +266,7 @@ class FaultEstimation(Program):
             over = EVERY_PERTURBATION
             if channel is not None and channel.band != EVERYWHERE:
                 over = over.replace(EVERY_FREQUENCY, "at every frequency of its band")
-            loop = self.loop(K, channel)
+            loop = self.loop(K, channel=channel)
             checks = peak_checks(
                 loop.system, loop.performance_structure, float(lower), float(upper), evidence
             )
@@ -274,7 +281,7 @@ class FaultEstimation(Program):
         for channel, upper in zip((*self.channels, None), claims, strict=True):
             name = TOGETHER if channel is None else channel.name
             band = EVERYWHERE if channel is None else channel.band
-            loop = self.loop(answer.K, channel)
+            loop = self.loop(answer.K, channel=channel)
             tried = [loops.gain(loop.system, None, loop.structure, upper, band=band)]
             if band == EVERYWHERE:
                 tried += loops.in_time(loop.system, loop.structure, upper)
@@ -341,12 +348,12 @@ class FaultEstimation(Program):
             for number, row in enumerate(bounds.tolist())
         )
         F = restored(data, "filter")
-        return FaultFilter(F, bounds[:-1], bounds[-1], least, history, proven)
+        return FaultFilter(F, bounds[:-1], bounds[-1], least=least, history=history, proven=proven)
 
     def figures(self, answer: FaultFilter) -> dict[str, Figure]:
         loops = []
         for channel in self.channels:
-            loop = self.loop(answer.K, channel)
+            loop = self.loop(answer.K, channel=channel)
             structure = loop.performance_structure
             loops.append(RequirementLoop(channel.name, loop.system, structure, channel.band))
         return {"channels": channels(loops), "filter": fault_filter(answer.K)}

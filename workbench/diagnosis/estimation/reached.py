@@ -70,7 +70,8 @@ def stable_share(loop: FaultLoop) -> float:
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
     >>> heater, W_c, wide = (
@@ -119,7 +120,8 @@ def best_design(
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
-    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
+    ...     noise_band_hz=1.0
     ... )
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
     >>> heater, W_c = (Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2)))

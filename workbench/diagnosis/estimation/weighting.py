@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
@@ -58,12 +58,13 @@ class Requirement:
     >>> import control
     >>> from workbench.diagnosis import Requirement
     >>> weight = control.tf([1.0, 0.1], [1.0, 2.0])
-    >>> Requirement("error", "f", weight, bound=0.3, band=(1.0, 100.0)).band
+    >>> Requirement("error", "f", weight=weight, bound=0.3, band=(1.0, 100.0)).band
     (1.0, 100.0)
     """
 
     name: str
     signals: Signals
+    _: KW_ONLY
     weight: Any = 1.0
     bound: float = 1.0
     band: tuple[float, float] = EVERYWHERE
@@ -92,7 +93,7 @@ def estimation_plant(
     """
     _need_filtered(plant)
     f = exogenous_names(plant, faults)
-    _need_visible_faults(plant.channel(None, f), f)
+    _need_visible_faults(plant.channel(performance=None, exogenous=f), f)
     d = [name for name in exogenous_names(plant, None) if name not in f]
     if requirements is None:
         requirements = [Requirement("faults", f)]
@@ -120,7 +121,7 @@ def estimation_plant(
         for name, signal in zip(names, driven, strict=True):
             terms[name].append(signal)
     used = [name for name, parts in terms.items() if parts]
-    kept = plant.channel(None, used)
+    kept = plant.channel(performance=None, exogenous=used)
     outs, ins = list(kept.system.output_labels), list(kept.system.input_labels)
     structure = plant.structure or ()
     perturbation = [
@@ -163,7 +164,7 @@ def _need_requirements(requirements: Any) -> None:
 
 def exogenous_names(plant: GeneralisedPlant, signals: Signals) -> list[str]:
     """The names of the given exogenous inputs of a plant; None: of all of them."""
-    chosen = plant.channel(None, signals)
+    chosen = plant.channel(performance=None, exogenous=signals)
     labels = list(chosen.system.input_labels)
     return labels[len(labels) - chosen.controls - chosen.exogenous : len(labels) - chosen.controls]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Any
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimators.observers import balanced_matrix, check_observable
 from workbench.diagnosis.estimators.rotation import Rotation
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,14 @@ class DisturbedPlant:
     >>> from workbench.simulation import sampled
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
-    >>> model.period, model.seen  # two states of the lens and two of the oscillator
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
+    >>> model.dt, model.seen  # two states of the lens and two of the oscillator
     (0.001, 4)
     """
 
     plant: StateSpace
     rotation: Rotation
+    _: KW_ONLY
     colour: StateSpace | None = None
     beside: StateSpace | None = None
 
@@ -70,7 +71,7 @@ class DisturbedPlant:
             raise InputError("the system beside must be stable and have one input, u")
         n = self.seen
         scaled, scale = balanced_matrix(self.A[:n, :n])
-        check_observable(scaled, self.C[None, :n] * scale, self.period)
+        check_observable(scaled, self.C[None, :n] * scale, self.dt)
 
     def _check_system(self, name: str, system: Any) -> None:
         import control
@@ -84,15 +85,13 @@ class DisturbedPlant:
                 raise InputError(f"{part} of the {name} has entries that are not finite")
         if not system.isdtime(strict=True) or system.dt is True:
             raise InputError(f"the {name} is continuous or has no sample time; sample it first")
-        if not np.isclose(system.dt, self.period):
-            raise InputError(
-                f"the {name} has the sample time {system.dt} s, the plant {self.period} s"
-            )
+        if not np.isclose(system.dt, self.dt):
+            raise InputError(f"the {name} has the sample time {system.dt} s, the plant {self.dt} s")
         if np.any(system.D):
             raise InputError(f"the {name} has a direct feedthrough; it must be strictly proper")
 
     @property
-    def period(self) -> float:
+    def dt(self) -> float:
         """Sample time [s]."""
         return float(self.plant.dt)
 
@@ -114,7 +113,7 @@ class DisturbedPlant:
     def A(self) -> RealArray:
         """The transition matrix (n, n) over a sample, at the rotation's own frequency."""
         plant, turning, _, _ = self.slices
-        parts = [self.plant.A, self.rotation.oscillators(self.period)]
+        parts = [self.plant.A, self.rotation.oscillators(self.dt)]
         parts += [one.A for one in (self.colour, self.beside) if one is not None]
         transition: RealArray = block_diag(*parts)
         transition[plant, turning] = np.outer(self.plant.B[:, 1], self.disturbance[turning])

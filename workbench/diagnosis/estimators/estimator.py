@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimators.observers import observer_gain
 from workbench.diagnosis.estimators.streaming import (
@@ -30,7 +31,6 @@ from workbench.diagnosis.estimators.streaming import (
     tell,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, need_numbers
 from workbench.simulation import Controller, play
 
@@ -42,8 +42,8 @@ quality of y."""
 class Estimate(NamedTuple):
     """Estimates over a record of N samples; each uses the record up to its own sample only.
 
-    outputs (N, z) in the order of `DisturbedPlant.Z`; disturbance (N,); frequency (N,) [Hz] of the
-    rotation.
+    outputs (N, z) in the order of `DisturbedPlant.Z`; disturbance (N,); ``frequency_hz`` (N,) [Hz]
+    of the rotation.
 
     Examples
     --------
@@ -53,17 +53,17 @@ class Estimate(NamedTuple):
     >>> from workbench.simulation import sampled
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
     >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
     >>> found = estimate(estimator.controller, np.zeros(10), np.zeros(10), np.ones(10))
-    >>> found.outputs.shape, found.disturbance.shape, found.frequency.tolist()[:1]
+    >>> found.outputs.shape, found.disturbance.shape, found.frequency_hz.tolist()[:1]
     ((10, 1), (10,), [5.0])
     """
 
     outputs: RealArray
     disturbance: RealArray
-    frequency: RealArray
+    frequency_hz: RealArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Estimator:
     >>> from workbench.simulation import sampled
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
     >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
     >>> bool(abs(Estimator(model, estimator.gain).poles()).max() < 1)
@@ -103,7 +103,7 @@ class Estimator:
         if not radius < 1.0:
             raise InputError(f"the observer with this gain is unstable: |z| = {radius:.6g}")
 
-    def poles(self, quality: float = 1.0) -> ComplexArray:
+    def poles(self, *, quality: float = 1.0) -> ComplexArray:
         """The discrete poles (seen,) of the observer at a constant quality, 0 to 1.
 
         An observer that is stable at quality 1 may be unstable at a lower one: check those too.
@@ -113,7 +113,7 @@ class Estimator:
         A, C = self.model.A[:n, :n], self.model.C[:n]
         return np.linalg.eigvals(A - quality * np.outer(A @ self.gain, C)).astype(complex)
 
-    def system(self, quality: float = 1.0) -> StateSpace:
+    def system(self, *, quality: float = 1.0) -> StateSpace:
         """The observer at a constant quality, from (y, u) to the outputs (z,) and the disturbance.
 
         u is the one that acts until the next sample. Raises InputError as `poles`.
@@ -133,7 +133,7 @@ class Estimator:
             np.column_stack([model.A @ gain, model.B]),
             told @ kept,
             np.column_stack([told @ gain, np.zeros(len(told))]),
-            model.period,
+            model.dt,
             inputs=list(MEASURED[:2]),
             remove_useless_states=False,
         )
@@ -148,9 +148,11 @@ class Estimator:
         padded = np.zeros(len(model.A))
         padded[: model.seen] = self.gain
         state = np.zeros(2 * len(padded) + 1)
-        state[-1] = model.rotation.frequency
+        state[-1] = model.rotation.frequency_hz
         outputs = len(model.Z) + 2
-        return Controller(_step, state, layout(model, padded), outputs, 3, model.period)
+        return Controller(
+            _step, state, layout(model, padded), outputs=outputs, reads=3, dt=model.dt
+        )
 
 
 def _check_quality(quality: float) -> None:
@@ -170,7 +172,7 @@ def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
     >>> from workbench.simulation import sampled
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
     >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
     >>> bool(
@@ -181,7 +183,7 @@ def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
     need_model(model)
     n = model.seen
     A, C = model.A[:n, :n], model.C[None, :n]
-    L = observer_gain(A, C, poles, model.period)[:, 0]
+    L = observer_gain(A, C, poles, dt=model.dt)[:, 0]
     return Estimator(model, np.linalg.solve(A, L).astype(float))
 
 
@@ -201,7 +203,7 @@ def estimate(
     >>> from workbench.simulation import sampled
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
     >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
     >>> d = np.sin(2 * np.pi * 5.0 * 1e-3 * np.arange(3000))

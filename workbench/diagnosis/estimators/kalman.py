@@ -22,8 +22,8 @@ from math import isfinite
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
-from workbench.compiled import inlined, kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import inlined, kernel
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimators.estimator import Estimator
 from workbench.diagnosis.estimators.observers import balanced_matrix
@@ -96,7 +96,7 @@ class KalmanEstimator:
     >>> from workbench.simulation import sampled
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> estimator = KalmanEstimator(model, Noise(0.0, 1e-3, 1e-2, 1.0))
     >>> bool(abs(estimator.settled.poles()).max() < 1)
     True
@@ -161,7 +161,7 @@ class KalmanEstimator:
         # state: x^, work space for the next x^, frequency; gain; whether it has settled; P; work
         # space for A P.
         state = np.zeros(3 * n + 2 + 2 * m * m)
-        state[2 * n] = model.rotation.frequency
+        state[2 * n] = model.rotation.frequency_hz
         state[2 * n + 1 : 3 * n + 1] = gain
         state[3 * n + 1] = 1.0
         state[3 * n + 2 : 3 * n + 2 + m * m] = self.stationary.ravel()
@@ -173,7 +173,9 @@ class KalmanEstimator:
             _entries(model.A[:m, :m]),
         ]
         outputs = len(model.Z) + 2
-        return Controller(_step, state, np.concatenate(parameters), outputs, 3, model.period)
+        return Controller(
+            _step, state, np.concatenate(parameters), outputs=outputs, reads=3, dt=model.dt
+        )
 
 
 def _riccati_by_doubling(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import matrix_balance
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError, SolverError
 from workbench.input_checks import as_array, need_numbers
 
@@ -24,11 +24,11 @@ POLE_RESIDUAL = 1e-9
 
 
 def observer_gain(
-    A: ArrayLike, C: ArrayLike, poles: ArrayLike, period: float | None = None
+    A: ArrayLike, C: ArrayLike, poles: ArrayLike, *, dt: float | None = None
 ) -> RealArray:
     """Gain L (n, p) that gives A - L C (n, n) the wanted poles (n,); outputs y = C x, C (p, n).
 
-    period: sample time [s]; None in continuous time. The states are balanced first, so that their
+    dt: sample time [s]; None in continuous time. The states are balanced first, so that their
     units do not matter; the placement is SLICOT's SB01BD, and every pole is checked afterwards.
 
     Raises InputError for wrong shapes, for poles that are unstable or not in conjugate pairs, and
@@ -44,13 +44,13 @@ def observer_gain(
     >>> np.sort(np.linalg.eigvals(A - L @ C).real).round(6).tolist()
     [-6.0, -5.0]
     """
-    a, c, wanted = _checked(A, C, poles, period)
+    a, c, wanted = _checked(A, C, poles, dt)
     scaled, scale = balanced_matrix(a)
     seen = c * scale
     size = abs(seen).max(axis=1, keepdims=True)
-    check_observable(scaled, seen, period)
+    check_observable(scaled, seen, dt)
     # With fast sampling all poles lie close to 1: shift and scale them before the placement.
-    shift, stretch = (0.0, 1.0) if period is None else (1.0, period)
+    shift, stretch = (0.0, 1.0) if dt is None else (1.0, dt)
     shifted = (scaled - shift * np.eye(len(a))) / stretch
     gain = _place(shifted, seen / size, (wanted - shift) / stretch) * stretch / size.T
     residual = placement_residual(scaled, seen, gain, wanted)

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.errors import InputError
 from workbench.input_checks import need_numbers
 

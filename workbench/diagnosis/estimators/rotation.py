@@ -11,23 +11,24 @@ They are therefore the phase detector of a phase-locked loop whose integrator is
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_numbers
 
 
 @dataclass(frozen=True)
 class Rotation:
-    """A rotation frequency [Hz] and the harmonics of it that disturb the plant.
+    """A frequency of rotation and the harmonics of it that disturb the plant.
 
+    frequency_hz  of the rotation [Hz];
     adaptation  rate of the frequency loop [1/s]; 0: the frequency stays;
-    range       lowest and highest frequency that may be followed [Hz]; None: half of `frequency`
-                and twice that;
+    range_hz    lowest and highest frequency that may be followed [Hz]; None: half of
+                `frequency_hz` and twice that;
     floor       amplitude of the first harmonic below which adaptation fades, because a small
                 oscillation tells little of its frequency; in the unit of the disturbance.
 
@@ -42,36 +43,39 @@ class Rotation:
     Examples
     --------
     >>> from workbench.diagnosis import Rotation
-    >>> rotation = Rotation(frequency=10.0, harmonics=(1, 2))
-    >>> rotation.limits, rotation.oscillators(1e-3).shape
+    >>> rotation = Rotation(frequency_hz=10.0, harmonics=(1, 2))
+    >>> rotation.limits_hz, rotation.oscillators(1e-3).shape
     ((10.0, 10.0), (4, 4))
     """
 
-    frequency: float
+    frequency_hz: float
+    _: KW_ONLY
     harmonics: tuple[int, ...] = (1,)
     adaptation: float = 0.0
-    range: tuple[float, float] | None = None
+    range_hz: tuple[float, float] | None = None
     floor: float = 0.0
 
     def __post_init__(self) -> None:
-        need_numbers(frequency=self.frequency, adaptation=self.adaptation, floor=self.floor)
-        if not (math.isfinite(self.frequency) and self.frequency > 0.0):
+        need_numbers(frequency_hz=self.frequency_hz, adaptation=self.adaptation, floor=self.floor)
+        if not (math.isfinite(self.frequency_hz) and self.frequency_hz > 0.0):
             raise InputError(
-                f"rotation frequency is {self.frequency} Hz; it must be positive and finite"
+                f"rotation frequency_hz is {self.frequency_hz} Hz; it must be positive and finite"
             )
         h = self.harmonics
         whole = isinstance(h, tuple | list) and all(is_real(one) and one % 1 == 0 for one in h)
         if not whole or not h or min(h) < 1 or len(set(h)) < len(h):
             raise InputError(f"harmonics are {h}; they must be different integers of 1 or more")
-        if self.range is not None:
-            pair = isinstance(self.range, tuple | list) and len(self.range) == 2
-            if not (pair and all(map(is_real, self.range))):
-                raise InputError(f"range of the rotation is {self.range!r}; give two numbers [Hz]")
-        low, high = self.limits
-        if not 0.0 < low <= self.frequency <= high < math.inf:
+        if self.range_hz is not None:
+            pair = isinstance(self.range_hz, tuple | list) and len(self.range_hz) == 2
+            if not (pair and all(map(is_real, self.range_hz))):
+                raise InputError(
+                    f"range of the rotation is {self.range_hz!r}; give two numbers [Hz]"
+                )
+        low, high = self.limits_hz
+        if not 0.0 < low <= self.frequency_hz <= high < math.inf:
             raise InputError(
                 f"range of the rotation is {low} to {high} Hz; it must be positive and contain "
-                f"{self.frequency} Hz"
+                f"{self.frequency_hz} Hz"
             )
         if not (0.0 <= self.adaptation < math.inf and 0.0 <= self.floor < math.inf):
             raise InputError(
@@ -84,37 +88,38 @@ class Rotation:
             )
 
     @property
-    def limits(self) -> tuple[float, float]:
+    def limits_hz(self) -> tuple[float, float]:
         """The lowest and the highest frequency [Hz] that may be followed."""
         if self.adaptation == 0.0:
-            return self.frequency, self.frequency
-        return self.range or (self.frequency / 2, 2 * self.frequency)
+            return self.frequency_hz, self.frequency_hz
+        return self.range_hz or (self.frequency_hz / 2, 2 * self.frequency_hz)
 
-    def oscillators(self, period: float) -> RealArray:
-        """The transition matrix (2 h, 2 h) of the oscillators over a sample of `period` [s].
+    def oscillators(self, dt: float) -> RealArray:
+        """The transition matrix (2 h, 2 h) of the oscillators over a sample of `dt` [s].
 
         Raises InputError if a harmonic reaches half the sampling frequency.
         """
-        _need_period(period)
-        highest = max(self.harmonics) * self.limits[1]
-        if not highest < 0.5 / period:
+        _need_period(dt)
+        highest = max(self.harmonics) * self.limits_hz[1]
+        if not highest < 0.5 / dt:
             raise InputError(
-                f"harmonic {max(self.harmonics)} of up to {self.limits[1]} Hz is {highest} Hz; it "
-                f"must stay below half the sampling frequency, {0.5 / period} Hz"
+                f"harmonic {max(self.harmonics)} of up to {self.limits_hz[1]} Hz is {highest} "
+                "Hz; it "
+                f"must stay below half the sampling frequency, {0.5 / dt} Hz"
             )
-        angles = [2 * np.pi * h * self.frequency * period for h in self.harmonics]
+        angles = [2 * np.pi * h * self.frequency_hz * dt for h in self.harmonics]
         blocks = [[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in angles]
         transition: RealArray = block_diag(*blocks)
         return transition
 
-    def poles(self, period: float, decay: float) -> ComplexArray:
+    def poles(self, dt: float, decay: float) -> ComplexArray:
         """Discrete poles (2 h,) for an observer of the oscillators that settles at `decay` 1/s."""
-        _need_period(period)
+        _need_period(dt)
         need_numbers(decay=decay)
         if not (math.isfinite(decay) and decay > 0.0):
             raise InputError(f"decay of the oscillators is {decay} 1/s; it must be positive")
-        s = [-decay + 2j * np.pi * h * self.frequency for h in self.harmonics]
-        upper = np.exp(np.array(s) * period)
+        s = [-decay + 2j * np.pi * h * self.frequency_hz for h in self.harmonics]
+        upper = np.exp(np.array(s) * dt)
         return np.concatenate([upper, upper.conj()])
 
 

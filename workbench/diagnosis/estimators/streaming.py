@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import inlined
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import inlined
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant
 
 HEADER = 10
@@ -23,7 +23,7 @@ def layout(model: DisturbedPlant, gain: RealArray) -> RealArray:
     rotation, (plant, _, colour, _) = model.rotation, model.slices
     header = np.zeros(HEADER)
     header[:5] = len(model.A), len(model.Z), plant.stop, len(rotation.harmonics), colour.stop
-    header[5:10] = model.period, rotation.adaptation, *rotation.limits, rotation.floor
+    header[5:10] = model.dt, rotation.adaptation, *rotation.limits_hz, rotation.floor
     values = (rotation.harmonics, gain, model.B, model.C, model.Z.ravel(), model.A.ravel())
     return np.concatenate([header, *(np.asarray(one, float) for one in values)])
 

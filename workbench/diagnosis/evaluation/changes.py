@@ -11,8 +11,8 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.input_checks import need_numbers, need_places, need_whole
 from workbench.simulation import Controller
@@ -22,7 +22,7 @@ OVERSHOOT_DEVIATIONS = 1.166
 0.583 of Siegmund, for the two ends of the sum's range."""
 
 
-def hysteresis(on: float, off: float, signal: int = 0, falling: bool = False) -> Controller:
+def hysteresis(on: float, off: float, *, signal: int = 0, falling: bool = False) -> Controller:
     """An alarm (0 or 1) that is raised when a signal is above `on` and ends when it is below `off`.
 
     With `falling` the alarm is raised when the signal is below `on` and ends when it is above
@@ -43,12 +43,16 @@ def hysteresis(on: float, off: float, signal: int = 0, falling: bool = False) ->
         order = "off >= on for a fall" if falling else "off <= on for a rise"
         raise InputError(f"the alarm is raised at {on} and ends at {off}: need {order}")
     return Controller(
-        _hysteresis, np.zeros(1), np.array([on, off, signal, sign], float), 1, signal + 1
+        _hysteresis,
+        np.zeros(1),
+        np.array([on, off, signal, sign], float),
+        outputs=1,
+        reads=signal + 1,
     )
 
 
 def cusum(
-    drift: float, mean: float = 0.0, ceiling: float = math.inf, signal: int = 0
+    drift: float, *, mean: float = 0.0, ceiling: float = math.inf, signal: int = 0
 ) -> Controller:
     """Page's cumulative sums for a rise and for a fall of the mean.
 
@@ -76,7 +80,11 @@ def cusum(
             f"drift {drift}, mean {mean}, ceiling {ceiling}: need drift >= 0 < ceiling"
         )
     return Controller(
-        _cusum, np.zeros(2), np.array([drift, mean, ceiling, signal], float), 2, signal + 1
+        _cusum,
+        np.zeros(2),
+        np.array([drift, mean, ceiling, signal], float),
+        outputs=2,
+        reads=signal + 1,
     )
 
 
@@ -131,7 +139,7 @@ def cusum_threshold(run_length: float, drift: float, deviation: float) -> float:
     return (float(b) - OVERSHOOT_DEVIATIONS) * deviation
 
 
-def glr(window: int, deviation: float, mean: float = 0.0, signal: int = 0) -> Controller:
+def glr(window: int, deviation: float, *, mean: float = 0.0, signal: int = 0) -> Controller:
     """Generalised likelihood ratio of a change of the mean, of any size, in the last samples.
 
         g[k] = max over j = 1 ... window of (sum of the last j of r - mean)^2 / (2 sigma^2 j).
@@ -157,7 +165,7 @@ def glr(window: int, deviation: float, mean: float = 0.0, signal: int = 0) -> Co
         raise InputError(f"window {window}, deviation {deviation}: need 1 or more, and positive")
     weights = 1.0 / (2.0 * deviation**2 * np.arange(1, window + 1))
     parameters = np.array([window, mean, signal, *weights], float)
-    return Controller(_glr, np.zeros(1 + window), parameters, 3, signal + 1)
+    return Controller(_glr, np.zeros(1 + window), parameters, outputs=3, reads=signal + 1)
 
 
 @compiled

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from scipy.linalg import solve_triangular
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_numbers, need_whole
 
@@ -72,7 +72,7 @@ class Clusters:
         ]
         return np.stack([np.sum(one**2, axis=0) for one in white], axis=1)
 
-    def classify(self, features: ArrayLike, reject: float = 0.0) -> Whole:
+    def classify(self, features: ArrayLike, *, reject: float = 0.0) -> Whole:
         """The most likely kind (N,) of each sample, if all kinds are equally frequent.
 
         A sample is UNKNOWN if it is so far from every cluster that only a share `reject` of the

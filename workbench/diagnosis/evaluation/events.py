@@ -14,7 +14,7 @@ from workbench.input_checks import need_whole
 from workbench.simulation import play
 
 
-def events(signal: ArrayLike, on: float, off: float, apart: int = 1) -> list[Interval]:
+def events(signal: ArrayLike, on: float, off: float, *, apart: int = 1) -> list[Interval]:
     """Events of a signal (N,): from where it rises above `on` until it is below `off`.
 
     apart: events with fewer samples than this between them are joined into one. Returns first
@@ -40,7 +40,7 @@ def events(signal: ArrayLike, on: float, off: float, apart: int = 1) -> list[Int
 
 
 def matched_events(
-    found: Sequence[Interval], faults: Sequence[Interval], tail: int = 0
+    found: Sequence[Interval], faults: Sequence[Interval], *, tail: int = 0
 ) -> list[int]:
     """Number of the first event that overlaps each fault (F,); -1 if there is none.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis.evaluation.residual_size import as_series
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_numbers, need_whole
@@ -44,7 +44,7 @@ class Detection:
     Examples
     --------
     >>> from workbench.diagnosis import detection
-    >>> found = detection([0, 1, 0, 0, 0, 1, 1, 0], faults=[(4, 7)], period=0.1)
+    >>> found = detection([0, 1, 0, 0, 0, 1, 1, 0], faults=[(4, 7)], dt=0.1)
     >>> found.missed, round(found.false_alarm_rate, 6)  # one in the 0.5 s without a fault
     (0.0, 2.0)
     """
@@ -66,7 +66,7 @@ class Detection:
 
 
 def detection(
-    alarm: ArrayLike, faults: Sequence[Interval], period: float, tail: int = 0
+    alarm: ArrayLike, faults: Sequence[Interval], dt: float, *, tail: int = 0
 ) -> Detection:
     """The performance of an alarm (N,), given the faults of the record.
 
@@ -82,15 +82,15 @@ def detection(
     --------
     >>> from workbench.diagnosis import detection
     >>> alarm = [0, 1, 0, 0, 0, 1, 1, 0]
-    >>> found = detection(alarm, faults=[(4, 7)], period=0.1)
+    >>> found = detection(alarm, faults=[(4, 7)], dt=0.1)
     >>> found.delays.tolist(), found.false_alarms
     ([0.1], 1)
     """
     raised = as_series("alarm", alarm) != 0.0
-    need_numbers(period=period)
+    need_numbers(dt=dt)
     need_whole(tail, "tail")
-    if not 0.0 < period < math.inf or tail < 0:
-        raise InputError(f"period {period} s, tail {tail}: need a positive one and 0 or more")
+    if not 0.0 < dt < math.inf or tail < 0:
+        raise InputError(f"period {dt} s, tail {tail}: need a positive one and 0 or more")
     end_before = 0
     pairs = as_array(faults, "faults")
     if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2 or (pairs % 1 != 0.0).any()):
@@ -109,10 +109,10 @@ def detection(
         free[start : end + tail] = False
         hits = np.flatnonzero(raised[start : end + tail])
         if hits.size:
-            delays[i] = hits[0] * period
+            delays[i] = hits[0] * dt
     false = sum(bool(free[start:end].all()) for start, end in intervals(raised))
     share = float(raised[free].mean()) if free.any() else float("nan")
-    return Detection(delays, false, float(free.sum()) * period, share)
+    return Detection(delays, false, float(free.sum()) * dt, share)
 
 
 @dataclass(frozen=True, eq=False)

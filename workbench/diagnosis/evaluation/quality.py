@@ -14,8 +14,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
 from workbench.diagnosis.evaluation.changes import hysteresis
 from workbench.diagnosis.evaluation.thresholds import above_noise
 from workbench.errors import InputError
@@ -57,6 +57,7 @@ def quality_signal(
     level: float,
     dist_min: float,
     dist_max: float,
+    *,
     alpha: float = 1.0,
     noise: float | None = None,
     signals: tuple[int, int] = (0, 1),
@@ -115,11 +116,12 @@ def quality_signal(
         above_noise(dist_min, noise)
     parameters = np.array([level, dist_min, dist_max, alpha, extinct * level, a, b], float)
     outputs, reads = len(QUALITY_OUTPUTS), max(a, b) + 1
-    return Controller(_quality_signal, np.zeros(1), parameters, outputs, reads)
+    return Controller(_quality_signal, np.zeros(1), parameters, outputs=outputs, reads=reads)
 
 
 def drop_detector(
     level: float,
+    *,
     below: float = 0.7,
     release: float = 0.8,
     noise: float | None = None,
@@ -145,7 +147,7 @@ def drop_detector(
         raise InputError(f"below {below}, release {release}: need 0 < below <= release < 1")
     if noise is not None:
         above_noise(1.0 - release, noise)
-    return hysteresis(below * level, release * level, signal, falling=True)
+    return hysteresis(below * level, release * level, signal=signal, falling=True)
 
 
 @kernel

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_places, need_whole
 from workbench.simulation import Controller
 
 
-def moving_rms(window: int, signals: Sequence[int] = (0,)) -> Controller:
+def moving_rms(window: int, *, signals: Sequence[int] = (0,)) -> Controller:
     """The root mean square of the Euclidean norm of some signals over the last `window` samples.
 
         J[k]^2 = mean of r_1[i]^2 + ... + r_m[i]^2 over i = k - window + 1 ... k,

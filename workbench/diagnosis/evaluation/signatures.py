@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import BoolArray
+from workbench._core.arrays import BoolArray
 from workbench.errors import InputError
 
 NO_FAULT, AMBIGUOUS = -1, -2

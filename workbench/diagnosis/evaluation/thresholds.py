@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import compiled
 from workbench.diagnosis.evaluation.residual_size import as_series
 from workbench.errors import InputError
 from workbench.input_checks import need_numbers, need_places, need_whole
@@ -47,7 +47,7 @@ class Threshold:
 
 
 def quantile_threshold(
-    clean: ArrayLike, false_alarm_rate: float, confidence: float = 0.95, block: int = 1
+    clean: ArrayLike, false_alarm_rate: float, *, confidence: float = 0.95, block: int = 1
 ) -> Threshold:
     """The least fault-free value (N,) that new values exceed at most at the given rate.
 
@@ -89,7 +89,7 @@ def quantile_threshold(
     return Threshold(float(ordered[k - 1]), float(share.mean()), (low, high), confidence, n)
 
 
-def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -> float:
+def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, *, noise: float = 0.0) -> float:
     """The level that no fault-free residual exceeds: the sum of gain times bound.
 
     gains   (M,), from each disturbance to the residual, the largest over the whole uncertainty set;
@@ -136,7 +136,7 @@ def above_noise(level: float, noise: float) -> float:
 
 
 def adaptive_alarm(
-    base: float, gain: float, decay: float, residual: int = 0, known: int = 1
+    base: float, gain: float, decay: float, *, residual: int = 0, known: int = 1
 ) -> Controller:
     """An alarm while |r| > T, where the threshold T follows a known signal v.
 
@@ -164,7 +164,7 @@ def adaptive_alarm(
             f"base {base}, gain {gain}, decay {decay}: need base > 0, gain >= 0, 0 <= decay < 1"
         )
     parameters = np.array([base, gain, decay, residual, known], float)
-    return Controller(_adaptive, np.zeros(1), parameters, 2, max(residual, known) + 1)
+    return Controller(_adaptive, np.zeros(1), parameters, outputs=2, reads=max(residual, known) + 1)
 
 
 @compiled

@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.generators.generator import (
     Poles,
     ResidualGenerator,
@@ -33,7 +34,6 @@ from workbench.diagnosis.models.detectability import (
 )
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -161,7 +161,7 @@ def _residual(
     omega: Array | None,
 ) -> ResidualGenerator:
     """The generator of the residual with one row of a structure."""
-    hidden = unattainable(model, row, omega)
+    hidden = unattainable(model, row, omega=omega)
     if hidden:
         raise InputError(_explanation(model, number, row, hidden, omega))
     shown = tuple(name for name, one in zip(model.faults, row, strict=True) if one)
@@ -273,7 +273,7 @@ def _explanation(
 ) -> str:
     """A message that says which faults of a row cannot be shown by a residual, and why."""
     zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
-    test = detectability(model, 0.0 if omega is None else omega, decoupled=zeros)
+    test = detectability(model, omega=0.0 if omega is None else omega, decoupled=zeros)
     reasons = []
     for name in hidden:
         place = test.faults.index(name)

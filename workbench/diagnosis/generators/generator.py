@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.models.decoupling import Parity
 from workbench.diagnosis.models.detectability import frequencies, need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -99,7 +99,7 @@ def transfer(
 
 
 def structure_matrix(
-    Q: StateSpace, model: FaultModel, omega: ArrayLike | None = None
+    Q: StateSpace, model: FaultModel, *, omega: ArrayLike | None = None
 ) -> NDArray[np.bool_]:
     """The structure matrix (q, k): whether residual i reacts to fault j.
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
 from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
 from workbench.certify.norms import certified_norm
@@ -25,7 +26,6 @@ from workbench.diagnosis.models.decoupling import Parity
 from workbench.diagnosis.models.detectability import frequencies, masking, need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.second_opinion import loops
 from workbench.synthesis.h_infinity.hinf import hinf
 from workbench.synthesis.h_infinity.singular_plants.regularised import regularised

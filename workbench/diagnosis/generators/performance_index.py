@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.answer import Answer, RepeatedChecker
-from workbench.arrays import Array
 from workbench.certificate import Check
 from workbench.diagnosis.generators.generator import structure_matrix, transfer
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor.effort import tries
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.input_checks import need_positive
 from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.solvers import slicot_routine

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.diagnosis.generators.generator import Poles, ResidualGenerator
 from workbench.diagnosis.generators.matching import followed_by, null_space_generator
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.systems.realisation import Matrices, realisation
 

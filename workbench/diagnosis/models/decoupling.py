@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import matrix_balance, null_space, schur
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import SolverError
 from workbench.systems.frequency_response import frequency_response

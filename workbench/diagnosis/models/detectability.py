@@ -62,7 +62,7 @@ class Detectability:
 
 
 def detectability(
-    model: FaultModel, omega: ArrayLike = 0.0, *, decoupled: Sequence[str] = ()
+    model: FaultModel, *, omega: ArrayLike = 0.0, decoupled: Sequence[str] = ()
 ) -> Detectability:
     """Weak and strong detectability of a model's faults.
 
@@ -172,7 +172,9 @@ def isolability(model: FaultModel) -> NDArray[np.bool_]:
     return found
 
 
-def attainable_structures(model: FaultModel, omega: ArrayLike | None = None) -> NDArray[np.bool_]:
+def attainable_structures(
+    model: FaultModel, *, omega: ArrayLike | None = None
+) -> NDArray[np.bool_]:
     """The attainable rows (R, k) of structure matrices: sets of faults that a residual can show.
 
     Parameters
@@ -206,13 +208,13 @@ def attainable_structures(model: FaultModel, omega: ArrayLike | None = None) -> 
     rows = [
         row
         for row in product((False, True), repeat=len(model.faults))
-        if any(row) and not unattainable(model, row, omega)
+        if any(row) and not unattainable(model, row, omega=omega)
     ]
     return np.array(rows, dtype=bool).reshape(-1, len(model.faults))
 
 
 def unattainable(
-    model: FaultModel, row: ArrayLike, omega: ArrayLike | None = None
+    model: FaultModel, row: ArrayLike, *, omega: ArrayLike | None = None
 ) -> tuple[str, ...]:
     """The faults with 1 in a structure's row that no residual shows if those with 0 are decoupled.
 

@@ -11,16 +11,16 @@ fractional transformation of `multiplicative_lft` keeps that dependence.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.models.rank_factors import rank_factors
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -64,6 +64,7 @@ class FaultModel:
     """
 
     system: StateSpace
+    _: KW_ONLY
     controls: tuple[str, ...] = ()
     disturbances: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
@@ -134,7 +135,7 @@ class FaultModel:
 
     # --- faults -------------------------------------------------------------------------------
 
-    def with_fault(self, name: str, R1: ArrayLike, R2: ArrayLike | None = None) -> FaultModel:
+    def with_fault(self, name: str, R1: ArrayLike, *, R2: ArrayLike | None = None) -> FaultModel:
         """The model with a process fault that enters the states by R1 (n,), the outputs by R2 (p,).
 
         Raises InputError for another shape, entries that are not finite, R1 and R2 both zero, or a
@@ -172,7 +173,11 @@ class FaultModel:
             outputs=list(self.outputs),
         )
         return FaultModel(
-            larger, self.controls, self.disturbances, (*self.faults, name), self.noise
+            larger,
+            controls=self.controls,
+            disturbances=self.disturbances,
+            faults=(*self.faults, name),
+            noise=self.noise,
         )
 
     def with_actuator_faults(self, *controls: str) -> FaultModel:
@@ -182,7 +187,7 @@ class FaultModel:
             if name not in self.controls:
                 raise UnknownNameError("control", name, self.controls)
             B, D = self.matrices([name])
-            model = model.with_fault(f"f_{name}", B, D)
+            model = model.with_fault(f"f_{name}", B, R2=D)
         return model
 
     def with_sensor_faults(self, *outputs: str) -> FaultModel:
@@ -192,12 +197,13 @@ class FaultModel:
             if name not in self.outputs:
                 raise UnknownNameError("output", name, self.outputs)
             R2 = np.eye(len(self.outputs))[self.outputs.index(name)]
-            model = model.with_fault(f"f_{name}", np.zeros(self.system.nstates), R2)
+            model = model.with_fault(f"f_{name}", np.zeros(self.system.nstates), R2=R2)
         return model
 
     def with_multiplicative_fault(
         self,
         name: str,
+        *,
         dA: ArrayLike | None = None,
         dB: ArrayLike | None = None,
         dC: ArrayLike | None = None,
@@ -223,7 +229,7 @@ class FaultModel:
         model = self
         for k, column in enumerate(left.T):
             each = name if rank == 1 else f"{name}_{k + 1}"
-            model = model.with_fault(each, column[:n], column[n:])
+            model = model.with_fault(each, column[:n], R2=column[n:])
         return model
 
 

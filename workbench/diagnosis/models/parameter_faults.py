@@ -52,7 +52,7 @@ def multiplicative_lft(
     found = {name: rank_factors(name, _four(name, dM), *sizes) for name, dM in changes.items()}
     left = np.hstack([L for L, _ in found.values()])
     right = np.vstack([R for _, R in found.values()])
-    blocks = [Real(L.shape[1], name) for name, (L, _) in found.items()]
+    blocks = [Real(L.shape[1], name=name) for name, (L, _) in found.items()]
     exogenous = (*model.disturbances, *model.faults, *model.noise)
     B_w, D_w = model.matrices(exogenous)
     B_u, D_u = model.matrices(model.controls)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.magnitude.differential_correction import CorrectionStep, minimax
 from workbench.fitting.magnitude.program import MagnitudeFit

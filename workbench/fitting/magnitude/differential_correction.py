@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
-from workbench.compiled import unchecked
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import unchecked
 
 ROW_TOLERANCE = 1e-11
 """Largest violation of a row of unit length that counts as none."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain
 from workbench.fitting.magnitude.program import MagnitudeFit

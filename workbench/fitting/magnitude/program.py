@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import answer_of
-from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check, quantified, worst
 from workbench.errors import InputError, SolverError
 from workbench.fitting.fitted_system import FittedSystem
@@ -20,7 +21,6 @@ from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.rational import Rational
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
 from workbench.fitting.storage import function
-from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.fits import covers, decays, inverse_decays, realisation_agrees
 from workbench.solvers import Options
@@ -79,6 +79,7 @@ class MagnitudeFit(Program):
     omega: Any  # arrays after construction
     magnitude: Any
     order: int
+    _: KW_ONLY
     weight: Any = None
     cover: bool = False
 
@@ -160,12 +161,12 @@ class MagnitudeFit(Program):
         error, where = worst(self.errors(answer), lambda i: f"at {self.omega[i]:.6g} rad/s")
         over = f"at the {self.omega.size} given frequencies"
         statement = "worst weighted relative error"
-        checks.append(Check("finite error", statement, error, _HUGE, where, over=over))
+        checks.append(Check("finite error", statement, error, _HUGE, where=where, over=over))
         if self.cover:
             margin, omega = least_margin(self.omega, self.magnitude, answer)
             statement, where = "log of data over fit, certified", f"at {omega:.6g} rad/s"
             over = "at every frequency between the first and the last"
-            checks.append(Check("cover", statement, -margin, 0.0, where, over=over))
+            checks.append(Check("cover", statement, -margin, 0.0, where=where, over=over))
         return checks
 
     def second_opinion(self, answer: Rational) -> Sequence[Check]:
@@ -227,10 +228,10 @@ class MagnitudeFit(Program):
 def fit_magnitude(
     omega: ArrayLike,
     magnitude: ArrayLike,
+    *,
     order: int | None = None,
     weight: ArrayLike | None = None,
     cover: bool = False,
-    *,
     error: float | None = None,
     method: str | None = None,
     options: Options | None = None,
@@ -275,14 +276,14 @@ def fit_magnitude(
     if (order is None) == (error is None):
         raise InputError("give either the order or the worst error allowed")
     if order is not None:
-        program = MagnitudeFit(omega, magnitude, order, weight, cover)
+        program = MagnitudeFit(omega, magnitude, order, weight=weight, cover=cover)
         return FittedSystem.of(_answer(program, method, options))
     if error is None or not error > 0:
         raise InputError(f"error must be positive, not {error}")
-    least = MagnitudeFit(omega, magnitude, 0, weight, cover)
+    least = MagnitudeFit(omega, magnitude, 0, weight=weight, cover=cover)
     best = np.inf
     for n in range(min(LARGEST_ORDER, least.omega.size // 2 - 1) + 1):
-        program = MagnitudeFit(least.omega, least.magnitude, n, least.weight, cover)
+        program = MagnitudeFit(least.omega, least.magnitude, n, weight=least.weight, cover=cover)
         answer = _answer(program, method, options)
         if program.error(answer) <= error:
             return FittedSystem.of(answer)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures as style
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.fitting.rational import Rational
 from workbench.fitting.storage import roots
-from workbench.heavy_types import Dataset, Figure
 
 CURVE_POINTS = 10
 """Number of points of the drawn curve in each interval of the data."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain
 from workbench.fitting.magnitude.program import MagnitudeFit

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.linalg.lapack import dggev
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import compiled, unchecked
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import compiled, unchecked
 from workbench.fitting.rational import conjugate_pairs
 
 NODE_DISTANCE = 0.03

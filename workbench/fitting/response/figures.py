@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
-from workbench.heavy_types import Figure
 
 DRAWN_FREQUENCIES = 2000
 """Number of frequencies, besides those of the data, at which the fit is drawn."""

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.response.program import ResponseFit
 

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.fitting.response.fit_state import FitState
 
 MAX_STEPS = 60

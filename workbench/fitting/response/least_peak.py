@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.reach import within_reach

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.fitting.response.numerator import real_over_imaginary
 from workbench.fitting.response.vector_fitting import (
@@ -23,7 +24,6 @@ from workbench.fitting.response.vector_fitting import (
     spread_poles,
 )
 from workbench.fitting.samples import as_count, as_frequencies
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.realisation import realisation
 
@@ -35,7 +35,7 @@ LEAST_DAMPING = 1e-4
 """Least damping ratio of a pole in the fit."""
 
 
-def fit_matrix_response(omega: Any, values: Any, order: int, weight: Any = None) -> StateSpace:
+def fit_matrix_response(omega: Any, values: Any, order: int, *, weight: Any = None) -> StateSpace:
     """A stable continuous-time system of a given order whose response is near given matrices.
 
     Parameters

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.accuracy import AccuracyRange
-from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.factored_values import LARGEST_LOGARITHM
 from workbench.fitting.rational import Rational

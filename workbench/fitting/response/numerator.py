@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.fitting.response.program import ResponseFit
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.errors import InputError, SolverError
 from workbench.fitting.fitted_system import FittedSystem
@@ -19,7 +20,6 @@ from workbench.fitting.response.data import Data
 from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
 from workbench.fitting.storage import function, roots
-from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.fits import (
     decays,
@@ -85,6 +85,7 @@ class ResponseFit(Program):
     omega: Any  # arrays after construction
     response: Any
     order: int
+    _: KW_ONLY
     weight: Any = None
     stable: bool = True
     minimum_phase: bool = False
@@ -163,7 +164,7 @@ class ResponseFit(Program):
         found = [
             Check("order", "number of poles", answer.poles.size, self.order),
             Check("zeros", "number of zeros", answer.zeros.size, self.zeros),
-            Check("error", "largest v |R - g|", error, float(limit), where, over=over),
+            Check("error", "largest v |R - g|", error, float(limit), where=where, over=over),
         ]
         if self.unstable_poles:
             found.append(right_check(answer.poles, self.unstable_poles))
@@ -244,9 +245,9 @@ class ResponseFit(Program):
 def fit_response(
     omega: ArrayLike,
     response: ArrayLike,
+    *,
     order: int | None = None,
     weight: ArrayLike | None = None,
-    *,
     stable: bool = True,
     minimum_phase: bool = False,
     zeros: int | None = None,
@@ -297,13 +298,21 @@ def fit_response(
         most = zeros if zeros is None or order is not None else min(zeros, tried)
         try:
             program = ResponseFit(
-                omega, response, tried, weight, stable, minimum_phase, most, error, unstable_poles
+                omega,
+                response,
+                tried,
+                weight=weight,
+                stable=stable,
+                minimum_phase=minimum_phase,
+                zeros=most,
+                error=error,
+                unstable_poles=unstable_poles,
             )
         except InputError:
             if not reached:
                 raise
             break  # the data do not determine so high an order
-        solution = solve(program, method, options)
+        solution = solve(program, method=method, options=options)
         if solution.certificate is None:
             message = solution.message
         elif solution.certificate.valid:
@@ -327,7 +336,7 @@ def _left(name: str, roots: str, values: ComplexArray) -> Check:
     beyond = values[~(values.real < 0)]
     where = f"the first at {beyond[0]:.6g} rad/s" if beyond.size else ""
     statement = f"number of {roots} on or right of the imaginary axis"
-    return Check(name, statement, float(beyond.size), 0.0, where, over=THIS_SYSTEM)
+    return Check(name, statement, float(beyond.size), 0.0, where=where, over=THIS_SYSTEM)
 
 
 def _one(long_name: str) -> dict[str, str]:

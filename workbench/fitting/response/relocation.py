@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
-from workbench.compiled import compiled, unchecked
+from workbench._core.arrays import EPS, ComplexArray, RealArray
+from workbench._core.compiled import compiled, unchecked
 
 LEAST_CONSTANT = 1e-8
 """Smallest size of the constant of a new denominator, relative to the present one."""

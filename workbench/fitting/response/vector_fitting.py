@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import EPS, ComplexArray, RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.fitting.response.least_peak import EXACT_ERROR, polished

@@ -25,8 +25,8 @@ import math
 
 import numpy as np
 
-from workbench.arrays import EPS
-from workbench.compiled import compiled
+from workbench._core.arrays import EPS
+from workbench._core.compiled import compiled
 from workbench.geometry.area.cuts import CONTACTS, cut_of, on_line, shortest, turning, width_across
 
 FIRST_CLOSENESS = 1e-2

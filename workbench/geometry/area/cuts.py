@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from workbench.arrays import EPS
-from workbench.compiled import compiled
+from workbench._core.arrays import EPS
+from workbench._core.compiled import compiled
 
 BISECTIONS = 60
 """Number of bisections for the place of a stadium's axis."""

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.geometry.area.program import SmallestAreaStadium, each_hull
 from workbench.program import Claim, method

@@ -13,8 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import ComplexArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import ComplexArray
 from workbench.executor import Context
 from workbench.geometry.area.bound import least_area
 from workbench.geometry.area.search import smallest_area
@@ -121,6 +121,7 @@ class SmallestAreaStadium(EnclosingStadium):
 
 def smallest_area_stadium(
     points: ArrayLike,
+    *,
     center: ArrayLike | None = None,
     angle: ArrayLike | None = None,
     method: str = "search",
@@ -163,7 +164,7 @@ def smallest_area_stadium(
     >>> 0.4 < float(stadium.radius) < 2.0
     True
     """
-    return finite_answer(SmallestAreaStadium(points, center, angle), method, options)
+    return finite_answer(SmallestAreaStadium(points, center=center, angle=angle), method, options)
 
 
 @method(SmallestAreaStadium, "search", optimal=True, accuracy=ANY_ACCURACY_ALIKE)

@@ -14,8 +14,8 @@ import math
 
 import numpy as np
 
-from workbench.arrays import EPS
-from workbench.compiled import compiled
+from workbench._core.arrays import EPS
+from workbench._core.compiled import compiled
 
 GRID_ANGLES = 48
 """Number of angles on the grid, in addition to those of the hull."""

@@ -63,8 +63,8 @@ def _refuse(models: Sequence[InnovationsModel]) -> None:
     """Raise `InputError` unless there are models with the same delays."""
     if not models:
         raise InputError("no model to average; give at least one")
-    if len({model.delay for model in models}) > 1:
-        delays = ", ".join(str(model.delay) for model in models)
+    if len({model.delay_samples for model in models}) > 1:
+        delays = ", ".join(str(model.delay_samples) for model in models)
         raise InputError(f"models with delays {delays} have no average; delays must be the same")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.innovations.model import InnovationsModel
 
 LEVEL_RATE = 0.02

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.choice.averages import averaged_predictor, averaged_simulator
 from workbench.identification.choice.levels import errors_beside_level, level_following
@@ -121,8 +121,8 @@ class _Trial:
             judged = sum(max(len(u) - program.washed, 0) for u, _ in left.pieces())
             return np.full((2, judged, left.y.shape[1]), np.inf)
         errors = validation_errors(model, left, program.washed)
-        if program.bandwidth is not None:
-            outputs, felt = weighted_runs(model, left, program.washed, program.bandwidth)
+        if program.bandwidth_hz is not None:
+            outputs, felt = weighted_runs(model, left, program.washed, program.bandwidth_hz)
             size = np.sqrt((outputs**2).mean(axis=0) / judged_variance(left, program.washed))
             errors[1] = felt / np.maximum(size, np.finfo(float).tiny)
         if not self._held_back:
@@ -182,7 +182,7 @@ class _Trial:
             predictor,
             simulator,
             _by_order(self._program, candidates),
-            self._program.record.sample_time,
+            self._program.record.dt,
             candidates=candidates,
         )
         said = "; ".join(candidates.words(k, task) for k, task in enumerate(self._program.tasks))
@@ -234,7 +234,7 @@ def _physical_fits(program: StateSpaceFit, physical: PhysicalModel) -> Fitter:
     def fit(record: Experiments) -> InnovationsModel | None:
         found = physical.fitted(
             record,
-            program.delays,
+            delay_samples=program.delays_samples,
             direct=program.direct,
             largest_radius=program.largest_radius,
         )

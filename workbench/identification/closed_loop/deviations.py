@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.closed_loop.instruments import filtered_by_poles, instrumental_arx
 from workbench.identification.closed_loop.methods import (
@@ -52,7 +52,7 @@ INPUTS: dict[str, CleanInput | None] = {
 
 
 def closed_loop_deviations(
-    program: ClosedLoopFit, method: str, model: InnovationsModel, frequency: ArrayLike
+    program: ClosedLoopFit, method: str, model: InnovationsModel, cycles_per_sample: ArrayLike
 ) -> RealArray:
     """Standard deviations (F, ny, nu) of |G - mean of G| for a method's model.
 
@@ -72,7 +72,7 @@ def closed_loop_deviations(
         "direct", "two-stage", "instrumental-variables" or "indirect".
     model
         The answer's predictor for "direct", its simulator for the other methods.
-    frequency
+    cycles_per_sample
         Frequencies (F,) [cycles/sample].
 
     Raises
@@ -93,17 +93,17 @@ def closed_loop_deviations(
     >>> y = control.forced_response(G * S, inputs=r).outputs
     >>> y = y + 0.1 * control.forced_response(S, inputs=v).outputs
     >>> program = ClosedLoopFit(r - 0.4 * y, y, orders=[1], direct=False, excitation=r)
-    >>> model = wb.solve(program, "two-stage").answer.simulator
+    >>> model = wb.solve(program, method="two-stage").answer.simulator
     >>> found = closed_loop_deviations(program, "two-stage", model, [0.1, 0.2])
     >>> found.shape, bool((found < 0.05).all())
     ((2, 1, 1), True)
     """
-    covariance = closed_loop_covariance(program, method, model, frequency)
+    covariance = closed_loop_covariance(program, method, model, cycles_per_sample)
     return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
 
 
 def closed_loop_covariance(
-    program: ClosedLoopFit, method: str, model: InnovationsModel, frequency: ArrayLike
+    program: ClosedLoopFit, method: str, model: InnovationsModel, cycles_per_sample: ArrayLike
 ) -> RealArray:
     """Covariances (F, ny, nu, 2, 2) of the real and imaginary part of a model's response.
 
@@ -125,7 +125,7 @@ def closed_loop_covariance(
     >>> y = control.forced_response(G * S, inputs=r).outputs
     >>> y = y + 0.1 * control.forced_response(S, inputs=v).outputs
     >>> program = ClosedLoopFit(r - 0.4 * y, y, orders=[1], direct=False, excitation=r)
-    >>> model = wb.solve(program, "instrumental-variables").answer.simulator
+    >>> model = wb.solve(program, method="instrumental-variables").answer.simulator
     >>> at = np.array([0.1, 0.2])
     >>> covariance = closed_loop_covariance(program, "instrumental-variables", model, at)[:, 0, 0]
     >>> found = model.response(at)[:, 0, 0]
@@ -137,18 +137,18 @@ def closed_loop_covariance(
     """
     if method not in INPUTS:
         raise InputError(f"method is {method!r}; it must be one of {', '.join(INPUTS)}")
-    record, period, clean_input = program.used, program.period, INPUTS[method]
+    record, period, clean_input = program.used, program.period_samples, INPUTS[method]
     if period is not None and len(record) < FEWEST * period:
         period = None
     parts = _parts(len(record), period)
     if clean_input is None:
-        moves = _of_errors(program, None, model, record, parts, frequency)
+        moves = _of_errors(program, None, model, record, parts, cycles_per_sample)
     elif period is not None:
-        moves = moves_of_lines(program, clean_input, model, record, PARTS, frequency)
+        moves = moves_of_lines(program, clean_input, model, record, PARTS, cycles_per_sample)
     elif method == "instrumental-variables":
-        moves = _of_instruments(program, model, record, parts, frequency)
+        moves = _of_instruments(program, model, record, parts, cycles_per_sample)
     else:
-        moves = _of_errors(program, clean_input, model, record, parts, frequency)
+        moves = _of_errors(program, clean_input, model, record, parts, cycles_per_sample)
     apart = moves - moves.mean(axis=0)
     both = np.stack([apart.real, apart.imag], axis=-1)
     share = (len(moves) - 1) / len(moves)
@@ -164,7 +164,7 @@ def _of_instruments(
 ) -> ComplexArray:
     """Responses (parts, F, ny, nu); each leaves out the equations of one part."""
     clean = _explained(program, record)
-    filtered = filtered_by_poles(model, program.period, record, clean)
+    filtered = filtered_by_poles(model, program.period_samples, record, clean)
     order = model.order // record.y.shape[1]
     found = [
         instrumental_arx(*filtered, order, program.direct, parts != number).response(frequency)

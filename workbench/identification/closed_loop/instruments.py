@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.regressions import arx_from_lags

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.identification.closed_loop.explained import excitation_of, steady_response
@@ -66,7 +66,7 @@ class _LoopStarts(SubspaceStarts):
     def _computed(self, record: Experiments, order: int) -> list[InnovationsModel]:
         program, found = self._loop, super()._computed(record, order)
         clean = program.explained(record)
-        if clean is None or record.missing or program.delays or program.known is not None:
+        if clean is None or record.missing or program.delays_samples or program.known is not None:
             return found
         models = _allowed_instruments(program, record, clean, order, program.largest_radius)
         best = least_of(models, lambda model: program.misfit(model, clean))
@@ -158,7 +158,7 @@ def rebuilt_input(program: ClosedLoopFit, record: Experiments, clean: Experiment
 
 def _fed_back(program: ClosedLoopFit, y: RealArray) -> RealArray:
     """Output (N, nu) of the controller for y (N, ny); it starts at rest unless y is periodic."""
-    controller, period = program.controller, program.period
+    controller, period = program.controller, program.period_samples
     if controller is None:
         raise InputError("the controller is missing; give it, or take method two-stage")
     if period is None:
@@ -183,7 +183,7 @@ def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrde
             clean = replace(clean, u=clean_input(program, record, clean))
             # With a periodic excitation, the noise between the lines carries no information, but it
             # would change the modes that no line excites.
-            y = record.y if program.period is None else clean.y
+            y = record.y if program.period_samples is None else clean.y
             model = _simulator(program, clean, order, replace(record, u=clean.u, y=y, starts=(0,)))
             return model and _with_gain(program, model, record)
 
@@ -225,7 +225,7 @@ def _allowed_instruments(
     program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
 ) -> list[InnovationsModel | None]:
     """Models by refined instruments whose poles lie within the largest radius."""
-    models = refined_arx(record, clean, order, program.direct, program.period)
+    models = refined_arx(record, clean, order, program.direct, program.period_samples)
     return [allowed(model, clean, program.direct, largest) for model in models]
 
 

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.identification.closed_loop.explained import excitation_of, mean_period
 from workbench.identification.closed_loop.methods import CleanInput
 from workbench.identification.closed_loop.program import ClosedLoopFit
@@ -41,7 +41,7 @@ def moves_of_lines(
 
     The changes are of first order. There are about ``groups`` groups, each of whole periods.
     """
-    direct, period = program.direct, int(program.period or 0)
+    direct, period = program.direct, int(program.period_samples or 0)
     lines = np.arange(1, (period + 1) // 2)
     response = model.response(lines / period)
     mean = mean_period(record, period)

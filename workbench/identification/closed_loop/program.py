@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.identification.closed_loop.explained import (
     explained_part,
     refuse_other_period,
@@ -43,7 +43,7 @@ class ClosedLoopFit(StateSpaceFit):
         an array with as many samples as u and y. It must not depend on the noise.
     controller
         The controller C from y to -u, sampled as the record; method "indirect" needs it.
-    period
+    period_samples
         Period of the excitation [samples], if it is periodic throughout the record. Then its
         explained part is found without a model, line by line. Without a period it is found from
         impulse responses of at most 70 samples: do not sample so fast that the loop takes longer to
@@ -69,7 +69,7 @@ class ClosedLoopFit(StateSpaceFit):
     >>> u = control.forced_response(control.feedback(1, G * C), inputs=r).outputs
     >>> y = control.forced_response(G, inputs=u).outputs
     >>> program = ClosedLoopFit(u, y, orders=[1], direct=False, excitation=r, controller=C)
-    >>> wb.solve(program, "two-stage").certificate.valid
+    >>> wb.solve(program, method="two-stage").certificate.valid
     True
     """
 
@@ -77,13 +77,13 @@ class ClosedLoopFit(StateSpaceFit):
 
     excitation: Any = field(default=None, kw_only=True)
     controller: StateSpace | None = field(default=None, kw_only=True)
-    period: int | None = field(default=None, kw_only=True)
+    period_samples: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.period is not None:
-            need_count("period", self.period)
-            refuse_other_period(np.asarray(self.record.excitation), self.period)
+        if self.period_samples is not None:
+            need_count("period_samples", self.period_samples)
+            refuse_other_period(np.asarray(self.record.excitation), self.period_samples)
         if self.controller is None:
             return
         controller = self._in_states(self.controller)
@@ -96,14 +96,14 @@ class ClosedLoopFit(StateSpaceFit):
             )
         if not controller.isdtime(strict=True):
             raise InputError("the controller is in continuous time; sample it as the record is")
-        told = self.sample_time is not None or self.record.sample_time != 1.0
+        told = self.dt is not None or self.record.dt != 1.0
         apart = controller.dt is not True and not np.isclose(
-            controller.dt, self.record.sample_time, rtol=SAME_TIME, atol=0
+            controller.dt, self.record.dt, rtol=SAME_TIME, atol=0
         )
         if told and apart:
             raise InputError(
                 f"the controller is sampled every {controller.dt:.6g} s and the record every "
-                f"{self.record.sample_time:.6g} s; sample it as the record is"
+                f"{self.record.dt:.6g} s; sample it as the record is"
             )
 
     @staticmethod
@@ -121,7 +121,7 @@ class ClosedLoopFit(StateSpaceFit):
     @cached_property
     def record(self) -> Experiments:
         """The record, with its excitation."""
-        plain = as_experiments(self.u, self.y, self.sample_time, self.samples, assume=self.assume)
+        plain = as_experiments(self.u, self.y, dt=self.dt, samples=self.samples, assume=self.assume)
         if self.excitation is None:
             raise InputError(
                 "excitation is missing: give what was added to the loop from outside and recorded, "
@@ -143,7 +143,7 @@ class ClosedLoopFit(StateSpaceFit):
         """The explained part of a piece of the record; None if the piece is too short."""
         # the piece is stored, so that no other object gets its id
         if id(record) not in self._explained:
-            self._explained[id(record)] = record, explained_part(record, self.period)
+            self._explained[id(record)] = record, explained_part(record, self.period_samples)
         return self._explained[id(record)][1]
 
     def _fits_of(
@@ -158,15 +158,15 @@ class ClosedLoopFit(StateSpaceFit):
 
     def _run_fit(self, model: InnovationsModel, clean: Experiments) -> RealArray:
         """Fits (ny,) [%] of a free run to the explained parts of u and y."""
-        if self.period is None:
+        if self.period_samples is None:
             return scored_fit(model.free_run, clean, self.washed)
-        return steady_fit(model, clean, self.period)
+        return steady_fit(model, clean, self.period_samples)
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
         where = "standard deviations depend on the method: closed_loop_deviations tells them"
         return [*facts_of(self, answer, self.tasks), where]
 
-    def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> None:
+    def deviations(self, answer: IdentifiedModels, cycles_per_sample: RealArray) -> None:
         """None, because they depend on the method; see `closed_loop_deviations`."""
 
     def misfit(self, model: InnovationsModel, clean: Experiments) -> float:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.identification.experiments.records import read_record
 from workbench.identification.files.units import converted
 
@@ -15,7 +15,7 @@ UNKNOWN = "1"
 
 
 def read_alike(
-    paths: Sequence[Path], input: str, output: str, sample_rate: float | None, time: str | None
+    paths: Sequence[Path], input: str, output: str, dt: float | None, time: str | None
 ) -> tuple[list[Dataset], list[str]]:
     """Records of one input and one output, in the units of the first file that states them.
 
@@ -29,7 +29,7 @@ def read_alike(
     As `read_record`; or two files have units that cannot be converted; both are named.
         As `read_record`; or two files have units that cannot be converted; it names both.
     """
-    records = [read_record(path, [input], [output], sample_rate, time) for path in paths]
+    records = [read_record(path, [input], [output], dt=dt, time=time) for path in paths]
     said = []
     for variable, name in (("u", input), ("y", output)):
         units = [str(record[variable].attrs["units"]) for record in records]

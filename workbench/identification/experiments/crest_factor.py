@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.executor.effort import tries
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.figures import period_figure
 from workbench.identification.experiments.multisine import Multisine, as_lines
 from workbench.program import Program
@@ -110,7 +110,7 @@ class CrestFactor(Program):
             "amplitude of a sampled line less that asked for, relative to the largest",
             error,
             1e-9,
-            where,
+            where=where,
             over=f"at {len(spectrum)} lines of the spectrum",
         )
         grid, bound = self.peak(phases)
@@ -164,7 +164,7 @@ class CrestFactor(Program):
     def figures(self, answer: Any) -> dict[str, Figure]:
         points = DRAWN_INSTANTS * int(self.lines[-1])
         drawn, schroeder = (
-            self.multisine(phases).period(points) / self.rms
+            self.multisine(phases).period(points=points) / self.rms
             for phases in (self._phases(answer), schroeder_phases(self.lines, self.amplitudes))
         )
         return {"period": period_figure(drawn, schroeder)}

@@ -39,7 +39,7 @@ def clipped_phases(program: CrestFactor, context: Context) -> np.ndarray:
     phases = schroeder_phases(program.lines, program.amplitudes)
     best, lowest = phases, np.inf
     for level in context.track(np.linspace(0.75, 0.995, CLIPPINGS), "clippings"):
-        signal = program.multisine(phases).period(points)
+        signal = program.multisine(phases).period(points=points)
         peak = np.abs(signal).max()
         if peak < lowest:
             best, lowest = phases, peak
@@ -80,5 +80,5 @@ def _ipopt(program: CrestFactor, context: Context) -> Claim:
 
 def _peak(program: CrestFactor, phases: np.ndarray) -> float:
     """Largest |u| at the instants of the methods."""
-    signal = program.multisine(phases).period(INSTANTS_PER_PERIOD * int(program.lines[-1]))
+    signal = program.multisine(phases).period(points=INSTANTS_PER_PERIOD * int(program.lines[-1]))
     return float(np.abs(signal).max())

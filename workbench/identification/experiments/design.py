@@ -16,18 +16,18 @@ Automatica 42 (2006) 1651-1662).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench import figures
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
 from workbench.certificate import Check, excess, worst
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.design_bound import least_cost_bound
 from workbench.input_checks import as_array
 from workbench.program import Program
@@ -103,6 +103,7 @@ class ExperimentDesign(Program):
     variance: Any
     watched: Any
     cost: Any
+    _: KW_ONLY
     uses: Any = None
 
     default_method: ClassVar[str] = "clarabel"
@@ -224,14 +225,16 @@ class ExperimentDesign(Program):
             return found
         lines = f"for these {len(power)} lines"
         least, where = worst(-power, lambda place: f"of line {place[0] + 1}")
-        found.append(Check("powers", "less the least power", least, 0.0, where, over=lines))
+        found.append(Check("powers", "less the least power", least, 0.0, where=where, over=lines))
         used, where = worst(self.uses @ power, lambda place: f"of limit {place[0] + 1}")
         statement = "share of a limit that is used, less 1"
-        found.append(Check("limits", statement, used - 1.0, LIMIT_ROUNDING, where, over=lines))
+        found.append(
+            Check("limits", statement, used - 1.0, LIMIT_ROUNDING, where=where, over=lines)
+        )
         cost, where = worst(self.costs(power), lambda place: f"at frequency {place[0] + 1}")
         statement = "worst cost over the claimed one, less 1"
         off = excess(cost, answer.worst)
-        found.append(Check("cost", statement, off, COST_ROUNDING, where))
+        found.append(Check("cost", statement, off, COST_ROUNDING, where=where))
         return found
 
     def second_opinion(self, answer: DesignedSpectrum) -> Sequence[Check]:
@@ -247,8 +250,8 @@ class ExperimentDesign(Program):
         statement = "worst cost by least squares over the claimed one, less 1"
         spent = float((self.uses @ np.abs(answer.power)).max()) - 1.0
         return [
-            Check("least squares", statement, excess(value, answer.worst), COST_ROUNDING, where),
-            Check("sizes", "share of a limit that sizes of powers use, less 1", spent,
+            Check("least squares", statement, excess(value, answer.worst), COST_ROUNDING,
+            where=where), Check("sizes", "share of a limit that sizes of powers use, less 1", spent,
                   LIMIT_ROUNDING),
         ]  # fmt: skip
 

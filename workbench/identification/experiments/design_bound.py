@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 DIRECTIONS = 12
 """Number of directions in the plane of each watched frequency."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 
 
@@ -80,7 +80,7 @@ class LineDistortion:
     odd_square: float
     even_square: float
 
-    def detected(self, level: float = 0.01) -> bool:
+    def detected(self, *, level: float = 0.01) -> bool:
         """Whether distortion is significant at this level, which odd and even lines share."""
         return min(self.odd_p, self.even_p) < level / 2
 
@@ -152,7 +152,7 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
     >>> from workbench.identification import harmonic_distortion, sine_fit
     >>> time = np.arange(5 * 64) / 64
     >>> u = np.cos(2 * np.pi * time) + 1e-3 * np.random.default_rng(0).standard_normal(len(time))
-    >>> amplitudes = sine_fit(u + 0.1 * u**3, 64.0, 1.0, harmonics=3)
+    >>> amplitudes = sine_fit(u + 0.1 * u**3, 1 / 64.0, 1.0, harmonics=3)
     >>> round(float(harmonic_distortion(amplitudes[None]).odd), 3)  # of 0.1 cos(t)^3
     0.025
     """

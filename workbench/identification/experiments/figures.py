@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
-from workbench.heavy_types import Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure
 
 
 def period_figure(answer: RealArray, schroeder: RealArray) -> Figure:

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.identification.experiments.records import asked_names, column, picked
 from workbench.identification.files.columns import Columns
 from workbench.identification.files.units import converted

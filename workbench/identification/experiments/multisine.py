@@ -40,7 +40,7 @@ def line_amplitudes(signal: ArrayLike, samples: int) -> np.ndarray:
     >>> abs(line_amplitudes(signal, samples=8)).round(6).tolist()  # two periods, lines 0 to 4
     [[1.0, 0.0, 3.0, 0.0, 0.0], [1.0, 0.0, 3.0, 0.0, 0.0]]
     """
-    values = as_record(signal, "signal")
+    values = as_record(signal, name="signal")
     if samples < 2:
         raise InputError(f"a period needs two samples or more, not {samples}")
     periods, rest = divmod(values.shape[-1], samples)
@@ -89,13 +89,13 @@ class Multisine:
 
     def __post_init__(self) -> None:
         lines, amplitudes = as_lines(self.lines, self.amplitudes, self.samples)
-        phases = as_record(self.phases, "phases")
+        phases = as_record(self.phases, name="phases")
         if phases.shape != lines.shape:
             raise InputError(f"{len(lines)} lines need as many phases, not {phases.shape}")
         for name, value in (("lines", lines), ("amplitudes", amplitudes), ("phases", phases)):
             object.__setattr__(self, name, value)
 
-    def period(self, points: int | None = None) -> np.ndarray:
+    def period(self, *, points: int | None = None) -> np.ndarray:
         """One period at ``points`` equidistant instants; by default at its samples."""
         points = points or self.samples
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
@@ -171,7 +171,7 @@ def as_lines(
             f"line {numbers[-1]} is not below half of the {samples} samples a period (Nyquist): "
             "use more samples or lower lines"
         )
-    sizes = as_record(np.atleast_1d(amplitudes), "amplitudes")
+    sizes = as_record(np.atleast_1d(amplitudes), name="amplitudes")
     if sizes.size not in (1, numbers.size) or np.any(sizes <= 0):
         raise InputError(f"one positive amplitude or {numbers.size} are needed")
     return numbers, np.broadcast_to(sizes, numbers.shape)

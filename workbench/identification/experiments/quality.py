@@ -27,7 +27,7 @@ class IdentificationWarning(UserWarning):
     """
 
 
-def as_record(signal: ArrayLike, name: str = "record") -> np.ndarray:
+def as_record(signal: ArrayLike, *, name: str = "record") -> np.ndarray:
     """The record as a float array (..., N) of finite samples.
 
     Raises
@@ -83,7 +83,7 @@ def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(
                 f"{name} has shape {np.shape(values)}; an array of samples by channels is needed"
             )
-        channels = as_record(np.transpose(values), name)
+        channels = as_record(np.transpose(values), name=name)
         require_alive(channels, name)
         pair.append(channels.T)
     if len(pair[0]) != len(pair[1]):
@@ -91,7 +91,7 @@ def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     return pair[0], pair[1]
 
 
-def saturation(signal: ArrayLike, limits: tuple[float, float] | None = None) -> np.ndarray:
+def saturation(signal: ArrayLike, *, limits: tuple[float, float] | None = None) -> np.ndarray:
     """Share of saturated samples in each channel: those at an end of the converter's range.
 
     With ``limits`` every sample at or beyond a limit counts. Without them the range is estimated

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.identification.files.columns import Columns
 from workbench.identification.files.names import split_name
 from workbench.identification.files.variables import File, read_table
@@ -23,7 +23,8 @@ def read_record(
     file: File,
     inputs: Sequence[str],
     outputs: Sequence[str],
-    sample_rate: float | None = None,
+    *,
+    dt: float | None = None,
     time: str | None = None,
 ) -> Dataset:
     r"""Read a record of inputs and outputs from a file.
@@ -36,10 +37,10 @@ def read_record(
         Names of variables, with or without the units that they contain, as in ``torque [Nm]``,
         ``torque/Nm`` and ``speed_rpm``. A variable with several columns gives several channels;
         ``"y[0]"`` is the first of them. Other columns are ignored.
-    sample_rate
-        Sampling frequency [Hz].
+    dt
+        Sampling time [s].
     time
-        Name of a variable with equidistant instants, instead of ``sample_rate``. It may hold
+        Name of a variable with equidistant instants, instead of ``dt``. It may hold
         numbers in the unit stated by the file (``t_ms``, ``Time [h]``, a row of units; otherwise
         seconds), dates, or clock times such as ``23:59:59.5``, which may run past midnight.
 
@@ -68,10 +69,10 @@ def read_record(
     """
     import xarray as xr
 
-    if (sample_rate is None) == (time is None):
-        raise InputError(f"{file}: give either the sample rate or the name of the time variable")
-    if sample_rate is not None:
-        need_positive(sample_rate, "sample_rate")
+    if (dt is None) == (time is None):
+        raise InputError(f"{file}: give either dt or the name of the time variable")
+    if dt is not None:
+        need_positive(dt, "dt")
     table = read_table(file)
     asked = {"input": asked_names(inputs, "inputs"), "output": asked_names(outputs, "outputs")}
     columns, units, told = _signals(table, [name for names in asked.values() for name in names])
@@ -86,7 +87,7 @@ def read_record(
         raise InputError(f"{file}: inputs and outputs differ in length: {sorted(lengths)} samples")
     count = lengths.pop()
     if time is None:
-        instants = np.arange(count) / sample_rate
+        instants = np.arange(count) * dt
     else:
         instants = found[time].ravel()
         _need_even(table, time, instants, count, rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.record_tests.report import RecordReport
@@ -65,7 +65,7 @@ def record_report(
     """
     if not isinstance(direct, bool):
         raise InputError(f"direct is {direct!r}; it must be True or False")
-    record = as_experiments(u, y, dt)
+    record = as_experiments(u, y, dt=dt)
     if r is not None:
         record = record.driven_by(r)
     return record.reported(direct=direct, order=order)
@@ -85,6 +85,6 @@ def report_of_arrays(
     ``assume`` names assumptions that the user vouches for. Raises `InputError` if a finding forbids
     the use of the record.
     """
-    report = Experiments(u, y, sample_time=dt, excitation=r).report.assuming(assume)
+    report = Experiments(u, y, dt=dt, excitation=r).report.assuming(assume)
     report.need_usable(name=name)
     return report

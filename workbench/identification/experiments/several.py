@@ -7,13 +7,13 @@ stays missing; a missing sample of an input ends an experiment there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.signals import Signals, as_signals
 from workbench.identification.record_tests.record import RecordData
@@ -35,7 +35,7 @@ class Experiments:
         Finite inputs; NaN in y is a missing sample.
     starts
         First sample of each experiment, rising from 0.
-    sample_time
+    dt
         Sampling time [s].
     inputs, outputs, input_units, output_units
         Names and units of the channels.
@@ -50,15 +50,16 @@ class Experiments:
     --------
     >>> import numpy as np
     >>> from workbench.identification import Experiments
-    >>> record = Experiments(np.ones((5, 1)), np.arange(5.0)[:, None], sample_time=0.1)
-    >>> record.starts, record.sample_time, record.missing
+    >>> record = Experiments(np.ones((5, 1)), np.arange(5.0)[:, None], dt=0.1)
+    >>> record.starts, record.dt, record.missing
     ((0,), 0.1, 0)
     """
 
     u: RealArray
     y: RealArray
+    _: KW_ONLY
     starts: tuple[int, ...] = (0,)
-    sample_time: float = field(default=1.0, kw_only=True)
+    dt: float = field(default=1.0, kw_only=True)
     inputs: tuple[str, ...] = field(default=(), kw_only=True)
     outputs: tuple[str, ...] = field(default=(), kw_only=True)
     input_units: tuple[str, ...] = field(default=(), kw_only=True)
@@ -73,7 +74,7 @@ class Experiments:
     @property
     def labels(self) -> dict[str, Any]:
         """Sampling time, names and units, which a model of the record has too."""
-        names = ("sample_time", "inputs", "outputs", "input_units", "output_units")
+        names = ("dt", "inputs", "outputs", "input_units", "output_units")
         return {name: getattr(self, name) for name in names}
 
     @property
@@ -94,7 +95,7 @@ class Experiments:
         inputs = self.inputs or tuple(f"u{k + 1}" for k in range(self.u.shape[1]))
         outputs = self.outputs or tuple(f"y{k + 1}" for k in range(self.y.shape[1]))
         record = RecordData(
-            self.u, self.y, self.excitation, self.starts, self.sample_time,
+            self.u, self.y, self.excitation, self.starts, self.dt,
             inputs, outputs, direct, order, self.times,
         )  # fmt: skip
         return reported(record).assuming(self.assumed)
@@ -107,7 +108,7 @@ class Experiments:
         pieces = [y for _, y in self.pieces()]
         y = pieces if isinstance(excitation, list) and _holds_arrays(excitation) else self.y
         try:
-            driven = as_experiments(excitation, y, self.sample_time, samples)
+            driven = as_experiments(excitation, y, dt=self.dt, samples=samples)
         except InputError as error:
             raise InputError(f"excitation, in the place of u: {error}") from None
         if still := driven.still_inputs():
@@ -139,17 +140,22 @@ class Experiments:
             times=None if self.times is None else self.times[first:end],
         )
 
-    def delayed(self, delays: Sequence[int]) -> Experiments:
-        """The experiments with each input delayed by its number of samples.
+    def delayed(self, delays_samples: Sequence[int]) -> Experiments:
+        """The experiments with each input delayed by `delays_samples` [samples].
 
         The first samples, which depend on inputs before the experiment, are left out, and so is the
         excitation.
         """
-        longest = max(delays, default=0)
+        longest = max(delays_samples, default=0)
         if longest == 0:
             return self
         parts = [
-            (np.column_stack([u[longest - d : len(u) - d, j] for j, d in enumerate(delays)]), y)
+            (
+                np.column_stack(
+                    [u[longest - d : len(u) - d, j] for j, d in enumerate(delays_samples)]
+                ),
+                y,
+            )
             for u, y in self.pieces()
             if len(u) > longest
         ]
@@ -193,9 +199,9 @@ class Experiments:
 def as_experiments(
     u: Any,
     y: Any = None,
-    sample_time: float | None = None,
-    samples: SamplesAlong | None = None,
     *,
+    dt: float | None = None,
+    samples: SamplesAlong | None = None,
     assume: str | Sequence[str] = (),
 ) -> Experiments:
     """Experiments from arrays, labelled arrays, tables, or lists of them.
@@ -207,7 +213,7 @@ def as_experiments(
         "time", pandas tables whose columns are channels; or lists with one of these for each
         experiment. A Dataset with variables u and y, as `read_record` returns it, or a list of
         such, is given as u alone.
-    sample_time
+    dt
         Sampling time [s]. None: that of the labels, or 1.
     samples
         Axis of the samples in plain arrays: "rows" for (N, channels) or "columns" for (channels,
@@ -230,15 +236,15 @@ def as_experiments(
     """
     if samples not in (None, "rows", "columns"):
         raise InputError(f'samples is {samples!r}; it must be "rows", "columns" or None')
-    if sample_time is not None:
-        need_positive(sample_time, "sample_time")
+    if dt is not None:
+        need_positive(dt, "dt")
     pairs = _pairs(u, y)
     signals = [as_signals(*pair, samples, number) for number, pair in enumerate(pairs)]
     first = signals[0]
     for number, other in enumerate(signals[1:], 1):
         _refuse_other_channels(first, other, number)
     known = {s.sample_time for s in signals if s.sample_time is not None}
-    if sample_time is None and len({round(np.log(step), 6) for step in known}) > 1:
+    if dt is None and len({round(np.log(step), 6) for step in known}) > 1:
         raise InputError(
             f"the experiments are sampled every {sorted(known)} s; resample them to one time"
         )
@@ -250,8 +256,8 @@ def as_experiments(
     found = Experiments(
         np.vstack([one.u[part] for one, part in cut]),
         np.vstack([one.y[part] for one, part in cut]),
-        tuple(int(start) for start in starts),
-        sample_time=float(sample_time or next(iter(known), 1.0)),
+        starts=tuple(int(start) for start in starts),
+        dt=float(dt or next(iter(known), 1.0)),
         inputs=first.inputs,
         outputs=first.outputs,
         input_units=first.input_units,

@@ -28,57 +28,57 @@ class SteppedSine:
 
     Parameters
     ----------
-    frequencies
+    frequencies_hz
         Frequencies [Hz], shape (F,), between 0 and half the sample rate.
     periods
         Number of periods, one for all frequencies or one for each.
     amplitude
         Peak value, one for all frequencies or one for each.
-    sample_rate
-        Sampling frequency [Hz].
+    dt
+        Sampling time [s].
 
     Examples
     --------
     >>> from workbench.identification import SteppedSine
-    >>> sine = SteppedSine([10.0, 20.0], periods=2, amplitude=1.0, sample_rate=1000.0)
+    >>> sine = SteppedSine([10.0, 20.0], periods=2, amplitude=1.0, dt=1 / 1000.0)
     >>> [(frequency, len(samples)) for frequency, samples in sine]
     [(10.0, 200), (20.0, 100)]
     """
 
-    frequencies: Any  # arrays, after construction
+    frequencies_hz: Any  # arrays, after construction
     periods: Any
     amplitude: Any
-    sample_rate: float
+    dt: float
 
     def __post_init__(self) -> None:
-        frequencies = as_record(self.frequencies, "frequencies")
-        _require_below_nyquist(frequencies, self.sample_rate)
+        frequencies = as_record(self.frequencies_hz, name="frequencies_hz")
+        _require_below_nyquist(frequencies, 1 / self.dt)
         periods = np.broadcast_to(np.atleast_1d(self.periods), frequencies.shape)
         if not np.issubdtype(periods.dtype, np.integer) or periods.min() < 1:
             raise InputError(f"at least one period is needed, in whole numbers, not {self.periods}")
         amplitude = np.broadcast_to(as_record(np.atleast_1d(self.amplitude)), frequencies.shape)
-        object.__setattr__(self, "frequencies", frequencies)
+        object.__setattr__(self, "frequencies_hz", frequencies)
         object.__setattr__(self, "periods", periods)
         object.__setattr__(self, "amplitude", amplitude)
 
     @property
     def lengths(self) -> np.ndarray:
         """Number of samples (F,) at each frequency."""
-        exact = self.periods * self.sample_rate / self.frequencies
+        exact = self.periods * (1 / self.dt) / self.frequencies_hz
         return np.ceil(exact - COUNT_ROUNDING).astype(int)
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
         cycles = 0.0
         for frequency, amplitude, length in zip(
-            self.frequencies, self.amplitude, self.lengths, strict=True
+            self.frequencies_hz, self.amplitude, self.lengths, strict=True
         ):
-            step = frequency / self.sample_rate
+            step = frequency * self.dt
             yield float(frequency), amplitude * np.sin(2 * np.pi * (cycles + step * range(length)))
             cycles = (cycles + step * length) % 1
 
 
 def sine_fit(
-    signal: ArrayLike, sample_rate: float, frequency: float, harmonics: int = 1
+    signal: ArrayLike, dt: float, frequency_hz: float, *, harmonics: int = 1
 ) -> np.ndarray:
     """Complex amplitudes of a sine and its harmonics in every whole period of a record.
 
@@ -90,8 +90,8 @@ def sine_fit(
     ----------
     signal
         Real, shape (..., N).
-    sample_rate, frequency
-        Sampling frequency and frequency of the sine [Hz].
+    dt, frequency_hz
+        Sampling time [s] and frequency of the sine [Hz].
     harmonics
         Number of harmonics, including the fundamental.
 
@@ -112,29 +112,30 @@ def sine_fit(
     >>> from workbench.identification import sine_fit
     >>> time = np.arange(250) / 1000.0
     >>> signal = 0.5 + 2 * np.cos(2 * np.pi * 12 * time) + 0.1 * np.cos(2 * np.pi * 24 * time)
-    >>> abs(sine_fit(signal, 1000.0, 12.0, harmonics=2)).round(
+    >>> abs(sine_fit(signal, 1 / 1000.0, 12.0, harmonics=2)).round(
     ...     6
     ... ).tolist()  # in each of three periods
     [[2.0, 0.1], [2.0, 0.1], [2.0, 0.1]]
     """
-    values = as_record(signal, "signal")
-    _require_below_nyquist(np.array([frequency * harmonics]), sample_rate)
-    samples, unknowns = sample_rate / frequency, 2 * harmonics + 1
+    values = as_record(signal, name="signal")
+    _require_below_nyquist(np.array([frequency_hz * harmonics]), 1 / dt)
+    samples, unknowns = (1 / dt) / frequency_hz, 2 * harmonics + 1
     if samples < unknowns:
         raise InputError(
             f"{samples:.3g} samples a period cannot tell {unknowns} unknowns (an offset and "
-            f"{harmonics} harmonics) at {frequency:g} Hz: sample faster or ask for fewer harmonics"
+            f"{harmonics} harmonics) at {frequency_hz:g} Hz: sample faster or ask for fewer "
+            "harmonics"
         )
     periods = int(values.shape[-1] / samples + COUNT_ROUNDING)
     if periods < 1:
         raise InputError(
-            f"{values.shape[-1]} samples are less than one period of {frequency:g} Hz at "
-            f"{sample_rate:g} Hz: at least {int(np.ceil(samples - COUNT_ROUNDING))} are needed"
+            f"{values.shape[-1]} samples are less than one period of {frequency_hz:g} Hz at "
+            f"{(1 / dt):g} Hz: at least {int(np.ceil(samples - COUNT_ROUNDING))} are needed"
         )
     edges = np.ceil(np.arange(periods + 1) * samples - COUNT_ROUNDING).astype(int)
     # With the first sample subtracted, a dead channel has amplitude zero exactly.
     values = values[..., : edges[-1]] - values[..., :1]
-    turns = np.exp(2j * np.pi * frequency / sample_rate * np.arange(edges[-1]))
+    turns = np.exp(2j * np.pi * frequency_hz * dt * np.arange(edges[-1]))
     powers = [turns**n for n in range(1, harmonics + 1)]
     basis = [np.ones(edges[-1])] + [part for z in powers for part in (z.real, -z.imag)]
     starts = edges[:-1]

@@ -8,7 +8,7 @@ from datetime import date, datetime
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 
 STAMP = re.compile(

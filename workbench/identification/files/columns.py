@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.files.cells import as_complex, as_numbers, mostly_numbers
 from workbench.identification.files.clocks import as_seconds

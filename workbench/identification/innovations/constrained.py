@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.input_regression import (
@@ -124,7 +124,12 @@ def with_known_gains(
     K = m.K if predicting else np.zeros_like(m.K)
     drive = InputRegression(m.A - K @ m.C, m.C, (direct,) * nu + (False,) * drifts)
     noise = replace(  # the predictor's response to past outputs alone
-        m, B=np.zeros_like(m.B), D=np.zeros_like(m.D), u_offset=0 * m.u_offset, delay=(), members=()
+        m,
+        B=np.zeros_like(m.B),
+        D=np.zeros_like(m.D),
+        u_offset=0 * m.u_offset,
+        delay_samples=(),
+        members=(),
     )
 
     def pieces() -> Iterator[tuple[RealArray, RealArray]]:

@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel, initial_state
 from workbench.identification.innovations.recursions import predictions, sensitivity_rows

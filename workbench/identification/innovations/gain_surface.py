@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.knowledge import Knowledge
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import LinAlgError, schur, solve_discrete_are
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.recursions import sensitivity_rows
 from workbench.identification.innovations.regression import triangle_of_blocks

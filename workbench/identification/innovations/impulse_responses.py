@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
@@ -47,12 +47,13 @@ class _Posterior:
 
 
 def impulse_response(
-    record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
+    record: Experiments, *, direct: bool = True, delay_samples: Sequence[int] = ()
 ) -> InnovationsModel | None:
     """Impulse responses regularised by a decaying kernel; None if the record is too short.
 
     Prior covariance c d^max(i, j) of samples i and j (the tuned and correlated kernel), with a
     scale c and a decay d for each pair of channels at which the marginal likelihood is largest.
+    ``delay_samples`` [samples]: how much later each input acts.
     Raises `InputError` if a finding of the record's report forbids its use.
 
     Examples
@@ -67,7 +68,7 @@ def impulse_response(
     0.5
     """
     record.reported(direct=direct).need_usable()
-    return impulse_model(record, direct=direct, delay=delay)
+    return impulse_model(record, direct=direct, delay=delay_samples)
 
 
 def impulse_model(
@@ -80,16 +81,21 @@ def impulse_model(
         return None
     model = _shift_register(found.response, found.level, direct)
     model = found.scaling.restored(model, late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def impulse_response_deviations(
-    record: Experiments, frequency: ArrayLike, *, direct: bool = True, delay: Sequence[int] = ()
+    record: Experiments,
+    cycles_per_sample: ArrayLike,
+    *,
+    direct: bool = True,
+    delay_samples: Sequence[int] = (),
 ) -> RealArray:
     """Standard deviations (F, ny, nu) of |G - truth| for the model of `impulse_response`.
 
     They are those of the posterior distribution, given the record: the prior responses decay as the
-    kernel says, and the outputs have white noise. ``frequency`` (F,) [cycles/sample]. Raises
+    kernel says, and the outputs have white noise. ``cycles_per_sample`` (F,)
+    [cycles/sample]. ``delay_samples`` [samples]: how much later each input acts. Raises
     `InputError` if the record is too short for a model.
 
     Examples
@@ -105,7 +111,9 @@ def impulse_response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    changes = impulse_response_changes(record, frequency, direct=direct, delay=delay)
+    changes = impulse_response_changes(
+        record, cycles_per_sample, direct=direct, delay=delay_samples
+    )
     return np.sqrt((np.abs(changes) ** 2).sum(axis=0))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.innovations.recursions import driven_rows
 from workbench.identification.innovations.regression import triangle_of_blocks
 

@@ -15,7 +15,7 @@ from scipy.linalg import schur
 from scipy.linalg.lapack import dtrsen
 from scipy.optimize import linear_sum_assignment
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.innovations.model import InnovationsModel
 
 NEAR = 1e-3

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.identification.innovations.recursions import observability, predictions
 
 STATE_SAMPLES = 300
@@ -26,8 +26,8 @@ STATE_SAMPLES = 300
 class InnovationsModel:
     """Innovations model: A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny).
 
-    The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is the delay
-    of each input; empty if there are no delays. ``sample_time`` [s] and the names and units of the
+    The offsets (nu,) and (ny,) are subtracted from u and y. ``delay_samples`` [samples] (nu,) is
+    the delay of each input; empty if there are no delays. ``dt`` [s] and the names and units of the
     channels are those of the record. ``members`` are the averaged models, if this model is an
     average: its runs are then the means of their runs, each with its own initial state. The last
     ``resting`` states start every run at zero, because a few samples do not distinguish them from
@@ -50,8 +50,8 @@ class InnovationsModel:
     K: RealArray
     u_offset: RealArray
     y_offset: RealArray
-    delay: tuple[int, ...] = field(default=(), kw_only=True)
-    sample_time: float = field(default=1.0, kw_only=True)
+    delay_samples: tuple[int, ...] = field(default=(), kw_only=True)
+    dt: float = field(default=1.0, kw_only=True)
     inputs: tuple[str, ...] = field(default=(), kw_only=True)
     outputs: tuple[str, ...] = field(default=(), kw_only=True)
     input_units: tuple[str, ...] = field(default=(), kw_only=True)
@@ -82,7 +82,7 @@ class InnovationsModel:
         import control
 
         A, B, C, D = self.A, self.B, self.C, self.D
-        delays = self.delay or (0,) * B.shape[1]
+        delays = self.delay_samples or (0,) * B.shape[1]
         chains = [np.eye(delay, k=-1) for delay in delays]
         count = sum(delays)
         enters, leaves = np.zeros((count, B.shape[1])), np.zeros((B.shape[1], count))
@@ -101,16 +101,20 @@ class InnovationsModel:
             np.vstack([B @ now, enters]),
             np.hstack([C, D @ leaves]),
             D @ now,
-            self.sample_time,
+            self.dt,
             **names,
         )
 
-    def response(self, frequency: ArrayLike) -> ComplexArray:
+    def response(self, cycles_per_sample: ArrayLike) -> ComplexArray:
         """Response (F, ny, nu) from u to y at frequencies (F,) [cycles/sample]."""
-        z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float))[:, None, None]
+        z = np.exp(2j * np.pi * np.asarray(cycles_per_sample, dtype=float))[:, None, None]
         states = np.linalg.solve(z * np.eye(self.order) - self.A, self.B + 0j * z)
         found = np.asarray(self.C @ states + self.D, dtype=complex)
-        return found * z ** -np.asarray(self.delay, dtype=float) if self.delay else found
+        return (
+            found * z ** -np.asarray(self.delay_samples, dtype=float)
+            if self.delay_samples
+            else found
+        )
 
     def one_step(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
         """One-step predictions (N, ny) of y from a record u (N, nu), y (N, ny).
@@ -150,7 +154,7 @@ class InnovationsModel:
     @property
     def longest_delay_samples(self) -> int:
         """The longest delay of an input [samples]."""
-        return max(self.delay, default=0)
+        return max(self.delay_samples, default=0)
 
     def driven_part(self, u: RealArray, y: RealArray) -> tuple[RealArray, RealArray]:
         """Inputs that act, and outputs, of the samples whose inputs are all in the record."""
@@ -167,10 +171,10 @@ class InnovationsModel:
 
         Before the record they equal their first sample.
         """
-        if not any(self.delay):
+        if not any(self.delay_samples):
             return np.ascontiguousarray(u, dtype=float)
         now = np.arange(len(u))
-        late = [u[np.maximum(now - delay, 0), j] for j, delay in enumerate(self.delay)]
+        late = [u[np.maximum(now - delay, 0), j] for j, delay in enumerate(self.delay_samples)]
         return np.column_stack(late)
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import BoolArray
+from workbench._core.arrays import BoolArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion

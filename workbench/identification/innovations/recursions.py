@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 
 
 @compiled

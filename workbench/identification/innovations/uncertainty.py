@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
@@ -72,7 +72,11 @@ def model_deviations(
 
 
 def response_deviations(
-    model: InnovationsModel, record: Experiments, frequency: ArrayLike, direct: bool = True
+    model: InnovationsModel,
+    record: Experiments,
+    cycles_per_sample: ArrayLike,
+    *,
+    direct: bool = True,
 ) -> RealArray:
     """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
 
@@ -101,11 +105,13 @@ def response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    frequency = _checked_frequencies(model, record, frequency)
+    cycles_per_sample = _checked_frequencies(model, record, cycles_per_sample)
     return largest_deviations(
         estimates_of(model, record, direct, None),
-        lambda criterion, theta, step: np.abs(response_along(criterion, theta, step, frequency)),
-        model.response(frequency),
+        lambda criterion, theta, step: np.abs(
+            response_along(criterion, theta, step, cycles_per_sample)
+        ),
+        model.response(cycles_per_sample),
     )
 
 
@@ -181,7 +187,7 @@ def response_slopes(
         np.einsum("f,oi,ju->fouij", one[:, 0, 0], outputs, inputs),
     ]
     flat = [each.reshape(*each.shape[:3], -1) for each in found[: 4 if direct else 3]]
-    late = z ** -np.asarray(model.delay or (0,), dtype=float)
+    late = z ** -np.asarray(model.delay_samples or (0,), dtype=float)
     return np.concatenate(flat, axis=-1) * late[..., None]
 
 

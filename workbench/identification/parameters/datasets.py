@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.heavy_types import Dataset
+from workbench._core.heavy_types import Dataset
 from workbench.identification.parameters.least_squares import LeastSquares
 from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
 
@@ -39,7 +39,7 @@ def fit_dataset(problem: LeastSquares, values: np.ndarray) -> Dataset:
             data, axis = datum.response, f"{label}_frequency"
             dims: tuple[str, ...] = (axis, f"{label}_output", f"{label}_input")[: data.ndim]
             unit = {"units": "Hz", "long_name": "frequency"}
-            variables[axis] = (axis, datum.frequency, unit)
+            variables[axis] = (axis, datum.frequency_hz, unit)
         elif isinstance(datum, MeasuredRecord):
             data, dims = datum.y, (f"{label}_output", f"{label}_sample")
         else:  # a kind of data that the caller defines

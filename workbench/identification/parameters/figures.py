@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Figure
+from workbench._core.heavy_types import Figure
 from workbench.identification.parameters.measured import Measured, MeasuredRecord, MeasuredResponse
 
 
@@ -27,7 +27,7 @@ def fit_figures(data: Sequence[Measured], values: Mapping[str, float]) -> dict[s
 def response_figure(datum: MeasuredResponse, values: Mapping[str, float]) -> Figure:
     """Magnitude, phase and weighted error of every entry over frequency."""
     figure, panels = figures.axes(3, 1, size=(7.0, 7.0), sharex=True)
-    count = len(datum.frequency)
+    count = len(datum.frequency_hz)
     measured = datum.response.reshape(count, -1)
     model = datum.predicted(values).reshape(count, -1)
     for entry in range(measured.shape[1]):
@@ -35,12 +35,14 @@ def response_figure(datum: MeasuredResponse, values: Mapping[str, float]) -> Fig
         name = "" if measured.shape[1] == 1 else f", entry {entry}"
         dots: dict[str, Any] = {"marker": ".", "linestyle": "none", "color": color, "alpha": 0.5}
         for panel, part in ((panels[0], np.abs), (panels[1], _degrees)):
-            panel.plot(datum.frequency, part(measured[:, entry]), label=f"measured{name}", **dots)
             panel.plot(
-                datum.frequency, part(model[:, entry]), color=figures.BLACK, label=f"model{name}"
+                datum.frequency_hz, part(measured[:, entry]), label=f"measured{name}", **dots
+            )
+            panel.plot(
+                datum.frequency_hz, part(model[:, entry]), color=figures.BLACK, label=f"model{name}"
             )
         error = np.abs(model - measured)[:, entry] * datum.weights[:, entry]
-        panels[2].plot(datum.frequency, error, **dots)
+        panels[2].plot(datum.frequency_hz, error, **dots)
     panels[0].set_yscale("log")
     panels[0].set_ylabel("magnitude [1]")
     panels[1].set_ylabel("phase [deg]")

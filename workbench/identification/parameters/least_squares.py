@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -30,6 +30,7 @@ class FittedParameter:
     """
 
     start: float
+    _: KW_ONLY
     lower: float = -np.inf
     upper: float = np.inf
 
@@ -71,6 +72,7 @@ class LeastSquares:
 
     data: Sequence[Measured]
     parameters: Mapping[str, FittedParameter]
+    _: KW_ONLY
     starts: int = 1
 
     def __post_init__(self) -> None:
@@ -199,7 +201,7 @@ class LeastSquares:
             covariance[np.ix_(free, free)] = scaled * np.outer(sizes, sizes)
         return covariance
 
-    def intervals(self, values: np.ndarray, confidence: float = 0.99) -> np.ndarray:
+    def intervals(self, values: np.ndarray, *, confidence: float = 0.99) -> np.ndarray:
         """Half-widths (n,) of the parameters' confidence intervals; NaN on a bound."""
         level = (1 + confidence) / 2
         quantile = stats.norm.ppf(level) if self.weighted else stats.t.ppf(level, self.spare)

@@ -7,7 +7,7 @@ for exact derivatives.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -50,7 +50,7 @@ class MeasuredResponse:
         Function of the parameters by name and of s = j omega [rad/s]; returns the response, or
         nested lists (a list of inputs for each output). It may use arithmetic, powers and NumPy's
         exp, log and sqrt: a delay is ``np.exp(-s * p["delay"])``.
-    frequency
+    frequency_hz
         Frequencies [Hz], shape (F,).
     response
         Complex, shape (F,) or (F, outputs, inputs).
@@ -71,7 +71,7 @@ class MeasuredResponse:
     >>> frequency = np.geomspace(0.1, 10, 20)
     >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
     >>> measured = MeasuredResponse(
-    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     ... )
     >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
     >>> residuals = measured.residuals({"k": 3.0, "a": 2.0})
@@ -80,15 +80,16 @@ class MeasuredResponse:
     """
 
     model: Callable[[ParameterValues, Any], Any]
-    frequency: Any
+    frequency_hz: Any
     response: Any
+    _: KW_ONLY
     variance: Any = None
     degrees: float = np.inf
     name: str = "response"
     report: RecordReport | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        frequency = as_record(self.frequency, f"frequency of {self.name}")
+        frequency = as_record(self.frequency_hz, name=f"frequency of {self.name}")
         response = np.asarray(self.response, dtype=complex)
         if response.shape[:1] != frequency.shape or response.ndim not in (1, 3):
             raise InputError(
@@ -111,14 +112,21 @@ class MeasuredResponse:
         cls,
         model: Callable[[ParameterValues, Any], Any],
         estimate: ResponseEstimate,
+        *,
         name: str = "response",
     ) -> MeasuredResponse:
         """Measured response from an estimate with its variance, with a model."""
-        arrays = estimate.response, estimate.variance
-        if estimate.response.shape[1:] == (1, 1):
-            arrays = estimate.response[:, 0, 0], estimate.variance[:, 0, 0]
+        values, variance = estimate.response, estimate.variance
+        if values.shape[1:] == (1, 1):
+            values, variance = values[:, 0, 0], variance[:, 0, 0]
         return cls(
-            model, estimate.frequency, *arrays, estimate.degrees, name, report=estimate.report
+            model,
+            estimate.frequency_hz,
+            values,
+            variance=variance,
+            degrees=estimate.degrees,
+            name=name,
+            report=estimate.report,
         )
 
     @property
@@ -146,7 +154,7 @@ class MeasuredResponse:
 
     def predicted(self, values: ParameterValues) -> np.ndarray:
         """Response of the model, in the shape of the measured one."""
-        s = 2j * np.pi * self.frequency
+        s = 2j * np.pi * self.frequency_hz
         entries = list(_entries(self.model(values, s)))
         if len(entries) * len(s) != self.response.size:
             raise InputError(
@@ -172,9 +180,9 @@ class MeasuredResponse:
         pairs = {name: ComplexPair(p[i]) for i, name in enumerate(names)}
         entries = [ComplexPair.of(e) for e in _entries(self.model(pairs, ComplexPair(0.0, omega)))]
         parts = ca.vertcat(*(e.real for e in entries), *(e.imag for e in entries))
-        count = len(self.frequency)
+        count = len(self.frequency_hz)
         every = ca.Function("response", [p, omega], [parts]).map(count)
-        model = every(ca.repmat(vector, 1, count), ca.DM(2 * np.pi * self.frequency).T)
+        model = every(ca.repmat(vector, 1, count), ca.DM(2 * np.pi * self.frequency_hz).T)
         data = self.response.reshape(count, -1)
         weights = np.hstack([self.weights, self.weights])
         return ca.vec((model - ca.DM(np.hstack([data.real, data.imag]).T)) * ca.DM(weights.T))
@@ -225,7 +233,7 @@ class MeasuredRecord:
     ...     lambda p: [0.0],
     ...     u[None],
     ...     np.array(y)[None],
-    ...     [1e-6],
+    ...     variance=[1e-6],
     ... )
     >>> round(fit_parameters(record, {"a": FittedParameter(0.5)}).values["a"], 4)
     0.8
@@ -237,14 +245,15 @@ class MeasuredRecord:
     initial: Callable[[ParameterValues], Sequence[Any]]
     u: Any
     y: Any
+    _: KW_ONLY
     variance: Any = None
     name: str = "record"
     assume: str | Sequence[str] = field(default=(), kw_only=True)
     report: RecordReport = field(init=False)
 
     def __post_init__(self) -> None:
-        u = np.atleast_2d(as_record(self.u, f"u of {self.name}"))
-        y = np.atleast_2d(as_record(self.y, f"y of {self.name}"))
+        u = np.atleast_2d(as_record(self.u, name=f"u of {self.name}"))
+        y = np.atleast_2d(as_record(self.y, name=f"y of {self.name}"))
         if u.shape[1] != y.shape[1]:
             raise InputError(f"{self.name}: u has {u.shape[1]} samples, y has {y.shape[1]}")
         _set(self, u=u, y=y, variance=_variance(self.variance, y.shape[:1], self.name))

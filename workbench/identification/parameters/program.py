@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.answer import ProgramAnswer
 from workbench.certificate import Check, CheckedAs, quantified
 from workbench.errors import InputError, SolverError
 from workbench.executor.effort import tries
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.parameters.datasets import fit_dataset
 from workbench.identification.parameters.figures import fit_figures
@@ -28,7 +29,6 @@ from workbench.program import Program
 from workbench.second_opinion import SEED
 from workbench.solution import solve
 from workbench.solvers import Options
-from workbench.tables import markdown
 
 THESE_DATA = "for these data"
 """Quantifier of a fit's checks."""
@@ -61,10 +61,10 @@ class ParameterFit(LeastSquares, Program):
     >>> frequency = np.geomspace(0.1, 10, 20)
     >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
     >>> measured = MeasuredResponse(
-    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     ... )
     >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
-    >>> solution = wb.solve(ParameterFit([measured], start), "scipy")
+    >>> solution = wb.solve(ParameterFit([measured], start), method="scipy")
     >>> solution.certificate.valid, solution.answer.round(4).tolist()
     (True, [3.0, 2.0])
     """
@@ -98,7 +98,7 @@ class ParameterFit(LeastSquares, Program):
             "distance beyond a bound, relative to the parameter's scale",
             float(np.max(outside)) if finite else float("nan"),
             1e-8,
-            f"of {self.names[int(np.argmax(outside))]}",
+            where=f"of {self.names[int(np.argmax(outside))]}",
         )
         if not finite:
             return [bounds]
@@ -108,7 +108,7 @@ class ParameterFit(LeastSquares, Program):
             "largest over smallest singular value of the scaled Jacobian",
             seen.condition,
             1e9,
-            "; ".join(seen.blind),
+            where="; ".join(seen.blind),
         )
         stationary = Check(
             "stationary",
@@ -228,7 +228,7 @@ class ParameterEstimate(ProgramAnswer):
     >>> frequency = np.geomspace(0.1, 10, 20)
     >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
     >>> measured = MeasuredResponse(
-    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     ... )
     >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
     >>> found = fit_parameters(measured, start, confidence=0.95)
@@ -294,7 +294,7 @@ def fit_parameters(
     >>> frequency = np.geomspace(0.1, 10, 20)
     >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
     >>> measured = MeasuredResponse(
-    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, variance=np.full(20, 1e-6)
     ... )
     >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
     >>> found = fit_parameters(measured, start)
@@ -302,7 +302,7 @@ def fit_parameters(
     {'k': 3.0, 'a': 2.0}
     """
     program = ParameterFit(data if isinstance(data, Sequence) else [data], parameters)
-    solution = solve(program, method, options)
+    solution = solve(program, method=method, options=options)
     if solution.certificate is None or not solution.certificate.valid:
         failures = () if solution.certificate is None else solution.certificate.failures
         raise SolverError("; ".join([f"{method}: {solution.message}", *failures]))
@@ -310,7 +310,7 @@ def fit_parameters(
     notes = tuple(program.notes(values))
     for note in notes:
         warnings.warn(note, IdentificationWarning, stacklevel=2)
-    halves = program.intervals(values, confidence)
+    halves = program.intervals(values, confidence=confidence)
     return ParameterEstimate(
         values=dict(zip(program.names, map(float, values), strict=True)),
         covariance=program.covariance(values),

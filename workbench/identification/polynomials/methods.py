@@ -144,7 +144,7 @@ def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
     return _with_allowed_poles(
         program,
         lambda record, order: arx_model(
-            record, order, direct=program.direct, delay=program.delays, apart=apart
+            record, order, direct=program.direct, delay=program.delays_samples, apart=apart
         ),
     )
 
@@ -154,7 +154,7 @@ def sparse_arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrde
     return _with_allowed_poles(
         program,
         lambda record, lags: sparse_arx(
-            record, lags, direct=program.direct, delay=program.delays, apart=apart
+            record, lags, direct=program.direct, delay=program.delays_samples, apart=apart
         ),
     )
 
@@ -165,7 +165,9 @@ def impulse_response_fits(program: StateSpaceFit) -> FitterOfOrder:
 
     def fit(record: Experiments, order: int) -> InnovationsModel | None:
         if id(record) not in found:
-            found[id(record)] = impulse_model(record, direct=program.direct, delay=program.delays)
+            found[id(record)] = impulse_model(
+                record, direct=program.direct, delay=program.delays_samples
+            )
         return found[id(record)]
 
     return _with_allowed_poles(program, fit)
@@ -181,7 +183,7 @@ def regularised_arx_fits(program: StateSpaceFit) -> FitterOfOrder:
 
     def fit(record: Experiments) -> InnovationsModel | None:
         if id(record) not in found:
-            model = regularised_arx(record, direct=program.direct, delay=program.delays)
+            model = regularised_arx(record, direct=program.direct, delay=program.delays_samples)
             usable = model is not None and model.radius <= program.largest_radius
             found[id(record)] = model if usable else None
         return found[id(record)]

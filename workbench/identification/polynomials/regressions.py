@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.model import InnovationsModel
@@ -23,7 +23,7 @@ def arx(
     order: int,
     *,
     direct: bool = True,
-    delay: Sequence[int] = (),
+    delay_samples: Sequence[int] = (),
     apart: bool = False,
 ) -> InnovationsModel | None:
     """ARX model of experiments, with matrix polynomials for several outputs.
@@ -38,7 +38,7 @@ def arx(
         Degree n.
     direct
         Whether inputs may act within the sample; otherwise B_0 = 0.
-    delay
+    delay_samples
         Delays [samples] of the inputs (nu,); empty for none.
     apart
         Whether each output depends only on its own past and on the inputs: A_1 to A_n are diagonal.
@@ -60,7 +60,7 @@ def arx(
     (0.5, 1)
     """
     record.reported(direct=direct, order=order).need_usable()
-    return arx_model(record, order, direct=direct, delay=delay, apart=apart)
+    return arx_model(record, order, direct=direct, delay=delay_samples, apart=apart)
 
 
 def arx_model(
@@ -91,7 +91,7 @@ def arx_model(
     lags = found[:, lagged.history].reshape(ny, order, m)
     D = found[:, lagged.history.stop :] if direct else np.zeros((ny, nu))
     model = scaling.restored(arx_from_lags(lags, D, found[:, 0]), late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def arx_from_lags(lags: RealArray, D: RealArray, level: RealArray) -> InnovationsModel:

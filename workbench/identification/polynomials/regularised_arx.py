@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import LEAST_NOISE, lagged_triangle
@@ -86,7 +86,7 @@ def regularised_arx(
             D[:, j], response = response[:, 0], response[:, 1:]
         taps[:, :, j] = response
     model = scaling.restored(arx_from_lags(taps, D, level), late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def _groups(nu: int, ny: int, output: int) -> list[int]:

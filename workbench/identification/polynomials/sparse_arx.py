@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import lagged_triangle, least_squares
@@ -75,7 +75,7 @@ def sparse_arx(
         level[o], D[o] = found[0], found[now]
         taps[o] = found[history].reshape(lags, m)
     model = scaling.restored(arx_from_lags(taps, D, level), late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
 
 
 def _terms(

@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.innovations.autoregression import autoregression
 from workbench.identification.innovations.model import InnovationsModel
 

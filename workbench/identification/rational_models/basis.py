@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
 from workbench.fitting.rational import conjugate_pairs
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import CheckedAs
 from workbench.errors import SolverError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.rational_models.figures import rational_model_figure
 from workbench.identification.rational_models.model import CommonPoleModel
@@ -71,13 +71,13 @@ class RationalModelEstimate(ProgramAnswer):
         """Responses (F, p, m) at omega [rad/s]."""
         return self.model.response(omega)
 
-    def magnitude_band(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
+    def magnitude_band(self, omega: ArrayLike, *, confidence: float = 0.95) -> RealArray:
         """Half-widths (F, p, m) of intervals of the magnitudes."""
-        return self.uncertainty.magnitude_band(omega, confidence)
+        return self.uncertainty.magnitude_band(omega, confidence=confidence)
 
-    def radius(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
+    def radius(self, omega: ArrayLike, *, confidence: float = 0.95) -> RealArray:
         """Radii (F, p, m) of discs that contain the true responses."""
-        return self.uncertainty.radius(omega, confidence)
+        return self.uncertainty.radius(omega, confidence=confidence)
 
     def plot(self, *, name: str | None = None, confidence: float = 0.95) -> Figure:
         """Data and model over frequency, with the confidence band of the model.
@@ -92,10 +92,10 @@ class RationalModelEstimate(ProgramAnswer):
 
 def fit_rational_model(
     estimate: ResponseEstimate,
-    orders: int | Sequence[int] = (2, 4, 6, 8),
     *,
+    orders: int | Sequence[int] = (2, 4, 6, 8),
     excess: Any = 0,
-    sample_time: float | None = None,
+    dt: float | None = None,
     stable: bool = False,
     delay: Any = 0.0,
     delay_bounds: tuple[float, float] | None = None,
@@ -111,7 +111,7 @@ def fit_rational_model(
         the entries are weighted together; otherwise each entry by its variance.
     orders
         Numbers of poles to choose from, or a single number to use.
-    excess, sample_time, stable
+    excess, dt, stable
         The same as for `RationalModelFit`.
     delay, delay_bounds
         Known delay [s], and bounds of a delay to be fitted, as for `RationalModelFit`.
@@ -150,16 +150,16 @@ def fit_rational_model(
         estimate.omega,
         estimate.response,
         _weighting(estimate),
-        tried,
-        excess,
-        sample_time,
-        stable,
-        delay,
-        delay_bounds,
-        estimate.degrees,
+        orders=tried,
+        excess=excess,
+        dt=dt,
+        stable=stable,
+        delay=delay,
+        delay_bounds=delay_bounds,
+        degrees=estimate.degrees,
         report=estimate.report,
     )
-    solution = solve(program, method, options)
+    solution = solve(program, method=method, options=options)
     if solution.certificate is None or not solution.certificate.valid:
         failures = () if solution.certificate is None else solution.certificate.failures
         raise SolverError("; ".join([f"{method}: {solution.message}", *failures]))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import ComplexArray
-from workbench.heavy_types import Figure
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Figure
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.identification.rational_models.weighted import WeightedResponse
@@ -32,8 +32,8 @@ def rational_model_figure(
     omega = np.union1d(between, data.omega)
     fit = model.response(omega)
     sizes, angles = (
-        uncertainty.magnitude_band(omega, confidence),
-        uncertainty.phase_band(omega, confidence),
+        uncertainty.magnitude_band(omega, confidence=confidence),
+        uncertainty.phase_band(omega, confidence=confidence),
     )
     p, m = model.shape
     figure, panels = figures.axes(2 * p, m, size=(7.0 if m == 1 else 4.5 * m, 5.0 * p), sharex=True)

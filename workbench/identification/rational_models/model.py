@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +30,7 @@ class CommonPoleModel:
         Rational functions of x, one row for each output, all with the same poles.
     delay
         Delays (p, m) [s].
-    sample_time
+    dt
         T [s], or None for a model in continuous time.
 
     Raises
@@ -52,7 +52,8 @@ class CommonPoleModel:
 
     entries: Sequence[Sequence[Rational]]
     delay: RealArray
-    sample_time: float | None = None
+    _: KW_ONLY
+    dt: float | None = None
 
     def __post_init__(self) -> None:
         rows = tuple(tuple(row) for row in self.entries)
@@ -63,8 +64,8 @@ class CommonPoleModel:
         object.__setattr__(self, "delay", delay)
         if not all(np.array_equal(each.poles, self.poles) for row in rows for each in row):
             raise InputError("all entries must have the same poles")
-        if self.sample_time is not None and not 0 < self.sample_time < np.inf:
-            raise InputError(f"sample_time is {self.sample_time}; it must be positive, or None")
+        if self.dt is not None and not 0 < self.dt < np.inf:
+            raise InputError(f"dt is {self.dt}; it must be positive, or None")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -84,13 +85,13 @@ class CommonPoleModel:
     @property
     def is_stable(self) -> bool:
         """Whether every pole is left of the imaginary axis, or inside the unit circle."""
-        inside = self.poles.real < 0 if self.sample_time is None else np.abs(self.poles) < 1
+        inside = self.poles.real < 0 if self.dt is None else np.abs(self.poles) < 1
         return bool(inside.all())
 
     def response(self, omega: ArrayLike) -> ComplexArray:
         """Responses (F, p, m) at angular frequencies (F,) [rad/s]."""
         omega = np.asarray(omega, float)
-        x = variable(omega, self.sample_time)
+        x = variable(omega, self.dt)
         found = np.empty((omega.size, *self.shape), complex)
         for i, j in np.ndindex(self.shape):
             found[:, i, j] = self.entries[i][j](x) * np.exp(-1j * omega * self.delay[i, j])
@@ -106,7 +107,7 @@ class CommonPoleModel:
         """
         import control
 
-        dt = 0.0 if self.sample_time is None else self.sample_time
+        dt = 0.0 if self.dt is None else self.dt
         p, m = self.shape
         if p == m == 1:
             cascade = self.entries[0][0].state_space()
@@ -114,7 +115,7 @@ class CommonPoleModel:
         tall = p >= m
         side = m if tall else p
         points = self._points()
-        ways = [_chain(self.poles, self.sample_time is None), _modes(self.poles)]
+        ways = [_chain(self.poles, self.dt is None), _modes(self.poles)]
         a, b, (c, D, _) = min(
             ((a, b, self._outputs(a, b, points, tall)) for a, b in ways), key=lambda way: way[2][2]
         )
@@ -154,7 +155,7 @@ class CommonPoleModel:
     def _points(self) -> ComplexArray:
         """Points on the imaginary axis, or on the unit circle, near the poles and zeros."""
         count = REALISATION_POINTS * (self.order + 1)
-        if self.sample_time is not None:
+        if self.dt is not None:
             circle: ComplexArray = np.exp(1j * np.pi * (np.arange(count) + 0.5) / count)
             return circle
         roots = [self.poles, *(each.zeros for row in self.entries for each in row)]

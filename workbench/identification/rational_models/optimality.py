@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import null_space
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.identification.rational_models.model import CommonPoleModel
@@ -215,7 +215,7 @@ def _changed_model(
     extra = model.delay - structure.delay + share * way["delay"]
     if structure.delay_bounds is not None:
         extra = np.clip(extra, *structure.delay_bounds)
-    return CommonPoleModel(entries, structure.delay + extra, model.sample_time)
+    return CommonPoleModel(entries, structure.delay + extra, dt=model.dt)
 
 
 def _moved_roots(roots: ComplexArray, way: ComplexArray, share: float) -> ComplexArray:

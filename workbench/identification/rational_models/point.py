@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import Rational
 from workbench.identification.rational_models.basis import DenominatorBasis
 from workbench.identification.rational_models.model import CommonPoleModel
@@ -135,4 +135,4 @@ class FitPoint:
             zeros, gain = self.basis.roots(share)
             scaled = gain * unit ** float(self.poles.size - zeros.size)
             entries[i][j] = Rational(zeros * unit, poles, scaled)
-        return CommonPoleModel(entries, structure.delay + self.delay, structure.sample_time)
+        return CommonPoleModel(entries, structure.delay + self.delay, dt=structure.sample_time)

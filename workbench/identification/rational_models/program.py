@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.certificate import THIS_SYSTEM, Check, quantified
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.rational_models import figures as drawn
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.optimality import fall_nearby, movement
@@ -36,7 +37,6 @@ from workbench.input_checks import as_array, need_positive
 from workbench.program import Program
 from workbench.second_opinion import SEED
 from workbench.second_opinion.fits import decays, realisation_agrees
-from workbench.tables import markdown
 
 MOVEMENT_LIMIT = 1e-2
 """Largest distance of a valid answer from its optimum, in standard deviations of the estimates."""
@@ -70,7 +70,7 @@ class RationalModelFit(Program):
         Numbers of poles to choose from.
     excess
         Number of poles minus number of zeros, one number or (p, m).
-    sample_time
+    dt
         Sampling time [s] of a model in z = exp(s T); None: a model in s.
     stable
         Whether every pole must be stable.
@@ -98,7 +98,7 @@ class RationalModelFit(Program):
     >>> rng, omega = np.random.default_rng(0), np.geomspace(0.2, 30, 60)
     >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
     >>> program = RationalModelFit(
-    ...     omega, 3 / (1j * omega + 2) + noise, np.full((60, 1, 1), 2e-6), [1, 2], 1
+    ...     omega, 3 / (1j * omega + 2) + noise, np.full((60, 1, 1), 2e-6), orders=[1, 2], excess=1
     ... )
     >>> solution = wb.solve(program)
     >>> solution.certificate.valid, solution.answer.model.order
@@ -108,9 +108,10 @@ class RationalModelFit(Program):
     omega: Any
     response: Any
     covariance: Any
+    _: KW_ONLY
     orders: Sequence[int] = (2, 4, 6)
     excess: Any = 0
-    sample_time: float | None = None
+    dt: float | None = None
     stable: bool = False
     delay: Any = 0.0
     delay_bounds: tuple[float, float] | None = None
@@ -158,11 +159,11 @@ class RationalModelFit(Program):
                 f"excess must be a whole number, 0 or more, or {data.shape} of them, not "
                 f"{self.excess!r}"
             )
-        need_positive(self.sample_time, "sample_time", or_none=True)
-        if self.sample_time is not None and data.omega[-1] * self.sample_time > np.pi * (1 + 1e-9):
+        need_positive(self.dt, "dt", or_none=True)
+        if self.dt is not None and data.omega[-1] * self.dt > np.pi * (1 + 1e-9):
             raise InputError(
                 f"the highest frequency, {data.omega[-1]:.6g} rad/s, is above half the sampling "
-                f"rate, {np.pi / self.sample_time:.6g} rad/s"
+                f"rate, {np.pi / self.dt:.6g} rad/s"
             )
         delay = as_array(self.delay, "delay")
         if delay.shape not in ((), data.shape) or not (np.isfinite(delay) & (delay >= 0)).all():
@@ -173,7 +174,7 @@ class RationalModelFit(Program):
         return ModelStructure(
             data,
             np.broadcast_to(excess.astype(int), data.shape),
-            self.sample_time,
+            self.dt,
             bool(self.stable),
             np.broadcast_to(delay, data.shape),
             _bounds(self.delay_bounds),
@@ -224,7 +225,7 @@ class RationalModelFit(Program):
         counts = np.array([[entry.zeros.size for entry in row] for row in model.entries])
         if structure.free_delay and (counts < model.order - structure.excess).all():
             structure = replace(structure, excess=model.order - counts)
-        return ModelUncertainty(structure, model, self.degrees)
+        return ModelUncertainty(structure, model, degrees=self.degrees)
 
     def objective(self, answer: RationalModels) -> float:
         """The cost of the chosen model."""
@@ -264,7 +265,7 @@ class RationalModelFit(Program):
                 "residuals' norm or 1e-9 of the data's, where that is more)",
                 moves[worst],
                 MOVEMENT_LIMIT,
-                f"of order {self.orders[worst]}",
+                where=f"of order {self.orders[worst]}",
             )
         )
         rises = [
@@ -276,7 +277,7 @@ class RationalModelFit(Program):
             worst = int(np.argmax(np.nan_to_num(rises, nan=np.inf)))
             statement = "rise of the cost from a lower order, relative"
             where = f"to order {self.orders[worst + 1]}"
-            found.append(Check("nested", statement, rises[worst], COST_RISE, where))
+            found.append(Check("nested", statement, rises[worst], COST_RISE, where=where))
         chosen = self.choose(answer.models)
         statement = "number of the order less that of the one to be chosen, absolute"
         found.append(Check("chosen", statement, float(abs(answer.chosen - chosen)), 0.0))
@@ -293,7 +294,7 @@ class RationalModelFit(Program):
     def _misshapen(self, model: CommonPoleModel, order: int) -> int:
         """1 if a model has another structure than the one asked for, otherwise 0."""
         structure = self.structure
-        right = model.shape == structure.data.shape and model.sample_time == self.sample_time
+        right = model.shape == structure.data.shape and model.dt == self.dt
         right = right and model.order == order
         if right:
             right = all(
@@ -414,7 +415,7 @@ class RationalModelFit(Program):
         return xr.Dataset(variables, {"omega": axis})
 
     def from_dataset(self, data: Dataset) -> RationalModels:
-        models = tuple(restored_model(data, order, self.sample_time) for order in self.orders)
+        models = tuple(restored_model(data, order, self.dt) for order in self.orders)
         return RationalModels(models, int(data["chosen"]))
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 
 WHITENESS_LAGS = 20
 """Largest lag, in frequencies, at which residuals are correlated."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import conjugate_pairs
 from workbench.identification.rational_models.point import FitPoint

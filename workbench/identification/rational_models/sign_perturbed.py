@@ -12,12 +12,12 @@ Source: B. C. Csaji, M. C. Campi and E. Weyer, IEEE Trans. Signal Processing 63(
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.optimality import DEPENDENT, model_directions
@@ -69,6 +69,7 @@ class SignPerturbedRegion:
     """
 
     structure: ModelStructure
+    _: KW_ONLY
     confidence: float = 0.95
     sums: int = 100
     seed: int = 0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.fitting.response.vector_fitting import spread_poles
 from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.steps import linear_step

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import null_space
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.rational_models.point import FitPoint
 
 MOST_STEPS = 200

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.answer import ProgramAnswer
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 
 
@@ -25,7 +25,7 @@ class RationalModels(ProgramAnswer):
     >>> rng, omega = np.random.default_rng(0), np.geomspace(0.2, 30, 60)
     >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
     >>> program = RationalModelFit(
-    ...     omega, 3 / (1j * omega + 2) + noise, np.full((60, 1, 1), 2e-6), [1, 2], 1
+    ...     omega, 3 / (1j * omega + 2) + noise, np.full((60, 1, 1), 2e-6), orders=[1, 2], excess=1
     ... )
     >>> answer = wb.solve(program).answer
     >>> [model.order for model in answer.models], answer.chosen
@@ -56,7 +56,7 @@ def stored_model(model: CommonPoleModel) -> dict[str, Any]:
         entry = model.entries[i][j]
         zeros[i, j, : entry.zeros.size] = entry.zeros
         gains[i, j] = entry.gain
-    unit = {"units": "rad/s" if model.sample_time is None else "1"}
+    unit = {"units": "rad/s" if model.dt is None else "1"}
     return {
         f"poles_{n}": (f"pole_{n}", model.poles, unit),
         f"zeros_{n}": (("output", "input", f"pole_{n}"), zeros, unit),
@@ -77,7 +77,7 @@ def restored_model(data: Dataset, order: int, sample_time: float | None) -> Comm
         [Rational(z[~np.isnan(z)], poles, float(k)) for z, k in zip(row, gain, strict=True)]
         for row, gain in zip(zeros, gains, strict=True)
     ]
-    return CommonPoleModel(entries, delay, sample_time)
+    return CommonPoleModel(entries, delay, dt=sample_time)
 
 
 def about_response(long_name: str) -> dict[str, str]:

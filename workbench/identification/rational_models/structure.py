@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification.rational_models.model import variable
 from workbench.identification.rational_models.weighted import WeightedResponse
 

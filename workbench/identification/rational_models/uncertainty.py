@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification.rational_models.model import CommonPoleModel, variable
 from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.residual_tests import (
@@ -46,12 +46,13 @@ class ModelUncertainty:
     >>> variance = np.full((60, 1, 1), 2e-6)
     >>> measured = ResponseEstimate(frequency, (exact + noise)[:, None, None], variance, np.inf)
     >>> uncertainty = fit_rational_model(measured, orders=1, excess=1).uncertainty
-    >>> bool(uncertainty.radius([1.0], 0.95).max() < 0.01)
+    >>> bool(uncertainty.radius([1.0], confidence=0.95).max() < 0.01)
     True
     """
 
     structure: ModelStructure
     model: CommonPoleModel
+    _: KW_ONLY
     degrees: float = np.inf
 
     @cached_property
@@ -111,7 +112,7 @@ class ModelUncertainty:
         return found
 
     def radius(
-        self, omega: ArrayLike, confidence: float = 0.95, *, everywhere: bool = False
+        self, omega: ArrayLike, *, confidence: float = 0.95, everywhere: bool = False
     ) -> RealArray:
         """Radius (F, p, m) of a disc about each entry that contains the true one.
 
@@ -121,11 +122,11 @@ class ModelUncertainty:
         dimension = self.root.shape[1] if everywhere else 2
         return disc_radius(self.response_covariance(omega), confidence, dimension)
 
-    def magnitude_band(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
+    def magnitude_band(self, omega: ArrayLike, *, confidence: float = 0.95) -> RealArray:
         """Half-widths (F, p, m) of intervals of the magnitudes, to first order."""
         return two_sided_normal(confidence) * self._along(omega, 1.0)
 
-    def phase_band(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
+    def phase_band(self, omega: ArrayLike, *, confidence: float = 0.95) -> RealArray:
         """Half-widths (F, p, m) [rad] of intervals of the phases, to first order."""
         values = self.model.response(np.atleast_1d(np.asarray(omega, float)))
         return two_sided_normal(confidence) * self._along(omega, 1j) / np.abs(values)
@@ -157,7 +158,7 @@ class ModelUncertainty:
             return 0.0
         return float(np.linalg.norm(self.root[-1]))
 
-    def drawn(self, rng: np.random.Generator, count: int, omega: ArrayLike) -> ComplexArray:
+    def drawn(self, rng: np.random.Generator, omega: ArrayLike, count: int) -> ComplexArray:
         """Responses (count, F, p, m) of models drawn from the distribution, to first order."""
         omega = np.atleast_1d(np.asarray(omega, float))
         slopes = self._slopes(omega) @ self.root

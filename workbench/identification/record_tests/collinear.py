@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import resolution

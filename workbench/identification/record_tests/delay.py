@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import oaconvolve
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import (

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal.windows import hann
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import runs

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.levels import evenly_chosen, runs, told_samples
 from workbench.identification.record_tests.record import RecordData, once

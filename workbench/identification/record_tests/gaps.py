@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.levels import runs, told_samples
 from workbench.identification.record_tests.record import RecordData

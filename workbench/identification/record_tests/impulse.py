@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import oaconvolve
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.record import RecordData
 
 LAGS = 400

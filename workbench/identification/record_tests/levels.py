@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 
 LOOKED_AT = 100_000
 """Number of samples, evenly spaced over the record, from which the spread of a channel

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import f
 
-from workbench.arrays import Array, ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, IntegerArray, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import gaps_filled

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 SHORTEST_PERIOD = 16
 """Shortest period that is searched for [samples]."""

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 T = TypeVar("T")
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.delay import delays, explained, first_impulses
 from workbench.identification.record_tests.excitation import sines
 from workbench.identification.record_tests.finding import Finding, Tested

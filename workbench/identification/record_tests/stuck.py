@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.delay import explained, first_impulses, known_past
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged

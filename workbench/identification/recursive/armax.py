@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.recursive.arx import as_sample, need_forgetting
@@ -51,7 +51,7 @@ class RecursiveARMAX:
         Factor by which the weight of a sample shrinks with each later one, above 0 and at most 1.
     direct
         Whether inputs may act within the sample.
-    sample_time
+    dt
         Sampling time [s] of the model.
 
     Raises
@@ -74,17 +74,17 @@ class RecursiveARMAX:
     def __init__(
         self,
         order: int,
-        inputs: int = 1,
         *,
+        inputs: int = 1,
         forgetting: float = 1.0,
         direct: bool = True,
-        sample_time: float = 1.0,
+        dt: float = 1.0,
     ) -> None:
         for name, value in (("order", order), ("inputs", inputs)):
             need_whole(value, name)
             need_count(name, value)
         self.order, self.forgetting = int(order), need_forgetting(forgetting)
-        self._nu, self._direct, self._sample_time = int(inputs), direct, sample_time
+        self._nu, self._direct, self._sample_time = int(inputs), direct, dt
         n = self.order
         self._count = 1 + n + (n + int(direct)) * self._nu + n
         self._first: list[tuple[RealArray, float]] = []
@@ -183,7 +183,7 @@ class RecursiveARMAX:
         forcing = np.zeros(n)
         forcing[0] = level
         offsets = operating_point(A, B, C, D, forcing, np.zeros(1))
-        return InnovationsModel(A, B, C, D, K, *offsets, sample_time=self._sample_time)
+        return InnovationsModel(A, B, C, D, K, *offsets, dt=self._sample_time)
 
 
 def _units(samples: RealArray) -> RealArray:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import least_squares
@@ -56,7 +56,7 @@ class RecursiveARX:
         about 1 / (1 - forgetting) samples have weight.
     direct
         Whether inputs may act within the sample; otherwise B_0 = 0.
-    sample_time
+    dt
         Sampling time [s] of the model.
 
     Raises
@@ -79,19 +79,19 @@ class RecursiveARX:
     def __init__(
         self,
         order: int,
+        *,
         inputs: int = 1,
         outputs: int = 1,
-        *,
         forgetting: float = 1.0,
         direct: bool = True,
-        sample_time: float = 1.0,
+        dt: float = 1.0,
     ) -> None:
         for name, value in (("order", order), ("inputs", inputs), ("outputs", outputs)):
             need_whole(value, name)
             need_count(name, value)
         self.order, self.forgetting = int(order), need_forgetting(forgetting)
         self._nu, self._ny = int(inputs), int(outputs)
-        self._direct, self._sample_time = direct, sample_time
+        self._direct, self._sample_time = direct, dt
         m = self._nu + self._ny
         self._past = np.zeros((self.order, m))
         count = 1 + self.order * m + (self._nu if direct else 0)
@@ -130,4 +130,4 @@ class RecursiveARX:
         found, m = self.coefficients, self._nu + self._ny
         lags = found[:, 1 : 1 + self.order * m].reshape(self._ny, self.order, m)
         D = found[:, 1 + self.order * m :] if self._direct else np.zeros((self._ny, self._nu))
-        return replace(arx_from_lags(lags, D, found[:, 0]), sample_time=self._sample_time)
+        return replace(arx_from_lags(lags, D, found[:, 0]), dt=self._sample_time)

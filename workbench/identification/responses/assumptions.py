@@ -41,7 +41,7 @@ class Assumptions:
     normal: float
     independent: float
 
-    def holds(self, level: float = 0.01) -> bool:
+    def holds(self, *, level: float = 0.01) -> bool:
         """Whether no test rejects at this level, shared among the three tests."""
         return all(not p < level / 3 for p in (self.circular, self.normal, self.independent))
 

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
 from workbench.identification.responses.local_polynomial import SILENT, UNEXCITED
 
 REWEIGHTED, STEPS = 3, 8

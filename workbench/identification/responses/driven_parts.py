@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
@@ -222,7 +222,9 @@ def parts_of_bands(
         spread, more = (_covariance_factor(fit.covariance, fit.noise) for fit in (local, finer))
         noise = local.noise + _bias(finer.response - local.response, local.noise, spread, more)
         found.append(
-            DrivenParts(local.frequency * rate, local.response, noise, spread, 2.0 * SPARE_LINES)
+            DrivenParts(
+                local.cycles_per_sample * rate, local.response, noise, spread, 2.0 * SPARE_LINES
+            )
         )
     cut = ", cut to one length" if len({len(one.u) for one in records}) > 1 else ""
     said = f"local polynomials from the excitation at {at.size} lines of {length} samples{cut}"
@@ -248,12 +250,12 @@ def parts_of_periods(
     found = []
     for one in records:
         both = np.concatenate([one.y, one.u], axis=1)
-        local = periodic_local_polynomial(one.r, both, samples, at, sample_rate=rate)
+        local = periodic_local_polynomial(one.r, both, samples, lines=at, dt=1 / rate)
         columns = one.r.shape[1]
         parts = local.covariance.reshape(-1, both.shape[1], columns, both.shape[1], columns)
         noise = np.einsum("faibi->fab", parts)
         spread = _covariance_factor(local.covariance, noise)
-        found.append(DrivenParts(local.frequency, local.response, noise, spread, local.degrees))
+        found.append(DrivenParts(local.frequency_hz, local.response, noise, spread, local.degrees))
     thin = f", {at.size} taken" if at.size < lines.size else ""
     said = f"an excitation of period {samples} samples; {lines.size} excited lines{thin}"
     return found, said

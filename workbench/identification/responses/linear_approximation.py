@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.responses.periodic import ResponseEstimate
 
@@ -87,7 +87,7 @@ def best_linear_approximation(responses: Sequence[ResponseEstimate]) -> LinearAp
     ...         control.tf([0.5], [1, -0.5], 1.0), inputs=u + 0.1 * u**3
     ...     ).outputs
     ...     y += 1e-3 * rng.standard_normal(len(y))
-    ...     responses.append(periodic_local_polynomial(u[:, None], y[:, None], 64, lines))
+    ...     responses.append(periodic_local_polynomial(u[:, None], y[:, None], 64, lines=lines))
     ...
     >>> found = best_linear_approximation(responses)
     >>> found.realisations, bool((found.variance >= found.noise_variance).mean() > 0.8)
@@ -102,7 +102,7 @@ def best_linear_approximation(responses: Sequence[ResponseEstimate]) -> LinearAp
     first = given[0]
     for number, each in enumerate(given[1:], 2):
         same = each.response.shape == first.response.shape
-        if not same or not np.allclose(each.frequency, first.frequency, rtol=1e-9):
+        if not same or not np.allclose(each.frequency_hz, first.frequency_hz, rtol=1e-9):
             raise InputError(f"realisation {number} has other frequencies or sizes than the first")
     values = np.stack([each.response for each in given])
     count = len(given)
@@ -112,7 +112,7 @@ def best_linear_approximation(responses: Sequence[ResponseEstimate]) -> LinearAp
     variance = np.einsum("faa->fa", covariance).real.reshape(mean.shape)
     noise = np.mean([each.variance for each in given], axis=0) / count
     return LinearApproximation(
-        frequency=first.frequency,
+        frequency_hz=first.frequency_hz,
         response=mean,
         variance=variance,
         degrees=2.0 * (count - 1),

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, checked_record
 from workbench.identification.experiments.reports import report_of_arrays
@@ -29,7 +29,7 @@ class LocalPolynomial:
 
     Parameters
     ----------
-    frequency
+    cycles_per_sample
         Frequencies (F,) [cycles/sample].
     response
         Complex (F, ny, nu).
@@ -47,11 +47,11 @@ class LocalPolynomial:
     >>> u = np.random.default_rng(0).standard_normal(1000)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
     >>> found = local_polynomial(u[:, None], y[:, None], at=[100, 200])
-    >>> found.frequency.tolist(), found.variance.shape
+    >>> found.cycles_per_sample.tolist(), found.variance.shape
     ([0.1, 0.2], (2, 1, 1))
     """
 
-    frequency: RealArray
+    cycles_per_sample: RealArray
     response: ComplexArray
     covariance: ComplexArray
     noise: ComplexArray
@@ -81,9 +81,9 @@ LINES_AT_ONCE = 8192
 def local_polynomial(
     u: ArrayLike,
     y: ArrayLike,
+    *,
     degree: int = 2,
     lines: int | None = None,
-    *,
     at: ArrayLike | None = None,
     assume: str | Sequence[str] = (),
 ) -> LocalPolynomial:
@@ -124,7 +124,7 @@ def local_polynomial(
     >>> u = np.random.default_rng(0).standard_normal(1000)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
     >>> found = local_polynomial(u[:, None], y[:, None])
-    >>> exact = 0.5 / (np.exp(2j * np.pi * found.frequency) - 0.5)
+    >>> exact = 0.5 / (np.exp(2j * np.pi * found.cycles_per_sample) - 0.5)
     >>> bool(abs(found.response[:, 0, 0] - exact).max() < 1e-3)
     True
     """

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.responses.local_polynomial import (
@@ -32,9 +32,9 @@ SPARE_LINES = 12
 def local_rational(
     u: ArrayLike,
     y: ArrayLike,
+    *,
     degree: int = 2,
     lines: int | None = None,
-    *,
     at: ArrayLike | None = None,
     assume: str | Sequence[str] = (),
 ) -> LocalPolynomial:
@@ -69,7 +69,7 @@ def local_rational(
     >>> u = np.random.default_rng(0).standard_normal(1000)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
     >>> found = local_rational(u[:, None], y[:, None], at=[100, 200])
-    >>> exact = 0.5 / (np.exp(2j * np.pi * found.frequency) - 0.5)
+    >>> exact = 0.5 / (np.exp(2j * np.pi * found.cycles_per_sample) - 0.5)
     >>> bool(abs(found.response[:, 0, 0] - exact).max() < 1e-3)
     True
     """

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays
@@ -109,7 +109,7 @@ def local_response(
     >>> y = y + 0.01 * noise
     >>> found = local_response(u[:, None], y[:, None], 1.0, frequency_hz=[0.1, 0.2])
     >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
-    >>> bool((abs(found.response[:, 0, 0] - exact) <= found.radius(0.95)[:, 0, 0]).all())
+    >>> bool((abs(found.response[:, 0, 0] - exact) <= found.radius(confidence=0.95)[:, 0, 0]).all())
     True
     """
     need_positive(dt, "dt")

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.record_tests.report import RecordReport
@@ -141,7 +141,7 @@ def driven_response(
     >>> y = control.forced_response(G, inputs=u).outputs + 0.1 * v
     >>> found = driven_response(u, y, r, 1.0)
     >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
-    >>> off = abs(found.response[:, 0, 0] - exact) / found.radius(0.95)[:, 0, 0]
+    >>> off = abs(found.response[:, 0, 0] - exact) / found.radius(confidence=0.95)[:, 0, 0]
     >>> bool((off < 1).mean() > 0.9)
     True
     """
@@ -150,7 +150,7 @@ def driven_response(
     samples, experiments = len(record.u), record.u.shape[-1]
     inputs, outputs, driven = map(one_after_another, (record.u, record.y, record.r))
     starts = tuple(range(0, samples * experiments, samples))
-    joined = Experiments(inputs, outputs, starts, sample_time=dt, excitation=driven)
+    joined = Experiments(inputs, outputs, starts=starts, dt=dt, excitation=driven)
     report = joined.report.assuming(assume)
     if not record.recorded:
         report = unrecorded(report, record.period_samples)
@@ -213,7 +213,7 @@ def _plant(parts: DrivenParts, chosen: BoolArray) -> DrivenResponse:
     if parts.inputs == 1:
         joint, spread = joint * spread[:, None], np.ones_like(spread)
     return DrivenResponse(
-        frequency=parts.frequency[chosen],
+        frequency_hz=parts.frequency[chosen],
         response=response,
         variance=row_variance(response, joint, spread[:, None]),
         degrees=parts.degrees,

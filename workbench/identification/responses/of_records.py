@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
@@ -170,7 +170,7 @@ def _arbitrary(
     kept = [
         replace(
             one,
-            frequency=one.frequency[known],
+            frequency_hz=one.frequency_hz[known],
             response=one.response[known],
             variance=one.variance[known],
         )
@@ -201,16 +201,16 @@ def _told_narrow(estimates: Sequence[ResponseEstimate]) -> list[str]:
 
 def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
     """Resonance frequencies [Hz]: both neighbours have less than half their power, with regions."""
-    size, radius = np.abs(estimate.response[:, 0, 0]), estimate.radius(TOLD)[:, 0, 0]
+    size, radius = np.abs(estimate.response[:, 0, 0]), estimate.radius(confidence=TOLD)[:, 0, 0]
     beside = np.maximum((size + radius)[:-2], (size + radius)[2:])
     peaks = (size - radius)[1:-1] > np.sqrt(2.0) * beside
-    found: RealArray = estimate.frequency[1:-1][peaks]
+    found: RealArray = estimate.frequency_hz[1:-1][peaks]
     return found
 
 
 def informative(estimate: ResponseEstimate) -> BoolArray:
     """Mask (F,) of frequencies at which all regions are small enough to be informative."""
-    radius = estimate.radius(TOLD)
+    radius = estimate.radius(confidence=TOLD)
     sure = np.where(np.isfinite(radius), np.abs(estimate.response) - radius, 0.0).max(axis=0)
     known: BoolArray = (radius < LARGER_BY_FAR * sure).all(axis=(1, 2))
     return known

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from workbench import figures
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.record_tests.report import RecordReport
 from workbench.identification.responses.assumptions import Assumptions, assess
@@ -33,7 +33,7 @@ class ResponseEstimate:
 
     Parameters
     ----------
-    frequency
+    frequency_hz
         Frequencies [Hz], shape (F,).
     response
         Complex, shape (F, outputs, inputs).
@@ -51,11 +51,13 @@ class ResponseEstimate:
     >>> measured = ResponseEstimate(
     ...     np.array([1.0]), np.full((1, 1, 1), 2.0 + 0j), np.full((1, 1, 1), 1e-4), 14.0
     ... )
-    >>> measured.omega.round(4).tolist(), bool(0.01 < measured.radius(0.95)[0, 0, 0] < 0.03)
+    >>> measured.omega.round(
+    ...     4).tolist(), bool(0.01 < measured.radius(confidence=0.95)[0, 0, 0] < 0.03
+    ... )
     ([6.2832], True)
     """
 
-    frequency: np.ndarray
+    frequency_hz: np.ndarray
     response: np.ndarray
     variance: np.ndarray
     degrees: float
@@ -67,13 +69,13 @@ class ResponseEstimate:
             share = np.nanmedian(np.sqrt(self.variance) / size)
         outputs, inputs = self.response.shape[1:]
         return (
-            f"{type(self).__name__}: {outputs} outputs, {inputs} inputs, {self.frequency.size} "
-            f"frequencies from {self.frequency.min():.4g} to {self.frequency.max():.4g} Hz\n"
+            f"{type(self).__name__}: {outputs} outputs, {inputs} inputs, {self.frequency_hz.size} "
+            f"frequencies from {self.frequency_hz.min():.4g} to {self.frequency_hz.max():.4g} Hz\n"
             f"  |response| from {size.min():.4g} to {size.max():.4g}, standard deviation "
             f"{100 * share:.2g} % of it in the median, {self.degrees:g} degrees of freedom"
         )
 
-    def plot(self, confidence: float = 0.95) -> Figure:
+    def plot(self, *, confidence: float = 0.95) -> Figure:
         """Bode plot of all entries, each with a band for its magnitude."""
         _, outputs, inputs = self.response.shape
         named = {
@@ -82,21 +84,21 @@ class ResponseEstimate:
             for i in range(inputs)
         }
         curves = {name: self.response[:, o, i] for name, (o, i) in named.items()}
-        figure = figures.bode_plot(self.frequency, curves, "1", f"{len(curves)} entries")
-        top, radius = figure.axes[0], self.radius(confidence)
+        figure = figures.bode_plot(self.frequency_hz, curves, "1", f"{len(curves)} entries")
+        top, radius = figure.axes[0], self.radius(confidence=confidence)
         for name, (o, i) in named.items():
             size, reach = np.abs(curves[name]), radius[:, o, i]
             low = np.maximum(size - reach, size / 100)  # a band down to 0 has no visible end
-            top.fill_between(self.frequency, low, size + reach, alpha=0.25, linewidth=0)
+            top.fill_between(self.frequency_hz, low, size + reach, alpha=0.25, linewidth=0)
         top.set_title(f"with {100 * confidence:g} % bands")
         return figure
 
     @property
     def omega(self) -> np.ndarray:
         """Angular frequencies (F,) [rad/s]."""
-        return 2 * np.pi * self.frequency
+        return 2 * np.pi * self.frequency_hz
 
-    def radius(self, confidence: float = 0.99) -> np.ndarray:
+    def radius(self, *, confidence: float = 0.99) -> np.ndarray:
         """Radius of the disc in the complex plane that contains the true response.
 
         ``confidence`` is the probability that it does.
@@ -108,7 +110,7 @@ class ResponseEstimate:
         radius: np.ndarray = np.sqrt(stats.f.ppf(confidence, 2, self.degrees) * self.variance)
         return radius
 
-    def half_width(self, confidence: float = 0.99) -> np.ndarray:
+    def half_width(self, *, confidence: float = 0.99) -> np.ndarray:
         """Half-width of the confidence interval of the real part, and of the imaginary part."""
         return self._half_width(confidence)
 
@@ -131,7 +133,7 @@ class ResponseEstimate:
         unit = {"units": "Hz", "long_name": "frequency"}
         return xr.Dataset(
             variables,
-            coords={"frequency": ("frequency", self.frequency, unit)},
+            coords={"frequency": ("frequency", self.frequency_hz, unit)},
             attrs={"degrees": self.degrees},
         )
 
@@ -160,7 +162,7 @@ class PeriodicResponse(ResponseEstimate):
     >>> rng = np.random.default_rng(0)
     >>> u = np.ones((2, 8)) + 1e-3 * rng.standard_normal((2, 8))
     >>> found = from_periods([1.0, 2.0], u, 0.5 * u + 1e-3 * rng.standard_normal((2, 8)))
-    >>> found.periods, bool(found.half_width(0.95).max() < 1e-2)
+    >>> found.periods, bool(found.half_width(confidence=0.95).max() < 1e-2)
     (8, True)
     """
 
@@ -173,7 +175,7 @@ class PeriodicResponse(ResponseEstimate):
 
 
 def from_periods(
-    frequency: ArrayLike, u: ArrayLike, y: ArrayLike, *, transients: int = 0
+    frequency_hz: ArrayLike, u: ArrayLike, y: ArrayLike, *, transients: int = 0
 ) -> PeriodicResponse:
     """Errors-in-variables response from the amplitudes of repeated periods (equations 4.9-4.15).
 
@@ -183,7 +185,7 @@ def from_periods(
 
     Parameters
     ----------
-    frequency
+    frequency_hz
         Frequencies [Hz], shape (F,).
     u
         Complex amplitudes, shape (F, periods), or (F, periods, inputs, experiments) with as many
@@ -214,7 +216,7 @@ def from_periods(
     >>> found.response.real.round(2).ravel().tolist(), found.degrees
     ([0.5, 0.5], 14.0)
     """
-    frequencies = np.atleast_1d(np.asarray(frequency, dtype=float))
+    frequencies = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
     inputs, outputs = _amplitudes(u, "u", frequencies), _amplitudes(y, "y", frequencies)
     count = inputs.shape[2]
     if inputs.shape[3] != count or outputs.shape[3] != count or outputs.shape[1] != inputs.shape[1]:
@@ -248,7 +250,7 @@ def from_periods(
     covariance = _covariance(du, du) / spare
     _warn_of_weak_input(frequencies, mean_u, covariance, periods)
     return PeriodicResponse(
-        frequency=frequencies,
+        frequency_hz=frequencies,
         response=response,
         variance=np.einsum("foioi->foi", spread).real,
         degrees=2.0 * spare,

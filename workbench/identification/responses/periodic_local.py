@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.distortion import LineDistortion, distortion_of_lines
 from workbench.identification.experiments.quality import as_record, require_alive
@@ -68,8 +68,8 @@ class PeriodicLocalResponse(ResponseEstimate):
     >>> lines, samples = np.array([1, 3, 5, 7]), 64
     >>> u = sum(np.cos(2 * np.pi * k * np.arange(4 * samples) / samples + k**2) for k in lines)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
-    >>> found = periodic_local_polynomial(u[:, None], y[:, None], samples, lines)
-    >>> found.frequency.tolist(), found.transient.shape
+    >>> found = periodic_local_polynomial(u[:, None], y[:, None], samples, lines=lines)
+    >>> found.frequency_hz.tolist(), found.transient.shape
     ([0.015625, 0.046875, 0.078125, 0.109375], (4, 1))
     """
 
@@ -112,7 +112,7 @@ class PeriodicStream:
     >>> for k in range(4):
     ...     stream.add(u[64 * k : 64 * (k + 1), None], y[64 * k : 64 * (k + 1), None])
     ...
-    >>> whole = periodic_local_polynomial(u[:, None], y[:, None], samples, lines)
+    >>> whole = periodic_local_polynomial(u[:, None], y[:, None], samples, lines=lines)
     >>> bool(np.allclose(stream.response().response, whole.response))
     True
     """
@@ -121,9 +121,9 @@ class PeriodicStream:
         self,
         period: int,
         periods: int,
+        *,
         lines: ArrayLike | None = None,
         degree: int = 2,
-        *,
         rational: bool = False,
     ) -> None:
         need_count("period", period)
@@ -151,7 +151,7 @@ class PeriodicStream:
         every = np.arange(self.lines[0], self.lines[-1] + 1)
         return LineSums(self._period, self._periods, every, reach)
 
-    def add(self, u: ArrayLike, y: ArrayLike, experiment: int = 0) -> None:
+    def add(self, u: ArrayLike, y: ArrayLike, *, experiment: int = 0) -> None:
         """Add the next samples u (N, nu) and y (N, ny) of an experiment, numbered from 0.
 
         Raises
@@ -179,8 +179,8 @@ class PeriodicStream:
         """
         self._rounding = self._periods * variance
 
-    def response(self, sample_rate: float = 1.0) -> PeriodicLocalResponse:
-        """The response, when all samples have arrived; ``sample_rate`` [Hz].
+    def response(self, *, dt: float = 1.0) -> PeriodicLocalResponse:
+        """The response, when all samples have arrived; ``dt`` [s]: their sampling time.
 
         Raises
         ------
@@ -232,7 +232,7 @@ class PeriodicStream:
         share = np.sum(np.abs(middle - Y) ** 2, axis=-1) / np.where(power > 0, power, 1.0)
         size = G[0].size
         return PeriodicLocalResponse(
-            frequency=self.lines * sample_rate / self._period,
+            frequency_hz=self.lines * (1 / dt) / self._period,
             response=G,
             variance=variance,
             degrees=degrees,
@@ -248,10 +248,10 @@ def periodic_local_polynomial(
     u: ArrayLike,
     y: ArrayLike,
     period: int,
+    *,
     lines: ArrayLike | None = None,
     degree: int = 2,
-    *,
-    sample_rate: float = 1.0,
+    dt: float = 1.0,
 ) -> PeriodicLocalResponse:
     """Response from u to y at the excited harmonics of a periodic excitation.
 
@@ -268,8 +268,8 @@ def periodic_local_polynomial(
         Excited harmonics (F,) of the period, rising; None: every one below half the sampling rate.
     degree
         Degree of the polynomials of the transient.
-    sample_rate
-        Sampling frequency [Hz].
+    dt
+        Sampling time [s].
 
     Raises
     ------
@@ -285,22 +285,22 @@ def periodic_local_polynomial(
     >>> lines, samples = np.array([1, 3, 5, 7]), 64
     >>> u = sum(np.cos(2 * np.pi * k * np.arange(4 * samples) / samples + k**2) for k in lines)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
-    >>> found = periodic_local_polynomial(u[:, None], y[:, None], samples, lines)
+    >>> found = periodic_local_polynomial(u[:, None], y[:, None], samples, lines=lines)
     >>> exact = 0.5 / (np.exp(2j * np.pi * lines / samples) - 0.5)
     >>> bool(abs(found.response[:, 0, 0] - exact).max() < 1e-3)
     True
     """
-    return _of_record(u, y, period, lines, degree, sample_rate, rational=False)
+    return _of_record(u, y, period, lines, degree, 1 / dt, rational=False)
 
 
 def periodic_local_rational(
     u: ArrayLike,
     y: ArrayLike,
     period: int,
+    *,
     lines: ArrayLike | None = None,
     degree: int = 2,
-    *,
-    sample_rate: float = 1.0,
+    dt: float = 1.0,
 ) -> PeriodicLocalResponse:
     """As `periodic_local_polynomial`, if transients of lightly damped modes outlive the record.
 
@@ -325,11 +325,11 @@ def periodic_local_rational(
     >>> y = control.forced_response(mode, inputs=u).outputs
     >>> exact = mode(np.exp(2j * np.pi * lines / samples))
     >>> ways = (periodic_local_polynomial, periodic_local_rational)
-    >>> found = [way(u[:, None], y[:, None], samples, lines).response[:, 0, 0] for way in ways]
-    >>> [bool(abs(one / exact - 1).max() < 1e-3) for one in found]
+    >>> found = [way(u[:, None], y[:, None], samples, lines=lines).response for way in ways]
+    >>> [bool(abs(one[:, 0, 0] / exact - 1).max() < 1e-3) for one in found]
     [False, True]
     """
-    return _of_record(u, y, period, lines, degree, sample_rate, rational=True)
+    return _of_record(u, y, period, lines, degree, 1 / dt, rational=True)
 
 
 def _of_record(
@@ -345,7 +345,7 @@ def _of_record(
     """The response of a record that is given as a whole."""
     pair = []
     for name, given in (("u", u), ("y", y)):
-        values = as_record(given, name)
+        values = as_record(given, name=name)
         values = values[..., None] if values.ndim == 2 else values
         if values.ndim != 3:
             raise InputError(f"{name} has shape {values.shape}; (N, channels, experiments) needed")
@@ -355,17 +355,21 @@ def _of_record(
     if len(inputs) != len(outputs) or inputs.shape[2] != outputs.shape[2]:
         raise InputError(f"u has shape {inputs.shape}, y {outputs.shape}: they do not belong")
     need_count("period", period)
-    stream = PeriodicStream(period, len(inputs) // period, lines, degree, rational=rational)
+    stream = PeriodicStream(
+        period, len(inputs) // period, lines=lines, degree=degree, rational=rational
+    )
     first = len(inputs) % period
     for experiment in range(inputs.shape[2]):
-        stream.add(inputs[first:, :, experiment], outputs[first:, :, experiment], experiment)
+        stream.add(
+            inputs[first:, :, experiment], outputs[first:, :, experiment], experiment=experiment
+        )
     rounding = [
         max(repeated_rounding(one, period, fewest) for one in channel)
         for values, fewest in ((outputs, 2), (inputs, FEWEST_LEVELS))
         for channel in np.moveaxis(values, 0, -1)
     ]
     stream._count_rounding(np.array(rounding))
-    return stream.response(sample_rate)
+    return stream.response(dt=1 / sample_rate)
 
 
 class _Distortion:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 
 FALSELY_SEEN = 1e-3
 """Average share of the chosen lines at which u is zero and was chosen by chance."""

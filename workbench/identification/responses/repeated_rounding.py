@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.levels import resolution
 
 FEWEST_LEVELS = 64

@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.identification.responses.periodic import PeriodicResponse
 
 NEAR = 8

@@ -36,7 +36,7 @@ class SpectralResponse(ResponseEstimate):
     >>> from workbench.identification import spectral_response
     >>> u = np.random.default_rng(0).standard_normal(1000)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
-    >>> found = spectral_response(u, y, sample_rate=1.0, segment=50)
+    >>> found = spectral_response(u, y, dt=1 / 1.0, segment=50)
     >>> bool(found.coherence.min() > 0.9), found.response.shape
     (True, (24, 1, 1))
     """
@@ -49,7 +49,7 @@ class SpectralResponse(ResponseEstimate):
 def spectral_response(
     u: ArrayLike,
     y: ArrayLike,
-    sample_rate: float,
+    dt: float,
     segment: int,
     *,
     assume: str | Sequence[str] = (),
@@ -69,8 +69,8 @@ def spectral_response(
         Inputs, shape (N,) or (inputs, N).
     y
         Outputs, shape (N,) or (outputs, N).
-    sample_rate
-        Sampling frequency [Hz].
+    dt
+        Sampling time [s].
     segment
         Number of samples in a segment.
     assume
@@ -94,18 +94,18 @@ def spectral_response(
     >>> from workbench.identification import spectral_response
     >>> u = np.random.default_rng(0).standard_normal(1000)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
-    >>> found = spectral_response(u, y, sample_rate=1.0, segment=50)
+    >>> found = spectral_response(u, y, dt=1 / 1.0, segment=50)
     >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
     >>> bool(abs(found.response[:, 0, 0] / exact - 1).max() < 0.1)
     True
     """
-    inputs, outputs = np.atleast_2d(as_record(u, "u")), np.atleast_2d(as_record(y, "y"))
+    inputs, outputs = np.atleast_2d(as_record(u, name="u")), np.atleast_2d(as_record(y, name="y"))
     require_alive(inputs, "u")
     require_alive(outputs, "y")
     if inputs.shape[1] != outputs.shape[1]:
         raise InputError(f"u has {inputs.shape[1]} samples, y has {outputs.shape[1]}")
-    need_positive(sample_rate, "sample_rate")
-    report = report_of_arrays(inputs.T, outputs.T, assume, 1.0 / sample_rate)
+    need_positive(dt, "dt")
+    report = report_of_arrays(inputs.T, outputs.T, assume, dt)
     if segment < 8:
         raise InputError(f"a segment needs 8 samples or more, not {segment}")
     hop = segment // 2
@@ -122,7 +122,7 @@ def spectral_response(
     spectra_u, spectra_y = (_spectra(x, window, hop)[..., lines] for x in (inputs, outputs))
     uu = np.einsum("isf,jsf->fij", spectra_u, spectra_u.conj()) / count
     yu = np.einsum("isf,jsf->fij", spectra_y, spectra_u.conj()) / count
-    frequency = np.arange(segment // 2 + 1)[lines] * sample_rate / segment
+    frequency = np.arange(segment // 2 + 1)[lines] * (1 / dt) / segment
     condition = np.linalg.cond(uu)
     if not np.all(condition < 1e12):
         at = frequency[int(np.argmax(condition))]
@@ -136,11 +136,11 @@ def spectral_response(
     power = np.mean(np.abs(spectra_y) ** 2, axis=1).T
     spread = np.einsum("fjj->fj", inverse).real
     return SpectralResponse(
-        frequency=frequency,
+        frequency_hz=frequency,
         response=response,
         variance=noise[:, :, None] * spread[:, None, :] / segments,
         degrees=2 * spare,
-        noise=2 * noise / (sample_rate * np.sum(window**2)),
+        noise=2 * noise / ((1 / dt) * np.sum(window**2)),
         coherence=1 - unexplained / power,
         segments=segments,
         report=report,

@@ -20,7 +20,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, as_record
 from workbench.identification.responses.periodic import PeriodicResponse, from_periods
@@ -36,10 +36,10 @@ SETTLED = 1e-6
 def step_response(
     u: ArrayLike,
     y: ArrayLike,
-    sample_rate: float,
     starts: ArrayLike,
+    frequency_hz: ArrayLike,
+    dt: float,
     length: int,
-    frequency: ArrayLike,
 ) -> PeriodicResponse:
     """Response from repeated steps of the input, with its variance from their scatter.
 
@@ -50,14 +50,14 @@ def step_response(
     ----------
     u, y
         Input and output, shape (N,).
-    sample_rate
-        Sampling frequency [Hz].
+    dt
+        Sampling time [s].
     starts
         Indices (M,) of the first sample of each step, two or more, each at least 1.
     length
         Number of samples evaluated from each start on. The system must settle in nine tenths of
         them, and have settled a tenth of them before the first step.
-    frequency
+    frequency_hz
         Frequencies [Hz], shape (F,), between 0 and half the sample rate.
 
     Raises
@@ -78,20 +78,20 @@ def step_response(
     >>> from workbench.identification import step_response
     >>> u = np.tile(np.r_[np.zeros(200), np.ones(200)], 3)
     >>> y = control.forced_response(control.tf([0.1], [1, -0.9], 0.01), inputs=u).outputs
-    >>> found = step_response(u, y, 100.0, [200, 400, 600], 200, [1.0])
+    >>> found = step_response(u, y, [200, 400, 600], [1.0], 0.01, 200)
     >>> exact = control.tf([0.1], [1, -0.9], 0.01)(np.exp(2j * np.pi * 0.01))
     >>> bool(abs(found.response[0, 0, 0] / exact - 1) < 1e-3)
     True
     """
-    signals = [as_record(one, name) for one, name in ((u, "u"), (y, "y"))]
-    frequencies = np.atleast_1d(as_record(frequency, "frequency"))
+    signals = [as_record(one, name=name) for one, name in ((u, "u"), (y, "y"))]
+    frequencies = np.atleast_1d(as_record(frequency_hz, name="frequency_hz"))
     first = np.atleast_1d(np.asarray(starts))
     if signals[0].ndim != 1 or signals[0].shape != signals[1].shape:
         raise InputError(
             f"u has shape {signals[0].shape}, y has {signals[1].shape}; (N,) is needed"
         )
-    if not (np.all(frequencies > 0) and np.all(frequencies < sample_rate / 2)):
-        raise InputError(f"frequencies must lie between 0 and {sample_rate / 2:g} Hz")
+    if not (np.all(frequencies > 0) and np.all(frequencies < (1 / dt) / 2)):
+        raise InputError(f"frequencies must lie between 0 and {(1 / dt) / 2:g} Hz")
     if first.dtype.kind not in "iu" or first.size < 2 or length < 20:
         raise InputError("two steps of 20 samples or more are needed, their starts whole numbers")
     fade = length // 10
@@ -110,7 +110,7 @@ def step_response(
     _warn_of_motion(dy)
     rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / fade) ** 2
     window = np.concatenate([rise, np.ones(length - fade), rise[::-1]])
-    turn = window * np.exp(-2j * np.pi / sample_rate * np.outer(frequencies, instants))
+    turn = window * np.exp(-2j * np.pi * dt * np.outer(frequencies, instants))
     return from_periods(frequencies, turn @ du.T, turn @ dy.T)
 
 

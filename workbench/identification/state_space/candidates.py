@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.tables import markdown
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.tables import markdown
 
 BLOCKS = 10
 """Number of blocks of validation samples in each fold; their mean errors give the

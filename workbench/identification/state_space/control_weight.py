@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import bilinear, lfilter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
@@ -51,7 +51,7 @@ def weighted_runs(
 
     Missing samples count as no error and as the mean output.
     """
-    weight = control_weight(bandwidth, record.sample_time)
+    weight = control_weight(bandwidth, record.dt)
     mean = np.nanmean(record.y, axis=0)
     outputs, errors = [], []
     for u, y in record.pieces():

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import Dataset
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.candidates import Candidates
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
@@ -32,7 +32,9 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
     record, rest = program.record, program.rest
     estimate = program.nonparametric
     frequency = (
-        np.linspace(0, 0.5, FREQUENCIES + 2)[1:-1] if estimate is None else estimate.frequency
+        np.linspace(0, 0.5, FREQUENCIES + 2)[1:-1]
+        if estimate is None
+        else estimate.cycles_per_sample
     )
     grid, held = ("frequency", "output", "input"), ("time", "output")
     own, crossed = program.residual_tests(answer.predictor)
@@ -126,7 +128,7 @@ def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) ->
     matrices: dict[str, Any] = {one: data[f"{name}_{one}"].values for one in MATRICES}
     return InnovationsModel(
         **matrices,
-        delay=program.delays,
+        delay_samples=program.delays_samples,
         **record.labels,
         members=tuple(innovations_model_of(program, data, one) for one in stored),
         resting=int(data[resting]) if resting in data else 0,

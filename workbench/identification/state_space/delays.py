@@ -83,7 +83,7 @@ def estimated_delays(record: Experiments) -> tuple[int, ...]:
 def _sure_delays(record: Experiments) -> tuple[int, ...]:
     """Samples (nu,) during which no output responds to an input, if long; else 0."""
     seen = RecordData(
-        record.u, record.y, None, record.starts, record.sample_time, record.inputs, record.outputs
+        record.u, record.y, None, record.starts, record.dt, record.inputs, record.outputs
     )
     found = []
     for j in range(record.u.shape[1]):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification.innovations.impulse_responses import (
     has_finite_response,
     impulse_response_changes,
@@ -42,9 +42,9 @@ def facts_of(
         words.append(f"{len(record.starts)} experiments, each with an initial state of its own")
     if record.missing:
         words.append(f"{record.missing} of {record.y.size} output samples are missing")
-    if program.delays:
-        found = ", ".join(map(str, program.delays))
-        how = "estimated" if isinstance(program.delay, str) else "given"
+    if program.delays_samples:
+        found = ", ".join(map(str, program.delays_samples))
+        how = "estimated" if isinstance(program.delay_samples, str) else "given"
         words.append(f"inputs act {found} samples later, as {how}")
     if program.known is not None and program.known.poles:
         poles = ", ".join(
@@ -92,7 +92,7 @@ def simulator_deviations(
 def _of_impulses(program: RecordedQuestion, frequency: ArrayLike) -> ComplexArray:
     """Changes (Q, F, ny, nu) of impulse responses by one standard deviation each."""
     return impulse_response_changes(
-        program.used, frequency, direct=program.direct, delay=program.delays
+        program.used, frequency, direct=program.direct, delay=program.delays_samples
     )
 
 

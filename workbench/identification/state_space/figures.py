@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset, Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.validation import CORRELATION_BOUND
 

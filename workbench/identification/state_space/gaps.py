@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.selection import order_fits
 from workbench.identification.state_space.subspace import SubspaceModels

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.candidates import Candidates
 
@@ -33,4 +33,4 @@ class IdentifiedModels(ProgramAnswer):
     @property
     def lti(self) -> StateSpace:
         """The simulator's system from u to y, at the record's sampling time."""
-        return replace(self.simulator, sample_time=self.sample_time).system()
+        return replace(self.simulator, dt=self.sample_time).system()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
 from workbench.identification.innovations.knowledge import Knowledge
@@ -116,7 +116,7 @@ def known_checks(
             "singular value of (A - pole)^multiplicity that must vanish, as a distance",
             errors[worst],
             KNOWN_ROUNDING,
-            f"at the pole {known.groups()[worst][0]:.6g}",
+            where=f"at the pole {known.groups()[worst][0]:.6g}",
             over=THIS_SYSTEM,
         )
     if known.gain is not None:
@@ -134,7 +134,7 @@ def gain_check(name: str, found: RealArray, known: RealArray, size: RealArray) -
         "static gain less that given, relative to it or to the spread of y over that of u",
         float(apart[o, j]),
         KNOWN_ROUNDING,
-        f"from input {j + 1} to output {o + 1}",
+        where=f"from input {j + 1} to output {o + 1}",
         over=THIS_SYSTEM,
     )
 

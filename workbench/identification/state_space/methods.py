@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
@@ -65,7 +65,7 @@ def identify(
     )
     if predictor is None or simulator is None:
         return None
-    return IdentifiedModels(predictor, simulator, scores, program.record.sample_time)
+    return IdentifiedModels(predictor, simulator, scores, program.record.dt)
 
 
 def _best(
@@ -116,7 +116,7 @@ class SubspaceStarts:
     def _whole(self, record: Experiments) -> Experiments:
         """The record with its inputs delayed, and with gaps filled if they leave few rows."""
         if id(record) not in self._bridged:
-            late = record.delayed(self._program.delays)
+            late = record.delayed(self._program.delays_samples)
             self._bridged[id(record)] = bridged(late, self._program.direct)
         return self._bridged[id(record)]
 
@@ -131,7 +131,10 @@ class SubspaceStarts:
             self._regressions[id(record)] = SubspaceModels(late, sorted(every), program.direct)
         found: list[InnovationsModel] = []
         for past in pasts:
-            model = replace(self._regressions[id(record)].model(order, past), delay=program.delays)
+            model = replace(
+                self._regressions[id(record)].model(order, past),
+                delay_samples=program.delays_samples,
+            )
             found += allowed_models(
                 model, record, program.direct, program.largest_radius, program.known
             )

@@ -20,8 +20,8 @@ from typing import Literal
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import innovation_gain, with_inputs
@@ -76,11 +76,12 @@ def projection_fits(program: StateSpaceFit, weights: ProjectionWeights) -> Fitte
         def fit(record: Experiments) -> InnovationsModel | None:
             # the program keeps its parts, so that no other object gets their ids
             if id(record) not in wholes:
-                wholes[id(record)] = bridged(record.delayed(program.delays), program.direct)
+                wholes[id(record)] = bridged(record.delayed(program.delays_samples), program.direct)
             return best_projection(
                 record, order, weights,
-                direct=program.direct, delay=program.delays, largest_radius=program.largest_radius,
-                known=program.known, whole=wholes[id(record)],
+                direct=program.direct, delay=program.delays_samples,
+                largest_radius=program.largest_radius, known=program.known,
+                whole=wholes[id(record)],
             )  # fmt: skip
 
         return fit
@@ -114,7 +115,7 @@ def best_projection(
     ]
     models = (projection_model(late, order, half, weights, direct=direct) for half in windows)
     found = (
-        replace(model, delay=tuple(delay)) if model is not None and any(delay) else model
+        replace(model, delay_samples=tuple(delay)) if model is not None and any(delay) else model
         for model in models
     )
     return best_fitting(found, record, direct=direct, largest_radius=largest_radius, known=known)
@@ -174,7 +175,7 @@ def projection_model(
     if simulating is None:
         return None
     found = scaling.restored(simulating, late)
-    return replace(found, delay=tuple(delay)) if any(delay) else found
+    return replace(found, delay_samples=tuple(delay)) if any(delay) else found
 
 
 def _scaled(record: Experiments, scaling: Scaling) -> Iterator[tuple[RealArray, RealArray]]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
@@ -60,7 +60,7 @@ class PhysicalModel:
     ...     lambda p: ([[-p["a"]]], [[p["k"]]], [[1.0]], [[0.0]]),
     ...     {"a": FittedParameter(1.0, lower=0.0), "k": FittedParameter(1.0)},
     ... )
-    >>> fit = StateSpaceFit(u, y, sample_time=0.1, orders=[1], physical={"motor": motor})
+    >>> fit = StateSpaceFit(u, y, dt=0.1, orders=[1], physical={"motor": motor})
     >>> sorted(motor.estimated(fit.used))
     ['a', 'k']
     """
@@ -76,7 +76,7 @@ class PhysicalModel:
                 raise InputError(f"parameter {name!r} must be a FittedParameter, not {one!r}")
         self.sampled({name: one.start for name, one in self.parameters.items()}, 1.0)
 
-    def sampled(self, values: Mapping[str, float], sample_time: float) -> tuple[RealArray, ...]:
+    def sampled(self, values: Mapping[str, float], dt: float) -> tuple[RealArray, ...]:
         """Matrices A, B, C, D for parameter values, sampled with inputs held between samples."""
         import control
 
@@ -87,13 +87,13 @@ class PhysicalModel:
             except (TypeError, ValueError) as error:
                 raise InputError(f"the physical model at {dict(values)}: {error}") from None
         system = as_system(given, "the physical model")
-        A, B = (system.A, system.B) if system.dt else hold(system.A, system.B, sample_time)
+        A, B = (system.A, system.B) if system.dt else hold(system.A, system.B, dt)
         return A, B, system.C, system.D
 
     def states(self, record: Experiments) -> int:
         """Number of states; raises InputError for other numbers of channels than the record's."""
         start = {name: one.start for name, one in self.parameters.items()}
-        A, B, C, _ = self.sampled(start, record.sample_time)
+        A, B, C, _ = self.sampled(start, record.dt)
         shape, own = (record.u.shape[1], record.y.shape[1]), (B.shape[1], len(C))
         if own != shape:
             raise InputError(
@@ -102,10 +102,12 @@ class PhysicalModel:
             )
         return len(A)
 
-    def estimated(self, record: Experiments, delay: tuple[int, ...] = ()) -> dict[str, float]:
+    def estimated(
+        self, record: Experiments, *, delay_samples: tuple[int, ...] = ()
+    ) -> dict[str, float]:
         """Parameter values that minimise the simulation error on experiments.
 
-        ``delay`` [samples]: the delay of each input.
+        ``delay_samples`` [samples]: the delay of each input.
         """
         names = list(self.parameters)
         limits = [(one.lower, one.upper) for one in self.parameters.values()]
@@ -114,7 +116,7 @@ class PhysicalModel:
 
         def errors(theta: RealArray) -> RealArray:
             values = dict(zip(names, theta * scale, strict=True))
-            model = _without_gain(self.sampled(values, record.sample_time), record, delay)
+            model = _without_gain(self.sampled(values, record.dt), record, delay_samples)
             with np.errstate(all="ignore"):
                 found = _simulation_errors(model, record)
                 found = (found - np.nanmean(found, axis=0)) / spread
@@ -130,18 +132,19 @@ class PhysicalModel:
     def fitted(
         self,
         record: Experiments,
-        delay: tuple[int, ...] = (),
         *,
+        delay_samples: tuple[int, ...] = (),
         direct: bool = True,
         largest_radius: float = np.inf,
     ) -> InnovationsModel | None:
         """The model with the parameters estimated from experiments.
 
+        ``delay_samples`` [samples]: how much later the inputs act.
         None if inputs act at once although that is excluded, or if a pole is beyond the largest
         radius.
         """
-        values = self.estimated(record, delay)
-        model = _without_gain(self.sampled(values, record.sample_time), record, delay)
+        values = self.estimated(record, delay_samples=delay_samples)
+        model = _without_gain(self.sampled(values, record.dt), record, delay_samples)
         outside = model.radius > largest_radius * (1 + 1e-12)
         if outside or (model.D.any() and not direct):
             return None
@@ -161,7 +164,7 @@ def _without_gain(
     means = record.u.mean(axis=0), np.nanmean(record.y, axis=0)
     return InnovationsModel(
         *(A, B, C, D, np.zeros((len(A), len(C))), *means),
-        delay=delay,
+        delay_samples=delay,
         **record.labels,
     )
 

@@ -15,10 +15,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space import datasets
@@ -38,7 +39,6 @@ from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.known_plants import has_known
 from workbench.second_opinion.records import convolved
-from workbench.tables import markdown
 
 AS_TOLD = "These fits are as the method told them: other orders are not stored, and not checked."
 """What stands below tables of fits that chose an order."""
@@ -85,14 +85,14 @@ class StateSpaceFit(RecordedQuestion, Program):
         Number of samples from which an initial state is estimated; None: at most 50.
     title
         Title of figures.
-    sample_time
+    dt
         Sampling time of the record [s]; None: that of its labels, or 1.
     samples
         Axis of the samples in plain arrays, if their shapes do not show it: "rows" or "columns".
     direct
         Whether inputs may act within the sample, through D. In a loop without a delay they must
         not.
-    delay
+    delay_samples
         Delay [samples] of the inputs, one number or one for each; "estimate" searches delays up to
         100, or up to N / (4 (nu + ny)) - 4 for N estimation samples if that is less; and longer
         delays, up to an eighth of those samples, if the response is clear.
@@ -108,7 +108,7 @@ class StateSpaceFit(RecordedQuestion, Program):
     static_gain
         Known static gains (ny, nu), NaN where unknown; a number for one input and one output. Both
         models have them exactly.
-    bandwidth
+    bandwidth_hz
         Bandwidth [Hz] of a loop to be designed with the simulator, or None. The simulator's order
         and kind are then chosen by weighted free-run errors, with the weight S T = (s / omega_b) /
         (1 + s / omega_b)^2 of such a loop, which is largest at the bandwidth.
@@ -136,19 +136,19 @@ class StateSpaceFit(RecordedQuestion, Program):
     >>> from workbench.identification import StateSpaceFit
     >>> u = np.random.default_rng(0).standard_normal(200)
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
-    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1]), "n4sid")
+    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1]), method="n4sid")
     >>> solution.certificate.valid
     True
 
     With a known pole, here that of an integrator:
 
     >>> y = control.forced_response(control.tf([0.5], [1, -1], 1.0), inputs=u).outputs
-    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1], known_poles=[1.0]), "subspace")
+    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1], known_poles=[1.0]), method="subspace")
     >>> float(solution.answer.simulator.A[0, 0])
     1.0
     """
 
-    bandwidth: float | None = field(default=None, kw_only=True)
+    bandwidth_hz: float | None = field(default=None, kw_only=True)
     physical: Mapping[str, PhysicalModel] = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
@@ -162,8 +162,8 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.bandwidth is not None:
-            need_bandwidth(self.bandwidth, self.record.sample_time)
+        if self.bandwidth_hz is not None:
+            need_bandwidth(self.bandwidth_hz, self.record.dt)
         for name, model in self.physical.items():
             if not isinstance(model, PhysicalModel):
                 raise InputError(
@@ -173,16 +173,18 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
         found = super().fits_to_choose_by(model, record)
-        if self.bandwidth is not None:
-            found[USES.index("free_run")] = control_fit(model, record, self.washed, self.bandwidth)
+        if self.bandwidth_hz is not None:
+            found[USES.index("free_run")] = control_fit(
+                model, record, self.washed, self.bandwidth_hz
+            )
         return found
 
     @property
     def tasks(self) -> tuple[str, str]:
         """The purposes for which predictor and simulator are chosen, in words."""
-        if self.bandwidth is None:
+        if self.bandwidth_hz is None:
             return "predict", "simulate"
-        return "predict", f"design a loop of {self.bandwidth:g} Hz"
+        return "predict", f"design a loop of {self.bandwidth_hz:g} Hz"
 
     @property
     def problem_size(self) -> float:
@@ -222,7 +224,7 @@ class StateSpaceFit(RecordedQuestion, Program):
                     "error on the samples held out, over that of the mean",
                     float(np.max(row)),
                     limit,
-                    f"of {self.record.outputs[int(np.argmax(row))]}",
+                    where=f"of {self.record.outputs[int(np.argmax(row))]}",
                     over=self.held_out,
                 )
                 for use, row in judged.items()
@@ -286,14 +288,16 @@ class StateSpaceFit(RecordedQuestion, Program):
     def facts(self, answer: IdentifiedModels) -> list[str]:
         return facts_of(self, answer, self.tasks) + deviations_told(self, answer)
 
-    def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> RealArray | None:
+    def deviations(
+        self, answer: IdentifiedModels, cycles_per_sample: RealArray
+    ) -> RealArray | None:
         """Standard deviations (F, ny, nu) of the simulator's magnitudes at frequencies (F,).
 
         None if none are known. They are valid if the prediction errors are white: the
         order is right, and the method's model of the noise. Where noise is slow and a plant lightly
         damped, "box-jenkins" holds them on short records, and "prediction-error" does not.
         """
-        return simulator_deviations(self, answer, frequency)
+        return simulator_deviations(self, answer, cycles_per_sample)
 
     # --- what is shown ---------------------------------------------------------------------------
 
@@ -302,8 +306,8 @@ class StateSpaceFit(RecordedQuestion, Program):
         for part, used in (("", self.rest), ("estimation_", self.used)):
             for use, row in zip(USES, self._fits(answer, used), strict=True):
                 numbers |= {f"{part}fit_{use}_y{i + 1}": float(v) for i, v in enumerate(row)}
-        if self.bandwidth is not None:
-            row = control_fit(answer.simulator, self.rest, self.washed, self.bandwidth)
+        if self.bandwidth_hz is not None:
+            row = control_fit(answer.simulator, self.rest, self.washed, self.bandwidth_hz)
             numbers |= {f"fit_control_y{i + 1}": float(v) for i, v in enumerate(row)}
         own, crossed = self.residual_tests(answer.predictor)
         lags = len(own)
@@ -348,6 +352,4 @@ class StateSpaceFit(RecordedQuestion, Program):
         predictor, simulator = (datasets.innovations_model_of(self, data, name) for name in MODELS)
         scores = data["validation_fit"].values
         candidates = datasets.stored_candidates(data)
-        return IdentifiedModels(
-            predictor, simulator, scores, self.record.sample_time, candidates=candidates
-        )
+        return IdentifiedModels(predictor, simulator, scores, self.record.dt, candidates=candidates)

@@ -6,14 +6,14 @@ Arguments are checked and completed here, before anything is computed.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import (
     Experiments,
@@ -71,14 +71,15 @@ class RecordedQuestion:
 
     u: Any
     y: Any = None
+    _: KW_ONLY
     estimation: int | None = None
     orders: Sequence[int] | None = None
     washout: int | None = None
     title: str = field(default="record", kw_only=True)
-    sample_time: float | None = field(default=None, kw_only=True)
+    dt: float | None = field(default=None, kw_only=True)
     samples: SamplesAlong | None = field(default=None, kw_only=True)
     direct: bool = field(default=True, kw_only=True)
-    delay: int | Sequence[int] | Literal["estimate"] = field(default=0, kw_only=True)
+    delay_samples: int | Sequence[int] | Literal["estimate"] = field(default=0, kw_only=True)
     poles: Poles = field(default="marginal", kw_only=True)
     known_poles: Sequence[complex] = field(default=(), kw_only=True)
     static_gain: ArrayLike | None = field(default=None, kw_only=True)
@@ -90,7 +91,7 @@ class RecordedQuestion:
             raise InputError(f'poles is {self.poles!r}; it must be "stable", "marginal" or "any"')
         if not isinstance(self.direct, bool):
             raise InputError(f"direct is {self.direct!r}; it must be True or False")
-        checked_delays(self.delay, record)
+        checked_delays(self.delay_samples, record)
         known = self.known
         if known is not None:
             refuse_poles_outside(known.poles, self.poles)
@@ -103,7 +104,7 @@ class RecordedQuestion:
             settle(self, "washout", max(1, min(USUAL_WASHOUT, shortest // 3)))
         need_count("washout", self.washout)
         washout = int(self.washout or 0) + (
-            0 if isinstance(self.delay, str) else max(self.delays, default=0)
+            0 if isinstance(self.delay_samples, str) else max(self.delays_samples, default=0)
         )
         if shortest <= washout + FEWEST_SCORED:
             raise InputError(
@@ -145,7 +146,7 @@ class RecordedQuestion:
     @cached_property
     def record(self) -> Experiments:
         """All experiments, concatenated."""
-        return as_experiments(self.u, self.y, self.sample_time, self.samples, assume=self.assume)
+        return as_experiments(self.u, self.y, dt=self.dt, samples=self.samples, assume=self.assume)
 
     @cached_property
     def report(self) -> RecordReport:
@@ -160,7 +161,7 @@ class RecordedQuestion:
     @property
     def washed(self) -> int:
         """Number of samples that do not count: their inputs act later, or they tell the state."""
-        return int(self.washout or 0) + max(self.delays, default=0)
+        return int(self.washout or 0) + max(self.delays_samples, default=0)
 
     @cached_property
     def used(self) -> Experiments:
@@ -193,12 +194,12 @@ class RecordedQuestion:
         return first if len(first) == len(whole) else whole
 
     @cached_property
-    def delays(self) -> tuple[int, ...]:
+    def delays_samples(self) -> tuple[int, ...]:
         """Delay [samples] of each input; empty if no input is delayed."""
-        if isinstance(self.delay, str):
+        if isinstance(self.delay_samples, str):
             found = estimated_delays(self.used)
         else:
-            found = checked_delays(self.delay, self.record)
+            found = checked_delays(self.delay_samples, self.record)
         return found if any(found) else ()
 
     @cached_property

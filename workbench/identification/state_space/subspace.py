@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import (
@@ -175,7 +175,7 @@ def best_subspace_of(
         return None
     models = SubspaceModels(late, pasts, direct)
     found = (
-        replace(models.model(order, past), delay=tuple(delay) if any(delay) else ())
+        replace(models.model(order, past), delay_samples=tuple(delay) if any(delay) else ())
         for past in pasts
     )
     return best_fitting(found, record, direct=direct, largest_radius=largest_radius)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import correlate
 from scipy.stats import norm
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 
 CORRELATION_BOUND = float(norm.ppf(0.995))

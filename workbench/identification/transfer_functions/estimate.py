@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import TransferFunction
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import TransferFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class TransferFunctionEstimate:
     >>> time = np.arange(2000) * 0.05
     >>> u = np.sign(np.sin(time**1.3))
     >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
-    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> record = SampledRecord(u, y, dt=1 / 20.0, hold="first-order")
     >>> found = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 3.0])
     >>> round(float(abs(found.response([0.0])[0])), 2), found.covariance.shape
     (1.5, (2, 2))
@@ -47,6 +47,7 @@ class TransferFunctionEstimate:
     denominator: RealArray
     covariance: RealArray
     noise: float
+    _: KW_ONLY
     iterations: int = 0
 
     @property
@@ -71,15 +72,15 @@ class TransferFunctionEstimate:
 
         return control.tf(self.numerator, self.denominator)
 
-    def response(self, frequency: ArrayLike) -> ComplexArray:
+    def response(self, cycles_per_sample: ArrayLike) -> ComplexArray:
         """Response (F,) at frequencies [Hz] (F,)."""
-        s = 2j * np.pi * np.asarray(frequency, float)
+        s = 2j * np.pi * np.asarray(cycles_per_sample, float)
         found: ComplexArray = np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
         return found
 
-    def response_covariance(self, frequency: ArrayLike) -> RealArray:
+    def response_covariance(self, cycles_per_sample: ArrayLike) -> RealArray:
         """Covariance (F, 2, 2) of real and imaginary part of the response, to first order."""
-        s = 2j * np.pi * np.asarray(frequency, float)[:, None]
+        s = 2j * np.pi * np.asarray(cycles_per_sample, float)[:, None]
         below, orders = np.polyval(self.denominator, s), np.arange(len(self.denominator))[::-1]
         by_numerator = s ** orders[-len(self.numerator) :] / below
         by_denominator = -np.polyval(self.numerator, s) / below**2 * s ** orders[1:]
@@ -89,15 +90,17 @@ class TransferFunctionEstimate:
         return found
 
     def distance(
-        self, frequency: ArrayLike, truth: ArrayLike, confidence: float = 0.99
+        self, cycles_per_sample: ArrayLike, truth: ArrayLike, *, confidence: float = 0.99
     ) -> RealArray:
         """Distance (F,) of a response (F,) from the estimate, over the region's radius there.
 
         The region is the ellipse that contains the true response with probability `confidence` at
         each frequency; a distance of 1 is on its boundary.
         """
-        error = np.asarray(truth) - self.response(frequency)
+        error = np.asarray(truth) - self.response(cycles_per_sample)
         parts = np.stack([error.real, error.imag], axis=-1)[..., None]
-        size = parts.swapaxes(1, 2) @ np.linalg.solve(self.response_covariance(frequency), parts)
+        size = parts.swapaxes(1, 2) @ np.linalg.solve(
+            self.response_covariance(cycles_per_sample), parts
+        )
         found: RealArray = np.sqrt(size[:, 0, 0] / stats.chi2.ppf(confidence, 2))
         return found

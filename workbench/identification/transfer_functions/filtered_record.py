@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.ndimage import uniform_filter1d
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
 from workbench.identification.transfer_functions.filters import DerivativeFilter
@@ -54,7 +54,7 @@ class FilteredRecord:
             raise InputError(f"the filter has a root at {np.roots(filter_).real.max():g} rad/s")
         if len(record.u) <= m + n + 1:
             raise InputError(f"{len(record.u)} samples cannot tell {m + n + 1} coefficients")
-        return cls(record, degrees, DerivativeFilter(filter_, 1.0 / record.sample_rate))
+        return cls(record, degrees, DerivativeFilter(filter_, record.dt))
 
     @classmethod
     def at(

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import expm
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.systems.sampling import respond
 
 Hold = Literal["zero-order", "first-order"]

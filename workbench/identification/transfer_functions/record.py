@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record, require_alive
 from workbench.identification.experiments.reports import report_of_arrays
@@ -20,8 +20,8 @@ class SampledRecord:
     ----------
     u, y
         Input and output, shape (N,).
-    sample_rate
-        Sampling frequency [Hz].
+    dt
+        Sampling time [s].
     hold
         How the input moves between its samples; the output is always interpolated linearly. If both
         pass anti-aliasing filters, "first-order" suits both.
@@ -41,27 +41,28 @@ class SampledRecord:
     Examples
     --------
     >>> from workbench.identification import SampledRecord
-    >>> record = SampledRecord([0.0, 1.0, 1.0], [0.0, 0.0, 0.5], sample_rate=100.0)
+    >>> record = SampledRecord([0.0, 1.0, 1.0], [0.0, 0.0, 0.5], dt=1 / 100.0)
     >>> record.hold
     'zero-order'
     """
 
     u: RealArray
     y: RealArray
-    sample_rate: float
+    dt: float
+    _: KW_ONLY
     hold: Hold = "zero-order"
     noise_free_input: RealArray | None = None
     assume: str | Sequence[str] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
-        if not self.sample_rate > 0:
-            raise InputError(f"the sample rate must be positive, not {self.sample_rate}")
+        if not self.dt > 0:
+            raise InputError(f"dt must be positive, not {self.dt}")
         if self.hold not in ("zero-order", "first-order"):
             raise InputError(f'hold is {self.hold!r}; it must be "zero-order" or "first-order"')
         given = {"u": self.u, "y": self.y, "noise_free_input": self.noise_free_input}
         for name, values in given.items():
             if values is not None:
-                signal = as_record(values, name)
+                signal = as_record(values, name=name)
                 if signal.shape != (len(self.y),):
                     raise InputError(f"{name} has shape {signal.shape}; as many samples as y has")
                 require_alive(signal, name)
@@ -70,7 +71,7 @@ class SampledRecord:
             self.u[:, None],
             self.y[:, None],
             self.assume,
-            1.0 / self.sample_rate,
+            self.dt,
             r=None if self.noise_free_input is None else self.noise_free_input[:, None],
         )
 

@@ -69,7 +69,7 @@ def filtered_least_squares(
     >>> time = np.arange(2000) * 0.05
     >>> u = np.sign(np.sin(time**1.3))
     >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
-    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> record = SampledRecord(u, y, dt=1 / 20.0, hold="first-order")
     >>> found = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 3.0])
     >>> np.r_[found.numerator, found.denominator].round(2).tolist()
     [3.0, 1.0, 2.0]
@@ -110,7 +110,7 @@ def refined_instruments(
     >>> time = np.arange(2000) * 0.05
     >>> u = np.sign(np.sin(time**1.3))
     >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
-    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> record = SampledRecord(u, y, dt=1 / 20.0, hold="first-order")
     >>> start = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 10.0])
     >>> refined_instruments(record, start).denominator.round(2).tolist()
     [1.0, 2.0]
@@ -162,7 +162,7 @@ def output_error(
     >>> time = np.arange(2000) * 0.05
     >>> u = np.sign(np.sin(time**1.3))
     >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
-    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> record = SampledRecord(u, y, dt=1 / 20.0, hold="first-order")
     >>> start = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 10.0])
     >>> output_error(record, start).numerator.round(2).tolist()
     [3.0]

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certify.cover import BoundsAt, FrequencyBounds, without
 from workbench.certify.interval import proven_in_doubles
 from workbench.certify.stable_system import StableSystem

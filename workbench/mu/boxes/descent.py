@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.mu.boxes.partition import MOST_CORNERS, BoxPart, corner_signs
 from workbench.mu.boxes.recentred import RealParameters
 

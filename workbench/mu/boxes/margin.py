@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.executor import Context
 from workbench.mu.boxes.descent import corners_of_poles, drawn_corners, unstable_member

@@ -20,7 +20,7 @@ from itertools import product
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
 from workbench.mu.boxes.bands import WHOLE, Band
 from workbench.structure import Real, Structure
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.answer import Answer, RepeatedChecker
-from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import StableSystem
@@ -53,7 +53,7 @@ class GuaranteedProbability(Answer):
     >>> from workbench.uncertainty import feedback, real, tf
     >>> k = real("k", 10, percent=40)
     >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
-    >>> found = guaranteed_probability(closed, gain=3.0, tolerance=0.1)
+    >>> found = guaranteed_probability(closed, gain=3.0, width=0.1)
     >>> 0 <= found.lower <= found.upper <= 1
     True
     """
@@ -72,10 +72,10 @@ class GuaranteedProbability(Answer):
 
 def guaranteed_probability(
     system: Any,
-    gain: float | None = None,
     *,
+    gain: float | None = None,
     distributions: Mapping[str, Any] | None = None,
-    tolerance: float = 0.01,
+    width: float = 0.01,
     parts: int = 5000,
 ) -> GuaranteedProbability:
     """Guaranteed bounds of the probability that a member of a set is stable and keeps a gain.
@@ -96,7 +96,7 @@ def guaranteed_probability(
     distributions
         By name, distributions of parameters as frozen ones of `scipy.stats` are (with ``cdf``),
         restricted to the range of each; others are uniform over it.
-    tolerance
+    width
         Distance of the bounds at which the search ends.
     parts
         Largest number of parts of the box that are examined.
@@ -119,7 +119,7 @@ def guaranteed_probability(
     (True, 1.0)
     """
     found = analysed(system)
-    need_positive(tolerance, "tolerance")
+    need_positive(width, "width")
     need_count("parts", parts)
     if gain is not None:
         need_positive(gain, "gain")
@@ -129,7 +129,7 @@ def guaranteed_probability(
     question = _Question(found, gain)
     partition = Partition(Growing(len(found.elements)).box(1.0), weight)
     good, bad, count = 0.0, 0.0, 0
-    while partition and count < parts and 1.0 - good - bad > tolerance:
+    while partition and count < parts and 1.0 - good - bad > width:
         part = partition.pop()
         count += 1
         verdict, rest, effects = question.asked_of(part)
@@ -146,9 +146,9 @@ def guaranteed_probability(
     again = partial(
         guaranteed_probability,
         found,
-        gain,
+        gain=gain,
         distributions=laws,
-        tolerance=tolerance,
+        width=width,
         parts=parts,
     )
     checker = ProbabilityChecker(again, "for all values of the parameters", found, gain, laws)

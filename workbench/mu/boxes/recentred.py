@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.rounding import Enclosure, enclosed_inverse, exact
 from workbench.certify.stable_system import StableSystem, enclosed_system

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certify.balls import in_plane
 from workbench.certify.cover import FrequencyBounds
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import PartsChecker, no_better
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker
 from workbench.certify.eigenvalues import separate_pole_discs
 from workbench.certify.proofs.numerator import stable_numerator
 from workbench.certify.rounding import exact
 from workbench.certify.stability import stability_of
-from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.norms import NORM_TOLERANCE, SystemNorm, h_infinity_norm
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
@@ -65,7 +65,7 @@ def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
         return SystemNorm(math.inf, math.inf, math.nan).checked_by(BoundaryPoleChecker(found))
     numerator = stable_numerator(found)
     structure = Structure([Full(found.ninputs, found.noutputs)])
-    bounds = peak(numerator.system, structure, tolerance)
+    bounds = peak(numerator.system, structure, tolerance=tolerance)
     lower, upper = numerator.enclosed(bounds.lower, bounds.upper)
     norm = SystemNorm(lower, upper, bounds.omega, peak=bounds)
     return norm.checked_by(AxisGainChecker(found))

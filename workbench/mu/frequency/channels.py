@@ -9,10 +9,10 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
 from workbench.systems.balancing import speed

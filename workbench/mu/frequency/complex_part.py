@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_positive, need_structure
@@ -59,7 +59,7 @@ def with_complex_part(
         np.concatenate([np.arange(r), inputs]),
         np.concatenate([np.ones(c), np.full(len(outputs), complex_part)]),
     )
-    added = [Complex(block.rows, f"{block.name} complex".strip()) for block, _, _ in real]
+    added = [Complex(block.rows, name=f"{block.name} complex".strip()) for block, _, _ in real]
     return larger, Structure((*structure, *added))
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer, PartsChecker, no_better
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker, excess
 from workbench.certify.eigenvalues import separate_pole_discs
@@ -16,7 +17,6 @@ from workbench.certify.realisations.energy import energy_bounds
 from workbench.certify.rounding import exact
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.second_opinion import peaks
@@ -89,7 +89,7 @@ def h_infinity_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> System
     found = as_system(system, "system")
     if not is_stable(found):
         return SystemNorm(math.inf, math.inf, math.nan).checked_by(UnstableChecker(found))
-    bounds = peak(found, Structure([Full(found.ninputs, found.noutputs)]), tolerance)
+    bounds = peak(found, Structure([Full(found.ninputs, found.noutputs)]), tolerance=tolerance)
     norm = SystemNorm(bounds.lower, bounds.upper, bounds.omega, peak=bounds)
     return norm.checked_by(GainChecker())
 

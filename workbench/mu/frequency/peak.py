@@ -26,8 +26,8 @@ INTERVALS_COVER = "intervals on which multipliers prove it cover the band"
 def peak(
     system: Any,
     structure: Structure,
-    tolerance: float = 1e-3,
     *,
+    tolerance: float = 1e-3,
     complex_part: float = 0.0,
     band: tuple[float, float] = (0.0, math.inf),
     steps: int = 500,
@@ -100,8 +100,9 @@ def peak(
     ends = float(original.angular(low)), float(original.angular(high))
     band = ends if original.period else band
     omega, period = float(original.angular(omega)), original.period
-    parts = lower, cover.proven, omega, Delta, intervals, message, complex_part, band, period
-    return Peak(*parts).checked_by(PeakChecker(system, structure, band=asked))
+    parts = lower, cover.proven, omega, Delta, intervals, message
+    peak = Peak(*parts, complex_part=complex_part, band=band, dt=period)
+    return peak.checked_by(PeakChecker(system, structure, band=asked))
 
 
 def covered(

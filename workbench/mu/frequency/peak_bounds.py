@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.answer import Answer
-from workbench.arrays import Array
 from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess
 from workbench.certify.balls import in_plane
 from workbench.certify.cover import CertifiedInterval
@@ -23,7 +24,6 @@ from workbench.certify.stable_system import (
     bilinear_frequency,
     stable_system,
 )
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu.frequency.complex_part import separated, with_complex_part
 from workbench.mu.frequency.sweep import frequency_sweep, mu_figure
 from workbench.second_opinion import peaks
@@ -48,10 +48,11 @@ class Peak(Answer):
     ``Delta`` (r, c) makes I - M(j omega) Delta singular up to rounding and proves the lower bound;
     it is no larger than 1 / lower, and NaN where lower is 0. ``omega`` [rad/s] is the frequency of
     Delta or, without a Delta, that of the largest upper bound. ``intervals`` cover the band unless
-    upper is infinite. ``complex_part`` is the complex uncertainty added to real scalars, as a share
-    of them; the peak holds for this larger set of perturbations. For a system with sampling time
-    ``period`` [s] the band ends at half the sampling rate, and the intervals are in the frequency v
-    = 2 / period tan(omega period / 2).
+    upper is infinite.
+    ``band`` [rad/s]: where the supremum is taken. ``complex_part`` is the complex uncertainty added
+    to real scalars, as a share of them; the peak holds for this larger set of perturbations. For a
+    system with sampling time ``dt`` [s] the band ends at half the sampling rate, and the intervals
+    are in the frequency v = 2 / dt tan(omega dt / 2).
     """
 
     lower: float
@@ -60,9 +61,10 @@ class Peak(Answer):
     Delta: Array
     intervals: tuple[CertifiedInterval, ...]
     message: str
+    _: KW_ONLY
     complex_part: float = 0.0
     band: tuple[float, float] = (0.0, math.inf)
-    period: float = 0.0
+    dt: float = 0.0
     scalings: ScalingFunctions | None = None
 
     @property
@@ -79,7 +81,7 @@ class Peak(Answer):
     @property
     def intervals_band(self) -> tuple[float, float]:
         """The band in the frequency of the intervals."""
-        low, high = (bilinear_frequency(omega, self.period) for omega in self.band)
+        low, high = (bilinear_frequency(omega, self.dt) for omega in self.band)
         return low, high
 
     def multipliers(self, structure: Structure) -> tuple[Array, Array, Array] | None:
@@ -218,7 +220,7 @@ def peak_checks(
             "whether the multipliers leave it unproven",
             float(bool(fault)),
             0.0,
-            fault,
+            where=fault,
             proven=True,
         ),
         Check(
@@ -243,7 +245,7 @@ def stored_peak(name: str, found: Peak) -> dict[str, Any]:
         f"{name}_Delta": ((f"{name}_input", f"{name}_output", "complex"), parts, delta),
         **({} if found.proof is None else stored_proof(f"{name}_proof", found.proof)),
         f"{name}_complex_part": ((), found.complex_part, one),
-        **({f"{name}_period": ((), found.period, {"units": "s"})} if found.period else {}),
+        **({f"{name}_period": ((), found.dt, {"units": "s"})} if found.dt else {}),
     }
 
 
@@ -263,8 +265,8 @@ def restored_peak(data: Dataset, name: str) -> Peak | None:
         parts[..., 0] + 1j * parts[..., 1],
         proof.intervals if proof else (),
         "",
-        float(data[f"{name}_complex_part"]),
-        (angular_frequency(low, period), angular_frequency(high, period)),
-        period,
-        proof.scalings if proof else None,
+        complex_part=float(data[f"{name}_complex_part"]),
+        band=(angular_frequency(low, period), angular_frequency(high, period)),
+        dt=period,
+        scalings=proof.scalings if proof else None,
     )

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.arrays import Array, BoolArray, RealArray
+from workbench._core.arrays import Array, BoolArray, RealArray
 from workbench.certify.cover import MAXIMUM_TOLERANCE, FrequencyBounds
 from workbench.certify.interval import Multipliers
 from workbench.certify.stable_system import StableSystem

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench import figures
+from workbench._core.arrays import Array, ComplexArray, RealArray
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.certificate import Check, Checker
 from workbench.certify.agreement import need_agreement
 from workbench.certify.cover import FrequencyBounds, refined_bounds
 from workbench.certify.mu_bound import structured
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
-from workbench.heavy_types import Figure
 from workbench.input_checks import need_structure
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound
@@ -101,6 +101,7 @@ def _same_response(M: ComplexArray, claimed: ComplexArray) -> Check:
 def frequency_sweep(
     system: Any,
     structure: Structure,
+    *,
     omega: ArrayLike | None = None,
     lower: str = "power",
     executor: Executor | None = None,
@@ -173,12 +174,12 @@ def _below(
     """Lower bounds (F,) and their Deltas; a slower method searches where the fast one leaves a
     gap.
     """
-    fast = lower_bound(found.M, structure, "power")
+    fast = lower_bound(found.M, structure, method="power")
     value, Delta = fast.value, fast.Delta
     apart = value < found.upper * (1.0 - MET)
     # called even without a gap, so that the name of a method that does not exist is refused
     if method != "power":
-        searched = lower_bound(found.M[apart], structure, method)
+        searched = lower_bound(found.M[apart], structure, method=method)
         better = searched.value > value[apart]
         place = np.flatnonzero(apart)[better]
         value[place], Delta[place] = searched.value[better], searched.Delta[better]

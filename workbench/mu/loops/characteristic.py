@@ -19,7 +19,7 @@ from itertools import combinations
 
 from flint import fmpq, fmpq_mat, fmpq_poly
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.known_plants.exact_function import exact_rational
 from workbench.errors import InputError
 from workbench.mu.loops.quasi_polynomials import QuasiPolynomial

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from flint import acb, arb, ctx, fmpq_poly
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.known_plants.exact_function import ExactFunction
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.loops.characteristic import LateChannels
 from workbench.mu.loops.crossings import ROUNDINGS, Crossing, ExactLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop

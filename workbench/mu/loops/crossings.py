@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 from flint import acb, acb_mat, acb_poly, arb, ctx, fmpq, fmpq_poly, fmpz_mat
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.known_plants.exact_function import (
     ExactFunction,
     exact_rational,
     exact_square,
     products,
 )
-from workbench.heavy_types import StateSpace
 from workbench.systems.axis_poles import pole_may_be_at
 
 PRECISION = 192

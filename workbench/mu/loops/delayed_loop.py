@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from flint import acb, acb_poly, arb, ctx, fmpq, fmpq_poly
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
 from workbench.certify.known_plants.exact_function import (
     ExactFunction,
     X,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, inlined, unchecked_kernel
+from workbench._core.compiled import compiled, inlined, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL, eigenvectors
 from workbench.mu.lower.parameters import set_delta, set_gradient, set_parameters
 from workbench.mu.lower.rayleigh import KEPT, LOOP, X, Y, copy_pair, squared_size

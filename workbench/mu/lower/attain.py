@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.structure import Complex, Real, Structure
 
 REAL, SCALAR, FULL = 0, 1, 2

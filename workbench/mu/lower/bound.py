@@ -13,7 +13,7 @@ __all__ = ["LowerBound", "MuLowerBound", "lower_bound"]
 
 
 def lower_bound(
-    M: Any, structure: Structure, method: str = "best", options: Options | None = None
+    M: Any, structure: Structure, *, method: str = "best", options: Options | None = None
 ) -> LowerBound:
     """Proven lower bound of mixed mu, and a Delta of that size that makes I - M Delta singular.
 

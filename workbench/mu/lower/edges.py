@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import unchecked_kernel
+from workbench._core.compiled import unchecked_kernel
 from workbench.mu.lower.rayleigh import LOOP, X
 from workbench.mu.lower.realise import NO_BLOCK, set_block, set_loop
 

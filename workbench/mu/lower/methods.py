@@ -72,7 +72,7 @@ def proposals(
 
     A proposal may be called a bound only after the kernel has proven it.
     """
-    search = _Search(MuLowerBound(M, structure), Context(options or Options()))
+    search = _Search(MuLowerBound(M, structure), Context(options=options or Options()))
     {"power": _power_search, "best": _best_search}[method](search)
     return search.proposed()
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import unchecked_kernel
+from workbench._core.compiled import unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
 from workbench.mu.lower.rayleigh import Q, X, inner_product, squared_size
 from workbench.mu.lower.realise import set_block

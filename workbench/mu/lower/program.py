@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.answer import Answer
 from workbench.certificate import Check, these, worst
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import as_matrices
 from workbench.program import Program
 from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
@@ -116,7 +116,9 @@ class MuLowerBound(Program):
         improper, where = worst(~(np.isfinite(value) & (value >= 0)), self.place)
         found = ~(value == 0)
         where = where if improper else ""
-        checks = [Check("proper", "every value is finite and not negative", improper, 0.0, where)]
+        checks = [
+            Check("proper", "every value is finite and not negative", improper, 0.0, where=where)
+        ]
         for name, statement, measure, limit in (
             ("structure", "blocks off the structure, exactly", self._misfit, 0.0),
             (
@@ -139,7 +141,7 @@ class MuLowerBound(Program):
                 excess[at] = measure(self.M[at], Delta[at], value[at]) if finite else np.nan
             value_worst, where = worst(excess, self.place)
             proven = name == "singularity"
-            checks.append(Check(name, statement, value_worst, limit, where, proven=proven))
+            checks.append(Check(name, statement, value_worst, limit, where=where, proven=proven))
         return checks
 
     def _misfit(self, M: np.ndarray, Delta: np.ndarray, value: float) -> float:
@@ -174,7 +176,7 @@ class MuLowerBound(Program):
             distance[index] = regularity(self.M[index] @ Delta[index])
         largest, where = worst(distance, self.place)
         statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
-        return [Check("nearly singular", statement, largest, NEARLY_SINGULAR, where)]
+        return [Check("nearly singular", statement, largest, NEARLY_SINGULAR, where=where)]
 
     def metrics(self, answer: LowerBound) -> dict[str, float]:
         value = np.asarray(answer.value)

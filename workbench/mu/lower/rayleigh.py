@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import unchecked_kernel
+from workbench._core.compiled import unchecked_kernel
 
 # NumPy integers: Numba would compile a function once more for each Python integer that it is given.
 X, Y, Q = np.arange(3)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
 from workbench.mu.lower.rayleigh import (
     LOOP,

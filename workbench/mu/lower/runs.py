@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import inlined, unchecked_kernel
+from workbench._core.compiled import inlined, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
 from workbench.mu.lower.rayleigh import (
     EFFECTS,

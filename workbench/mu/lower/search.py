@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, inlined, unchecked_kernel
+from workbench._core.compiled import compiled, inlined, unchecked_kernel
 from workbench.mu.lower.ascent import climb, copy_delta, polished_perturbation
 from workbench.mu.lower.edges import (
     MOST_POINTS,

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
@@ -26,7 +26,7 @@ def _channel(loop: UncertainSystem, channel: int) -> StateSpace:
 
 def with_rise(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
     """Factor 1 + t in a channel: t times the signal is added to it."""
-    return _channel(loop, channel), Structure((*loop.structure, Real(1, "t")))
+    return _channel(loop, channel), Structure((*loop.structure, Real(1, name="t")))
 
 
 def with_fall(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
@@ -36,7 +36,9 @@ def with_fall(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structur
     B[:, -1] *= -1.0
     D[:, -1] *= -1.0
     D[-1, -1] -= 1.0
-    return realisation((one.A, B, one.C, D), one.dt), Structure((*loop.structure, Real(1, "t")))
+    return realisation((one.A, B, one.C, D), one.dt), Structure(
+        (*loop.structure, Real(1, name="t"))
+    )
 
 
 def with_phase(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
@@ -70,15 +72,15 @@ def _in_series(
     A, B, C, D = (np.kron(part, np.eye(2)) for part in (one.A, B, C, D))
     turn = np.kron(np.eye(n), np.array([[0.0, -1.0], [1.0, 0.0]]))
     C[-2 * n :], D[-2 * n :] = turn @ C[-2 * n :], turn @ D[-2 * n :]
-    structure = Structure((*(_doubled(block) for block in loop.structure), Real(2 * n, "t")))
+    structure = Structure((*(_doubled(block) for block in loop.structure), Real(2 * n, name="t")))
     return realisation((A, B, C, D), one.dt), structure
 
 
 def _doubled(block: Block) -> Block:
     """A block of the same kind for signals with two components each."""
     if isinstance(block, Full):
-        return Full(2 * block.outputs, 2 * block.inputs, block.name)
+        return Full(2 * block.outputs, 2 * block.inputs, name=block.name)
     if isinstance(block, Real):
-        return Real(2 * block.n, block.name)
+        return Real(2 * block.n, name=block.name)
     assert isinstance(block, Complex)
-    return Complex(2 * block.n, block.name)
+    return Complex(2 * block.n, name=block.name)

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.answer import Answer
-from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.crossings import ExactLoop, exact_loop

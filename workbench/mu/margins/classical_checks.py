@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, Checker
-from workbench.heavy_types import StateSpace
 from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.crossings import ExactLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
@@ -108,7 +108,7 @@ class ClassicalChecker(CrossingChecker):
         where = f"the first above {omega[missed[0]]:.6g} rad/s" if missed else ""
         statement = "number of crossings of the unit circle that are missed"
         over = f"between {omega.size} frequencies"
-        return Check("missed", statement, float(len(missed)), 0.0, where, over=over)
+        return Check("missed", statement, float(len(missed)), 0.0, where=where, over=over)
 
     def _sizes(self, omega: RealArray) -> RealArray:
         """|L| in doubles; infinite at a pole."""

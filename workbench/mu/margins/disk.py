@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
 from workbench.certify.stable_system import StableSystem, angular_frequency
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_numbers
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak
@@ -69,7 +69,7 @@ class DiskMargin(Answer):
     @property
     def gain(self) -> tuple[float, float]:
         """Least and largest real factor of the proven disk, in every channel at once."""
-        return disk_gain(self.lower, self.skew)
+        return disk_gain(self.lower, skew=self.skew)
 
     @property
     def gain_db(self) -> float:
@@ -79,7 +79,7 @@ class DiskMargin(Answer):
     @property
     def phase_deg(self) -> float:
         """Largest phase [deg] of the proven disk at gain 1, in every channel at once."""
-        return disk_phase(self.lower, self.skew)
+        return disk_phase(self.lower, skew=self.skew)
 
     def said(self) -> str:
         low, high = self.gain
@@ -130,7 +130,7 @@ class DiskChecker(PartsChecker):
                 statement,
                 distance,
                 peaks.NEARLY_SINGULAR,
-                f"at {answer.omega:.6g} rad/s",
+                where=f"at {answer.omega:.6g} rad/s",
                 over="for the worst plant",
             )
         ]
@@ -143,7 +143,7 @@ def disk_checks(answer: DiskMargin) -> list[Check]:
     return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
 
-def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
+def disk_gain(alpha: float, *, skew: float = 0.0) -> tuple[float, float]:
     """Least and largest real factor of a disk; the latter is infinite for a half plane or more."""
     need_numbers(alpha=alpha, skew=skew)
     up, down = (1.0 - skew) / 2.0, (1.0 + skew) / 2.0
@@ -154,7 +154,7 @@ def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
     return low, (1.0 + up * alpha) / room if room > 0 else math.inf
 
 
-def disk_phase(alpha: float, skew: float = 0.0) -> float:
+def disk_phase(alpha: float, *, skew: float = 0.0) -> float:
     """Largest phase [deg] of factors with gain 1 in a disk."""
     need_numbers(alpha=alpha, skew=skew)
     if math.isinf(alpha):
@@ -182,16 +182,16 @@ def disk_of(
     """
     part = returned[list(channels), list(channels)]
     shifted = part + (1.0 + skew) / 2.0 * np.eye(len(channels))
-    factors = Structure(Complex(1, name) for name in channels.values())
+    factors = Structure(Complex(1, name=name) for name in channels.values())
     uncertain = list(shifted.structure) if shifted.elements else []
     structure = Structure([*uncertain, *factors])
     N = shifted.system if uncertain else shifted.nominal
     plane, period = even_channels(N, structure)
     found: Peak | SkewedPeak
     if uncertain:
-        found = skewed_peak(plane, structure, list(range(len(uncertain))), tolerance)
+        found = skewed_peak(plane, structure, list(range(len(uncertain))), tolerance=tolerance)
     else:
-        found = peak(plane, structure, tolerance)
+        found = peak(plane, structure, tolerance=tolerance)
     lower, upper = reciprocal(found.upper), reciprocal(found.lower)
     omega = found.omega
     worst: dict[str, StateSpace] | None = None

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import Figure, StateSpace
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.mu.margins.disk import DiskMargin
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response

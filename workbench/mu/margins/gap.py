@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
-from workbench.arrays import RealArray
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
@@ -147,7 +147,7 @@ class CoprimeChecker(PartsChecker):
         ]
 
 
-def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
+def nu_gap(first: Any, second: Any, *, tolerance: float = 1e-3) -> NuGap:
     """The nu-gap of two plants, proven between grid points for their computed coprime factors.
 
     The supremum of the chordal distance is the nu-gap only if det(N2~ N1 + M2~ M1) does not wind
@@ -188,7 +188,7 @@ def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
     # N2 M1 - M2 N1, the first plant's factors from the left
     turn = np.block([[np.zeros((m, p)), np.eye(m)], [-np.eye(p), np.zeros((p, m))]])
     chord = left * realisation((G1.A, G1.B, turn @ G1.C, turn @ G1.D), 0.0)
-    found = peak(chord, Structure([Full(m, p)]), tolerance)
+    found = peak(chord, Structure([Full(m, p)]), tolerance=tolerance)
     omega = float(angular_frequency(found.omega, period))
     winding = _winds_not(G1, G2)
     lower, upper = min(found.lower, 1.0), min(found.upper, 1.0)
@@ -197,7 +197,7 @@ def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
     return NuGap(lower, upper, omega, winding).checked_by(NuGapChecker(P1, P2, period, found))
 
 
-def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> CoprimeMargin:
+def coprime_margin(plant: Any, controller: Any, *, tolerance: float = 1e-3) -> CoprimeMargin:
     """The normalised coprime margin b(P, K) of a loop u = -K y, proven between grid points.
 
     Raises
@@ -215,7 +215,7 @@ def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> Copr
     through = np.block([[np.zeros((m, m + p))], [np.zeros((p, m)), np.eye(p)]])
     signs = np.diag([-1.0] * m + [1.0] * p)
     whole = realisation((loop.A, loop.B, signs @ loop.C, signs @ loop.D + through), loop.dt or 0.0)
-    found = peak(whole, Structure([Full(m + p, m + p)]), tolerance)
+    found = peak(whole, Structure([Full(m + p, m + p)]), tolerance=tolerance)
     margin = CoprimeMargin(1.0 / found.upper, 1.0 / found.lower, found.omega)
     return margin.checked_by(CoprimeChecker(P, K, found))
 

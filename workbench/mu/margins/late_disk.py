@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker
-from workbench.arrays import Array
 from workbench.certificate import Check
-from workbench.heavy_types import StateSpace
 from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.margins.classical_checks import tried_loop
@@ -53,7 +53,7 @@ class LateDiskChecker(PartsChecker):
             distance = distance_at(system, T, answer.omega, product)
         statement = "distance from -1 of the loop with the worst factors, relative"
         where = f"at {answer.omega:.6g} rad/s"
-        return [Check("worst factors", statement, distance, peaks.NEARLY_SINGULAR, where)]
+        return [Check("worst factors", statement, distance, peaks.NEARLY_SINGULAR, where=where)]
 
 
 def late_disk(

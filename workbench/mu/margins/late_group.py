@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.margins.disk import DiskMargin, factor_of
 from workbench.mu.robust.late_margin import late_margin
 from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING
@@ -59,7 +59,7 @@ def late_group(
     factors = [DynamicElement(f"{FACTOR}{k}", 1, 1) for k in channels]
     names = shifted.value.names + tuple(one.channels[0] for one in factors)
     elements = {**shifted.elements, **{one.name: one for one in factors}}
-    margin = late_margin(UncertainSystem(LFT(shifted.value.M, names), elements, 0.0), tolerance)
+    margin = late_margin(UncertainSystem(LFT(shifted.value.M, names), elements, dt=0.0), tolerance)
     if margin.lower == 0.0:
         raise InputError(
             f"the loop in {', '.join(channels.values())} does not fall to 0 at infinite "

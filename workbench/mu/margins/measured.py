@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker
 from workbench.errors import InputError
-from workbench.heavy_types import Figure
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import (

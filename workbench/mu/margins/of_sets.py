@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer
-from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.executor import Context
 from workbench.executor.effort import tries
 from workbench.executor.live import shown_live
-from workbench.heavy_types import StateSpace
 from workbench.mu.boxes.margin import BoxMargin, LastGrowing, box_margin, proven_stable
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import even_channels
@@ -123,7 +123,7 @@ def set_margins(
         shares = _shares(time_limit, KINDS * len(channels))
 
         def next_context() -> Context:
-            return Context(Options(time_limit=next(shares)), progress, watch)
+            return Context(options=Options(time_limit=next(shares)), progress=progress, watch=watch)
 
         return {
             name: margins_of_channel(loop, k, tolerance, parts, next_context).checked_by(

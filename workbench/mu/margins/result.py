@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.answer import Answer, PartsChecker
-from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.mu.margins.classical import (
     NOT_TOLD,
     UNSTABLE,
@@ -22,7 +23,6 @@ from workbench.mu.margins.classical import (
     least_db,
 )
 from workbench.mu.margins.closed_loop import ClosedLoop
-from workbench.tables import markdown
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 if TYPE_CHECKING:  # modules with expensive margins are imported only when they are needed

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.balancing import singular
 from workbench.systems.realisation import worst_pole

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import angular_frequency
 from workbench.executor import Context

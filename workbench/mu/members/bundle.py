@@ -9,9 +9,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import as_list, need_count
 from workbench.mu.robust.margin import robust_stability
 from workbench.mu.robust.worst_case import worst_case_gain
@@ -36,7 +36,7 @@ GREY: dict[str, Any] = {"color": "0.65", "linewidth": 0.6}
 
 
 def bundle_plot(
-    system: Any, kinds: Sequence[Kind] = get_args(Kind), samples: int = 40, seed: int = 0
+    system: Any, *, kinds: Sequence[Kind] = get_args(Kind), samples: int = 40, seed: int = 0
 ) -> Figure:
     """Panels of the nominal and of random members of an uncertain system, with proven bounds.
 
@@ -75,7 +75,7 @@ def bundle_plot(
     ):
         raise InputError(f"kinds are {kinds!r}; any of {get_args(Kind)} are needed")
     need_count("samples", samples, MOST_MEMBERS)
-    members = found.sample(samples, seed)
+    members = found.sample(samples, seed=seed)
     columns = 1 if len(wanted) == 1 else 2
     rows = math.ceil(len(wanted) / columns)
     figure, panels = figures.axes(rows, columns, size=(3.8 * columns + 0.4, 3.2 * rows + 0.6))
@@ -159,7 +159,7 @@ def _poles(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -
     unit = "1" if system.dt else "rad/s"
     title = "nominal unstable"
     if worst_pole(system.nominal)[1] < 0:
-        margin = robust_stability(system, MARGIN_TOLERANCE)
+        margin = robust_stability(system, tolerance=MARGIN_TOLERANCE)
         title = f"proven stable to {margin.lower:.3g} x size"
     figures.label(panel, f"real part [{unit}]", f"imaginary part [{unit}]", title)
 

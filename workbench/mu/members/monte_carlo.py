@@ -17,10 +17,10 @@ import numpy as np
 from scipy import stats
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, WorkbenchError
 from workbench.executor import InProcess, spread
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import is_real, need_count, need_whole
 from workbench.mu.robust.worst_case import worst_case_gain
 from workbench.systems.realisation import worst_pole
@@ -48,7 +48,7 @@ class MonteCarlo:
     >>> from workbench.uncertainty import feedback, real, tf
     >>> k = real("k", 10, percent=40)
     >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
-    >>> found = monte_carlo(closed, lambda member: float(member.dcgain()), count=20)
+    >>> found = monte_carlo(closed, quantity=lambda member: float(member.dcgain()), count=20)
     >>> found.confidence, bool(found.values.max() < 0.8)
     (0.95, True)
     """
@@ -117,10 +117,10 @@ class MonteCarlo:
 
 def monte_carlo(
     system: Any,
+    *,
     quantity: Callable[[StateSpace], float] | None = None,
     count: int = 1000,
     seed: int = 0,
-    *,
     confidence: float = 0.95,
     executor: Executor | None = None,
 ) -> MonteCarlo:
@@ -185,7 +185,7 @@ def largest_gain(member: StateSpace) -> float:
 def _value(
     system: UncertainSystem, quantity: Callable[[StateSpace], float], seed: int, number: int
 ) -> float:
-    (member,) = system.sample(1, (seed, number))
+    (member,) = system.sample(1, seed=(seed, number))
     try:
         found = quantity(member)
     except WorkbenchError:

@@ -80,7 +80,7 @@ def branch_and_bound(
     M: Any,
     structure: Structure,
     *,
-    gap: float = 0.05,
+    tolerance: float = 1e-3,
     nodes: int = 2000,
     upper: Upper | None = None,
     options: Options | None = None,
@@ -96,7 +96,7 @@ def branch_and_bound(
         Complex or real (columns, rows), finite.
     structure
         The blocks of Delta.
-    gap
+    tolerance
         Wanted upper / lower - 1.
     nodes
         Largest number of parts whose bounds may be computed.
@@ -106,7 +106,7 @@ def branch_and_bound(
     Raises
     ------
     InputError
-        M is not one finite matrix that fits the structure, or gap or nodes is not positive.
+        M is not one finite matrix that fits the structure, or tolerance or nodes is not positive.
     ContradictionError
         The lower bound is above the upper one.
 
@@ -117,28 +117,36 @@ def branch_and_bound(
     >>> from workbench.structure import Complex, Real, Structure
     >>> structure = Structure([Real(1), Complex(1)])
     >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
-    >>> found = branch_and_bound(M, structure, gap=0.01)
+    >>> found = branch_and_bound(M, structure, tolerance=0.01)
     >>> bool(found.lower <= found.upper <= 1.02 * found.lower)
     True
     """
     M = as_matrices(M, structure)
     if M.ndim != 2:
         raise InputError(f"one matrix (columns, rows) is needed, M has shape {M.shape}")
-    if not (isinstance(gap, Number) and 0.0 < gap < np.inf):
-        raise InputError(f"gap is {gap!r}; it must be a number, positive and finite")
+    if not (isinstance(tolerance, Number) and 0.0 < tolerance < np.inf):
+        raise InputError(f"tolerance is {tolerance!r}; it must be a number, positive and finite")
     need_count("nodes", nodes)
     search = _Search(M, structure, upper or upper_bound, nodes, options)
     if any(isinstance(block, Real) for block in structure):
-        while search.upper > (1 + gap) * search.lower and search.nodes < nodes:
+        while search.upper > (1 + tolerance) * search.lower and search.nodes < nodes:
             # Try coarse levels first, so that there is a result if the budget ends. The last level
             # lies a little below the wanted gap, so that rounding errors do not exceed it.
-            level = max((1 + 0.999 * gap) * search.lower, np.sqrt(search.lower * search.upper))
+            level = max(
+                (1 + 0.999 * tolerance) * search.lower, np.sqrt(search.lower * search.upper)
+            )
             level = level or 0.5 * search.upper
             if not search.lower < level < search.upper or not search.decide(level):
                 break
     need_agreement(search.lower, search.upper, upper_claim=PARTS_EXCLUDED)
     again = partial(
-        branch_and_bound, M, structure, gap=gap, nodes=nodes, upper=upper, options=options
+        branch_and_bound,
+        M,
+        structure,
+        tolerance=tolerance,
+        nodes=nodes,
+        upper=upper,
+        options=options,
     )
     found = MuBounds(search.lower, search.upper, search.Delta, search.nodes)
     return found.checked_by(MatrixChecker(again, "for this one matrix", M, structure))

@@ -12,17 +12,17 @@ Robust and Fault Tolerant Control of CD-players (2003), section 6.2):
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker
-from workbench.arrays import Array
 from workbench.certificate import Check
 from workbench.certify.agreement import SINGULAR_PROVEN, need_agreement
 from workbench.certify.stability import stability_of
-from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak import INTERVALS_COVER, peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.margin_bounds import reciprocal
@@ -79,6 +79,7 @@ class Conditions(Answer):
     nominal_performance: Peak | None
     robust_stability: Peak | None
     robust_performance: Peak | None
+    _: KW_ONLY
     dt: float = 0.0
 
     @property
@@ -158,7 +159,7 @@ class ConditionsChecker(PartsChecker):
 
 def conditions(
     plant: GeneralisedPlant,
-    K: Any,
+    controller: Any,
     *,
     performance: Signals = None,
     exogenous: Signals = None,
@@ -169,7 +170,7 @@ def conditions(
 
     Parameters
     ----------
-    K
+    controller
         StateSpace or TransferFunction.
     performance, exogenous
         The performance channel, as in `GeneralisedPlant.channel`; a single w_p -> z_p gives a
@@ -217,20 +218,22 @@ def conditions(
     """
 
     need_plant(plant)
-    chosen = plant.channel(performance, exogenous)
-    N = chosen.close(K)
+    chosen = plant.channel(performance=performance, exogenous=exogenous)
+    N = chosen.close(controller)
     poles = N.poles()
     dt = float(N.dt or 0.0)
     out = np.abs(poles) - 1.0 if dt else poles.real
     pole = complex(poles[np.argmax(out)]) if len(poles) else None
     if pole is not None and out.max() >= 0:
-        return Conditions(pole, None, None, None, dt).checked_by(ConditionsChecker(N))
+        return Conditions(pole, None, None, None, dt=dt).checked_by(ConditionsChecker(N))
 
     structure = plant.structure
     found: dict[str, Peak | None] = dict.fromkeys(CONDITIONS)
-    for name, (part, blocks) in condition_systems(chosen, K).items():
+    for name, (part, blocks) in condition_systems(chosen, controller).items():
         real = name == "robust_stability" and all(isinstance(one, Real) for one in blocks)
-        found[name] = peak(part, blocks, tolerance, complex_part=complex_part if real else 0.0)
+        found[name] = peak(
+            part, blocks, tolerance=tolerance, complex_part=complex_part if real else 0.0
+        )
     nominal, stability, robust = (found[name] for name in CONDITIONS)
     if robust is not None and structure is not None:
         # Both are peaks over smaller sets of perturbations: one of the two blocks is 0.
@@ -246,7 +249,7 @@ def conditions(
                 )
     elif structure is None:
         robust = nominal
-    return Conditions(pole, nominal, stability, robust, dt).checked_by(ConditionsChecker(N))
+    return Conditions(pole, nominal, stability, robust, dt=dt).checked_by(ConditionsChecker(N))
 
 
 def condition_systems(
@@ -291,7 +294,10 @@ def condition_systems(
     performs = min(len(z), len(w)) > 0
     found = {}
     if performs:
-        found["nominal_performance"] = part(z, w), Structure([Full(len(w), len(z), "performance")])
+        found["nominal_performance"] = (
+            part(z, w),
+            Structure([Full(len(w), len(z), name="performance")]),
+        )
     if structure is not None:
         found["robust_stability"] = part(y, u), structure
         if performs:

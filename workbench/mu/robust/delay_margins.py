@@ -52,7 +52,7 @@ def delay_is_borne(found: UncertainSystem, name: str, high: float) -> bool:
     """
     if len(found.elements) == 1 and (first := _first_on_axis(found, name)) is not None:
         return high < first or math.isinf(first)
-    return peak(*_with_delays_up_to(found, name, high), PROOF_TOLERANCE).upper < 1.0
+    return peak(*_with_delays_up_to(found, name, high), tolerance=PROOF_TOLERANCE).upper < 1.0
 
 
 def delay_is_lost(found: UncertainSystem, name: str, tau: float) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.certify.balls import in_plane
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response
 from workbench.certify.stable_system import StableSystem

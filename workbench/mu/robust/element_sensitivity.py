@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.answer import Answer, PartsChecker
-from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
@@ -94,7 +94,7 @@ class SensitivityChecker(PartsChecker):
 
 
 def margin_sensitivity(
-    system: Any, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-4
+    system: Any, *, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-3
 ) -> MarginSensitivity:
     """Bounds, by name, of how much each element contributes: 0 for nothing, 1 for everything.
 
@@ -135,8 +135,8 @@ def margin_sensitivity(
 
     def margin(one: Any) -> Margin:
         if gain is None:
-            return robust_stability(one, tolerance)
-        return robust_performance(one, gain, tolerance)
+            return robust_stability(one, tolerance=tolerance)
+        return robust_performance(one, gain=gain, tolerance=tolerance)
 
     known = uncertain(system, "system")
     own = margin(known)

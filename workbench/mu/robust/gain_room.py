@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from numbers import Real as Number
 from typing import Any
 
+from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer, restored_numbers, stored_numbers
 from workbench.certificate import Check, Checker
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak_bounds import (
     Peak,
@@ -86,7 +86,7 @@ class GainRoom(Answer):
 
 
 def gain_room(
-    plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3, most: float = 100.0
+    plant: GeneralisedPlant, controller: Any, *, tolerance: float = 1e-3, most: float = 100.0
 ) -> GainRoom | None:
     """Factors of a controller's gain at which the peak of mu is proven below 1, by bisection.
 
@@ -94,7 +94,7 @@ def gain_room(
     ----------
     plant
         With performance outputs and exogenous inputs, as of `performance_peak`.
-    K
+    controller
         StateSpace or TransferFunction, from the plant's measurements to its controls.
     tolerance
         Relative distance between a factor that keeps robust performance and one that does not.
@@ -140,13 +140,13 @@ def gain_room(
     need_tolerance(tolerance)
     if not (isinstance(most, Number) and most > FIRST_STEP):
         raise InputError(f"most is {most!r}; it must be a number above {FIRST_STEP}")
-    tried = _Tried(plant, K)
+    tried = _Tried(plant, controller)
     if tried.kept(1.0) is not True:
         return None
     high, above = tried.edge(tolerance, float(most), 1.0)
     low, below = tried.edge(tolerance, float(most), -1.0)
     peaks = (tried.peaks.get(factor) for factor in (below, low, high, above))
-    return GainRoom(below, low, high, above, *peaks).checked_by(RoomChecker(plant, K))
+    return GainRoom(below, low, high, above, *peaks).checked_by(RoomChecker(plant, controller))
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +243,7 @@ class _Tried:
 
     def kept(self, factor: float) -> bool | None:
         """Whether the peak is proven below 1; None where it is undecided."""
-        peak = performance_peak(self.plant, factor * self.K, PEAK_TOLERANCE)
+        peak = performance_peak(self.plant, factor * self.K, tolerance=PEAK_TOLERANCE)
         self.peaks[factor] = peak
         if peak is None or peak.lower > 1.0:
             return False

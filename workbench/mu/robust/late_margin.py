@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
-from workbench.arrays import Array, RealArray
 from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.boxes.partition import corner_signs
 from workbench.mu.frequency.channels import analysed, even_channels
 from workbench.mu.lower.bound import lower_bound
@@ -163,7 +163,7 @@ class LateStabilityChecker(PartsChecker):
             distance = peaks.regularity(M @ np.asarray(self.attained.Delta))
             statement = "smallest singular value of the loop at that frequency, relative"
             where = f"at {answer.omega:.6g} rad/s"
-            found.append(Check("worst", statement, distance, peaks.NEARLY_SINGULAR, where))
+            found.append(Check("worst", statement, distance, peaks.NEARLY_SINGULAR, where=where))
         return found
 
 
@@ -182,7 +182,7 @@ def late_margin(given: UncertainSystem, tolerance: float) -> StabilityMargin:
         late = LateSystem(given, analysed(without_dead_time(given, order=order)), order)
         structure = late.cover.structure
         stable = even_channels(late.cover.system, structure)[0]
-        proof = skewed_peak(stable, structure, late.fixed, tolerance)
+        proof = skewed_peak(stable, structure, late.fixed, tolerance=tolerance)
         if best is None or proof.upper < best[1].upper:
             best = late, proof
         attained = _largest_lower_bound(late, proof.omega)

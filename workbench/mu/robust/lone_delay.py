@@ -14,8 +14,8 @@ from fractions import Fraction
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.loops.crossings import exact_loop
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.systems.realisation import realisation

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
@@ -58,8 +58,8 @@ MOST_GROWTH = 1e6
 
 def robust_stability(
     system: Any,
-    tolerance: float = 1e-4,
     *,
+    tolerance: float = 1e-3,
     decay: float = 0.0,
     damping: float = 0.0,
     parts: int = PARTS,
@@ -116,9 +116,9 @@ def robust_stability(
     idle = tuple(name for name in whole.elements if name not in given.elements)
     if not given.elements:
         unlimited = StabilityMargin(
-            math.inf, math.inf, math.nan, None, None, 0, whole.dt or 0.0, idle=idle
+            math.inf, math.inf, math.nan, None, None, parts=0, dt=whole.dt or 0.0, idle=idle
         )
-        again = partial(robust_stability, whole)
+        again = partial(robust_stability, whole, tolerance=1e-4)
         return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", whole))
     if not (idle or all(isinstance(block, Real) for block in given.structure)):
         given = whole
@@ -126,7 +126,7 @@ def robust_stability(
     if damping:
         asked.append(with_damping(given, damping))
     with shown_live("robust stability") as (progress, watch):
-        context = Context(Options(time_limit=time_limit), progress, watch)
+        context = Context(options=Options(time_limit=time_limit), progress=progress, watch=watch)
         margins = [_margin(one, tolerance, parts, context) for one in asked]
     first = min(margins, key=lambda one: one.upper)
     found = replace(
@@ -140,7 +140,7 @@ def robust_stability(
     if all(isinstance(block, Real) for block in given.structure):
         again = partial(_proven_again, tuple(asked), found)
     else:
-        again = partial(robust_stability, given, tolerance, decay=decay, damping=damping)
+        again = partial(robust_stability, given, tolerance=tolerance, decay=decay, damping=damping)
     return found.checked_by(StabilityChecker(tuple(asked), again))
 
 
@@ -152,7 +152,7 @@ def _margin(
     if all(isinstance(block, Real) for block in structure):
         return _margin_of_parameters(found, tolerance, parts, context)
     N, period = even_channels(found.system, structure)
-    bounds = peak(N, structure, tolerance)
+    bounds = peak(N, structure, tolerance=tolerance)
     lower = 1 / bounds.upper if bounds.upper > 0 else math.inf
     omega = angular_frequency(bounds.omega, period)
     if not bounds.lower > 0:
@@ -182,13 +182,13 @@ def _margin_of_parameters(
     box = box_margin(given, Growing(len(given.places)), tolerance, parts, context=context)
     best = None if box.values is None else _singular(given, given.perturbation(box.values))
     if best is None:
-        return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
+        return StabilityMargin(box.lower, math.inf, math.nan, None, None, parts=box.parts)
     need_agreement(best.value, 1 / box.lower if box.lower > 0 else math.inf, upper_claim=EXCLUDED)
     worst = values_of(
         found.elements.values(), found.structure, control.ss([], [], [], best.Delta.real)
     )
     omega = angular_frequency(best.omega, period)
-    return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, box.parts)
+    return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, parts=box.parts)
 
 
 def _singular(given: RealParameters, Delta: RealArray) -> Attained | None:
@@ -218,7 +218,7 @@ def _proven_again(asked: tuple[UncertainSystem, ...], found: StabilityMargin) ->
 
 
 def robust_performance(
-    system: Any, gain: float = 1.0, tolerance: float = 1e-3
+    system: Any, *, gain: float = 1.0, tolerance: float = 1e-3
 ) -> PerformanceMargin:
     """Certified factor by which all uncertainty may grow before the largest gain exceeds a level.
 
@@ -265,7 +265,7 @@ def robust_performance(
     def bounded(t: float) -> Peak:
         scale = np.ones(outputs.size)
         scale[: structure.columns], scale[structure.columns :] = t, 1 / gain
-        return peak(whole.channels(outputs, inputs, scale), closed, tolerance / 4)
+        return peak(whole.channels(outputs, inputs, scale), closed, tolerance=tolerance / 4)
 
     low, high, omega = 0.0, math.inf, math.nan
     proven: dict[float, Peak] = {}

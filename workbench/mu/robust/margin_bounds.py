@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer, PartsChecker, RepeatedChecker, no_better
 from workbench.certificate import EVERY_FREQUENCY, Check
-from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_is_borne, delay_is_lost
 from workbench.second_opinion import peaks
@@ -61,6 +61,7 @@ class StabilityMargin(Answer):
     omega: float
     worst: Mapping[str, Any] | None
     peak: Peak | None
+    _: KW_ONLY
     parts: int = 0
     dt: float = 0.0
     delays: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)

@@ -14,7 +14,9 @@ from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 
-def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -> Peak | None:
+def performance_peak(
+    plant: GeneralisedPlant, controller: Any, *, tolerance: float = 1e-3
+) -> Peak | None:
     """The certified supremum of mu of robust performance; None for an unstable nominal loop.
 
     `conditions` computes the other three conditions too. For a part of the performance channels
@@ -25,7 +27,7 @@ def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -
     plant
         A `GeneralisedPlant` with performance outputs and exogenous inputs, closed by a full block.
         Without a perturbation the peak is that of the largest singular value.
-    K
+    controller
         StateSpace or TransferFunction, from the plant's measurements to its controls.
     tolerance
         Relative width of the interval that certifies the peak, as of `peak`.
@@ -63,13 +65,13 @@ def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -
     True
     """
     need_plant(plant)
-    loop = plant.close(K)
+    loop = plant.close(controller)
     if not stability_of(loop).holds:
         return None
-    return peak(loop, plant.performance_structure, tolerance)
+    return peak(loop, plant.performance_structure, tolerance=tolerance)
 
 
-def performance_sweep(plant: GeneralisedPlant, K: Any, omega: ArrayLike) -> Sweep:
+def performance_sweep(plant: GeneralisedPlant, controller: Any, omega: ArrayLike) -> Sweep:
     """Bounds of mu of robust performance at frequencies `omega` [rad/s] (F,).
 
     The bounds mean nothing if the nominal loop is unstable: call `performance_peak` first.
@@ -102,4 +104,4 @@ def performance_sweep(plant: GeneralisedPlant, K: Any, omega: ArrayLike) -> Swee
     (3,)
     """
     need_plant(plant)
-    return frequency_sweep(plant.close(K), plant.performance_structure, omega)
+    return frequency_sweep(plant.close(controller), plant.performance_structure, omega=omega)

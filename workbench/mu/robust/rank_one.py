@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError, UnknownNameError
 from workbench.geometry import Stadium
 from workbench.input_checks import as_array
@@ -81,7 +81,12 @@ class RankOneLoop:
 
     @classmethod
     def of(
-        cls, plant: GeneralisedPlant, K: Any, performance: str, exogenous: str, omega: ArrayLike
+        cls,
+        plant: GeneralisedPlant,
+        controller: Any,
+        performance: str,
+        exogenous: str,
+        omega: ArrayLike,
     ) -> RankOneLoop:
         """One channel of a plant closed by a controller, at frequencies `omega` [rad/s] (F,).
 
@@ -89,7 +94,7 @@ class RankOneLoop:
         ----------
         plant
             A plant whose perturbation is one complex scalar, multiplicative with weight 1.
-        K
+        controller
             StateSpace or TransferFunction, from the plant's measurements to its controls.
         performance, exogenous
             Names of z and w.
@@ -103,7 +108,7 @@ class RankOneLoop:
         need_plant(plant)
         if plant.structure is None or plant.structure.to_pairs() != [(1, 0)]:
             raise InputError("the perturbation must be one complex scalar, of a weight 1")
-        N = plant.close(K)
+        N = plant.close(controller)
         names = {"performance output": N.output_labels, "exogenous input": N.input_labels}
         for (kind, labels), name in zip(names.items(), (performance, exogenous), strict=True):
             if name not in labels:

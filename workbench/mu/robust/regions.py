@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import is_real
 from workbench.uncertainty.algebra.delays import DelayElement

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.input_checks import as_matrices
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure

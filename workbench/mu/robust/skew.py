@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.arrays import Array, RealArray
 from workbench.answer import Answer
-from workbench.arrays import Array, RealArray
 from workbench.certificate import Check, Checker, excess, these
 from workbench.certify.agreement import need_agreement
 from workbench.certify.singularity import said

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from flint import arb, ctx
 
+from workbench._core.arrays import EPS, Array, BoolArray
+from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer
-from workbench.arrays import EPS, Array, BoolArray
 from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess, quantified
 from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS
@@ -19,7 +20,6 @@ from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
 from workbench.certify.skewed import proven_skew_of, without_effect
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
-from workbench.heavy_types import Dataset
 from workbench.mu.frequency.peak_bounds import REPROVEN_LOWER, realised_in_doubles
 from workbench.second_opinion import peaks
 from workbench.structure import Structure
@@ -62,6 +62,7 @@ class SkewedPeak(Answer):
     omega: float
     Delta: Array
     message: str
+    _: KW_ONLY
     level: float = 0.0
     proof: PeakProof | None = None
 
@@ -231,7 +232,7 @@ def bound_checks(
             "whether the multipliers leave it unproven",
             float(bool(fault)),
             0.0,
-            fault,
+            where=fault,
             proven=True,
         ),
         Check(
@@ -341,6 +342,6 @@ def restored_worst_case(data: Dataset, name: str) -> WorstCaseGain:
         float(data[f"{name}_omega"]),
         parts[..., 0] + 1j * parts[..., 1],
         "",
-        float(data[f"{name}_level"]),
-        proof,
+        level=float(data[f"{name}_level"]),
+        proof=proof,
     )

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from flint import ctx
 
-from workbench.arrays import Array, BoolArray, RealArray
+from workbench._core.arrays import Array, BoolArray, RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS
@@ -59,6 +59,7 @@ def skewed_peak(
     system: Any,
     structure: Structure,
     fixed: Sequence[str | int] | str | int,
+    *,
     tolerance: float = 1e-3,
 ) -> SkewedPeak:
     """Certified bounds of the supremum of the skewed mu over all frequencies.
@@ -104,7 +105,7 @@ def skewed_peak(
     lower, omega, Delta = search.attained()
     need_agreement(lower, upper, "the peak of the skewed mu")
     omega = float(stable.angular(omega))
-    found = SkewedPeak(lower, upper, omega, Delta, message, level, proof)
+    found = SkewedPeak(lower, upper, omega, Delta, message, level=level, proof=proof)
     return found.checked_by(SkewedPeakChecker(system, structure, varies))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.structure import Full, Real, Structure
 from workbench.systems.hidden_states import without_hidden_states
 from workbench.uncertainty.algebra.elements import Element

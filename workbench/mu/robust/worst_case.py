@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import in_plane
 from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_structure, need_tolerance
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.robust.skewed_bounds import (
@@ -40,7 +40,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 def worst_case_gain(
-    system: Any, structure: Structure | None = None, tolerance: float = 1e-2
+    system: Any, structure: Structure | None = None, *, tolerance: float = 1e-3
 ) -> WorstCaseGain:
     """Certified bounds of the worst-case gain of an uncertain system.
 
@@ -106,7 +106,7 @@ def worst_case_gain(
         "ball arithmetic proves that a perturbation of size 1 has this gain",
         "multipliers prove it on intervals that cover all frequencies",
     )
-    found = WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
+    found = WorstCaseGain(lower, upper, omega, Delta, message, level=level, proof=proof)
     return found.checked_by(WorstCaseChecker(system, structure, dt=period))
 
 

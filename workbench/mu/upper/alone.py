@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.structure import Full, Real, Structure
 
 REAL_SHARE = 1e-10

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.linear_algebra import inner
 from workbench.mu.upper.pattern import Pattern
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.mu.upper.fast import batch_bounds, pattern_of_structure
@@ -62,7 +62,7 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     count, c, r = batch.shape
     shapes = (count, c, c), (count, r, r), (count, r, c)
     answer = UpperBound(np.empty(count), *(np.empty(shape, complex) for shape in shapes))
-    context, low = Context(Options()), level * (1 - LEVEL_MARGIN)
+    context, low = Context(options=Options()), level * (1 - LEVEL_MARGIN)
     left = np.arange(count)
     for round_ in range(NEIGHBOUR_ROUNDS + 1):
         apart = NEIGHBOURS if round_ < NEIGHBOUR_ROUNDS and len(left) > NEIGHBOURS else 1

@@ -28,6 +28,7 @@ __all__ = [
 def upper_bound(
     M: Any,
     structure: Structure,
+    *,
     method: str = "fast",
     options: Options | None = None,
     executor: Executor | None = None,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context
 from workbench.mu.upper.balance import balanced_batch

@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.mu.upper.multipliers import path_multipliers
 from workbench.mu.upper.pattern import expanded_multipliers, pattern_of

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.errors import InputError
 from workbench.input_checks import as_matrices
 from workbench.mu.upper.pattern import basis, expanded_multipliers, pattern_of

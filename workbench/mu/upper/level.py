@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import EPS
-from workbench.compiled import unchecked, unchecked_kernel
+from workbench._core.arrays import EPS
+from workbench._core.compiled import unchecked, unchecked_kernel
 from workbench.mu.upper.balance import power_of_two
 from workbench.mu.upper.linear_algebra import factor, inner, inverse_from_factor
 from workbench.mu.upper.newton import square

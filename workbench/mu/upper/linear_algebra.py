@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.compiled import compiled, unchecked_kernel
 
 UNSEEN_PIVOT = 1e100
 """Pivot used for an unknown without influence on H; its step then becomes zero."""

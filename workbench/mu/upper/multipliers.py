@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.certify.mu_bound import said_bound
 from workbench.mu.upper.alone import closed_form, is_alone
 from workbench.mu.upper.balance import balanced_batch

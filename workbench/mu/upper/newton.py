@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.linear_algebra import factor, make_hermitian, multiply, multiply_adjoint
 from workbench.mu.upper.pattern import IM, RE, Pattern
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.certificate import Check
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
@@ -83,7 +83,7 @@ def opinion(
             "largest bound by a perturbation proven singular over the upper bound, less 1",
             proven,
             0.0,
-            where,
+            where=where,
             proven=True,
         ),
         Check(

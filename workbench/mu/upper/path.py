@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import unchecked, unchecked_kernel
+from workbench._core.compiled import unchecked, unchecked_kernel
 from workbench.mu.upper.linear_algebra import (
     copy,
     factor,

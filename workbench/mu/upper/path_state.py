@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.mu.upper.newton import square
 from workbench.mu.upper.pattern import Pattern
 

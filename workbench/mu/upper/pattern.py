@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
-from workbench.compiled import compiled, unchecked_kernel
+from workbench._core.arrays import ComplexArray
+from workbench._core.compiled import compiled, unchecked_kernel
 from workbench.structure import Full, Real, Structure
 
 DIAGONAL, RE, IM = 0, 1, 2

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import figures
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.answer import Answer
-from workbench.arrays import ComplexArray
 from workbench.certificate import Check, these, worst
 from workbench.certify.mu_bound import (
     SAID_ALLOWANCES,
@@ -21,7 +22,6 @@ from workbench.certify.mu_bound import (
     structured_bound,
 )
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import need_structure
 from workbench.mu.upper.opinion import opinion, witnesses
 from workbench.program import Program
@@ -46,7 +46,7 @@ class UpperBound(Answer):
     D_left: ComplexArray
     D_right: ComplexArray
     G: ComplexArray
-    Delta: ComplexArray | None = None
+    Delta: ComplexArray | None = field(default=None, kw_only=True)
 
     def reshaped(self, batch: tuple[int, ...]) -> UpperBound:
         """The bounds of a batch with one axis, reshaped to this shape."""
@@ -93,7 +93,7 @@ class MuUpperBound(Program):
     >>> from workbench.structure import Complex, Real, Structure
     >>> structure = Structure([Real(1), Complex(1)])
     >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
-    >>> solution = wb.solve(MuUpperBound(M, structure), "fast")
+    >>> solution = wb.solve(MuUpperBound(M, structure), method="fast")
     >>> solution.certificate.valid
     True
     """
@@ -169,13 +169,15 @@ class MuUpperBound(Program):
         short = np.where(proved <= value, 0.0, (proved - value) / np.where(value > 0, value, 1.0))
         excess, at = worst(short, self.place)
         found = [
-            Check("structure", "D and G are off their structure by, relative", off, 1e-12, where),
+            Check(
+                "structure", "D and G are off their structure by, relative", off, 1e-12, where=where
+            ),
             Check(
                 "bound",
                 "what D > 0 and G prove, rounding included, exceeds the bound by, relative",
                 excess,
                 0.0,
-                at,
+                where=at,
                 proven=True,
             ),
         ]

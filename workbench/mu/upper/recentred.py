@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.certify.mu_bound import certified_bound, said_bound
 from workbench.mu.upper.balance import balanced_batch
 from workbench.mu.upper.path import follow

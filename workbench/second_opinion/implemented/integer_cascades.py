@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import Check, excess
 from workbench.executor.effort import tries
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, excess
 from workbench.executor.effort import tries
 from workbench.second_opinion.responses import plain_response
@@ -63,7 +63,7 @@ def sampled_plants(
         "mu by deltas that are tried over the bound, less 1",
         excess(float(m[worst]), claimed),
         ROUNDING,
-        f"at {omega[worst[1]] / (2 * np.pi):.6g} Hz",
+        where=f"at {omega[worst[1]] / (2 * np.pi):.6g} Hz",
         over=f"at {omega.size} frequencies, for {TRIED_REALS.size} real deltas",
     )
 
@@ -80,7 +80,7 @@ def sampled_sensitivity(G: Any, K: Any, sign: int, claimed: float) -> Check:
         "largest gain over the claimed peak, less 1",
         excess(float(size[worst]), claimed),
         ROUNDING,
-        f"at {omega[worst]:.6g} rad/s",
+        where=f"at {omega[worst]:.6g} rad/s",
         over=f"at {omega.size} frequencies",
     )
 

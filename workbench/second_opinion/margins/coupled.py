@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.second_opinion.margins.dead_times import DECADES, POINTS, turns_right
 
 REFINEMENTS = 4

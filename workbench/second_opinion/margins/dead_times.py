@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 
 POINTS = 2000
 """Number of frequencies of the first grid, on a logarithmic scale."""

@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Check
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.solution import solve
 from workbench.solvers import Options
@@ -142,7 +142,11 @@ class BandwidthLimits(Study):
     frequency = dim(lambda self: self._bandwidths() / (2 * np.pi), unit="Hz", meaning="bandwidth")
     limit_of = dim(lambda self: list(self._without_each_limit()), meaning="what is left out")
 
-    @array((structure, frequency), "1", "certified peak of mu; NaN where none was made")
+    @array(
+        dims=(structure, frequency),
+        unit="1",
+        meaning="certified peak of mu; NaN where none was made",
+    )
     def peak(self, made: Any) -> RealArray:
         every = [
             [made.get((name, k), (np.nan,))[0] for k in range(len(STEPS))] for name in self.tasks
@@ -157,13 +161,15 @@ class BandwidthLimits(Study):
             if k is not None
         }
 
-    @array((limit_of,), "1", "largest bandwidth without it over that with all")
+    @array(dims=(limit_of,), unit="1", meaning="largest bandwidth without it over that with all")
     def growth(self, possible: DataArray) -> RealArray:
         without = [one().largest() for one in self._without_each_limit().values()]
         most = float(possible) * 2 * np.pi
         return np.array(without) / most if most else np.full(len(without), np.nan)
 
-    @array((), "Hz", "bandwidth that no controller can exceed, whatever its order")
+    @array(
+        dims=(), unit="Hz", meaning="bandwidth that no controller can exceed, whatever its order"
+    )
     def possible(self) -> float:
         return self._with_all_limits().largest() / (2 * np.pi)
 

@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.demands.conflict_proof import conflict_proof
 from workbench.synthesis.demands.demands import SLOW, Demands, DemandWeight, rational_of
 from workbench.synthesis.demands.nominal_reach import Reach, nominal_reach

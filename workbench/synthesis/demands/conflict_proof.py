@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
@@ -160,7 +160,7 @@ def summed_excess(proof: DualCertificate, loop: DemandedLoop) -> float:
     """Approximation of `DualCertificate.excess` by a sum over frequencies, for the lenses
     themselves.
     """
-    omega = 2 * np.pi * np.geomspace(*proof.basis.band, POINTS)
+    omega = 2 * np.pi * np.geomspace(*proof.basis.band_hz, POINTS)
     h = proof.h(omega)
     of_S, of_T = np.full(omega.size, LEAST_SIZE), np.full(omega.size, LEAST_SIZE)
     for one in loop.more:

@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import need_kind
 from workbench.study import Study, array, check, dim, figure, metric, part, system, table
 from workbench.synthesis.demands.conflict import Conflict, NominalDemands, find_conflict
@@ -101,15 +101,15 @@ class DemandConflict(Study):
     demand = dim(lambda self: list(self.demands.asked), meaning="demand")
     left_out = dim(lambda conflict: list(conflict.controllers), meaning="demand that is left out")
 
-    @array(demand, "", "number that is demanded")
+    @array(dims=demand, unit="", meaning="number that is demanded")
     def given(self) -> list[float]:
         return [float(getattr(self.demands, name)) for name in self.demands.asked]
 
-    @array(demand, "1", "whether it is one of those that conflict")
+    @array(dims=demand, unit="1", meaning="whether it is one of those that conflict")
     def member(self, conflict: Conflict) -> list[int]:
         return [int(name in conflict.names) for name in self.demands.asked]
 
-    @array(demand, "", "number with which the rest of the conflict can be had")
+    @array(dims=demand, unit="", meaning="number with which the rest of the conflict can be had")
     def would_do(self, conflict: Conflict) -> list[float]:
         def loosened(name: str) -> float:
             factor = conflict.factors.get(name, np.nan)
@@ -123,11 +123,19 @@ class DemandConflict(Study):
     def controller(self, conflict: Conflict) -> Mapping[str, Any]:
         return conflict.controllers
 
-    @array(("coefficient",), "1", "coefficients of h, whose integral proves the conflict")
+    @array(
+        dims=("coefficient",),
+        unit="1",
+        meaning="coefficients of h, whose integral proves the conflict",
+    )
     def proof(self, conflict: Conflict) -> RealArray:
         return np.empty(0) if conflict.proof is None else conflict.proof.coefficients
 
-    @array((), "1", "largest level that is proven: one weight exceeds it with every controller")
+    @array(
+        dims=(),
+        unit="1",
+        meaning="largest level that is proven: one weight exceeds it with every controller",
+    )
     def level(self, conflict: Conflict) -> float:
         return np.nan if conflict.proof is None else conflict.proof.level
 
@@ -153,8 +161,8 @@ class DemandConflict(Study):
         return found
 
     @check(
-        "conflict", "upper bound of the integral of the proof, over that of |h|", at_most=0.0,
-        over="for every frequency and every controller",
+        title="conflict", statement="upper bound of the integral of the proof, over that of |h|",
+        at_most=0.0, over="for every frequency and every controller",
     )  # fmt: skip
     def proven(self, proof: DataArray, level: DataArray, member: DataArray) -> float | None:
         found = self._certificate(proof, level, member)

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import WorkbenchError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.demands.demands import DemandWeight
 from workbench.synthesis.demands.weighted_loop import weighted_loop
 from workbench.synthesis.h_infinity.riccati import central

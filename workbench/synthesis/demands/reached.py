@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.demands.demands import PEAK_SENSITIVITY, RECOVERED, SETTLED, Demands
 from workbench.systems.generalised_plant import response
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_kind, need_positive
 from workbench.synthesis.demands.demands import Demands, DemandWeight, rational_of, strictest
 from workbench.systems.connection import generalised_plant

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.synthesis.families.entries import EntryFamilies, EntryPlace
 from workbench.synthesis.families.family import Family, need_family, need_size

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.synthesis.families.integral_action import without_integrators
 
@@ -76,7 +76,7 @@ class Shippable:
             own = stability_of(without_integrators(K) if self.integral else K)
             found.append(
                 Check(
-                    "controller stable", statement, own.value, own.limit, own.where,
+                    "controller stable", statement, own.value, own.limit, where=own.where,
                     over=THIS_SYSTEM,
                 )
             )  # fmt: skip

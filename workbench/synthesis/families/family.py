@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, is_real, need_whole
 from workbench.synthesis.families.least_squares import fitted_parameters
 from workbench.systems.bilinear import from_continuous_plane, in_continuous_plane

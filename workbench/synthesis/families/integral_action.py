@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import schur, solve_sylvester
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balanced
 from workbench.systems.realisation import realisation
 

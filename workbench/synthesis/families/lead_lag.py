@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
 from workbench.synthesis.families.family import (
     LARGEST_LOG,
@@ -67,7 +67,7 @@ class LeadLag(Family):
             raise InputError(f"sign is {self.sign!r}; it must be 1, -1 or None")
 
     @classmethod
-    def of(cls, K: Any) -> tuple[LeadLag, RealArray]:
+    def of(cls, controller: Any) -> tuple[LeadLag, RealArray]:
         """The family that contains a controller, and the controller's parameters.
 
         The controller's roots must be real and not right of the imaginary axis; its slowest pole is
@@ -75,10 +75,10 @@ class LeadLag(Family):
         """
         import control
 
-        K = control.ss(K)
-        if (K.noutputs, K.ninputs) != (1, 1) or K.dt:
+        controller = control.ss(controller)
+        if (controller.noutputs, controller.ninputs) != (1, 1) or controller.dt:
             raise InputError("a lead-lag controller has one input, one output and continuous time")
-        zeros, poles = np.sort_complex(K.zeros()), np.sort_complex(K.poles())
+        zeros, poles = np.sort_complex(controller.zeros()), np.sort_complex(controller.poles())
         roots = np.concatenate([zeros, poles])
         if (
             not len(poles)
@@ -91,7 +91,7 @@ class LeadLag(Family):
             )
         leak, fast = -poles.real[-1], -poles.real[:-1]
         s = 1j * float(np.exp(np.mean(np.log(np.append(fast, 1.0)))))
-        value = complex(K(s)) * (s + leak) * np.prod(s + fast) / np.prod(s - zeros.real)
+        value = complex(controller(s)) * (s + leak) * np.prod(s + fast) / np.prod(s - zeros.real)
         family = cls(
             leak=float(leak), zeros=len(zeros), poles=len(fast), sign=float(np.sign(value.real))
         )

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
 from workbench.synthesis.families.family import POLE_ROOM, Family, need_size
 from workbench.synthesis.families.least_squares import combined
@@ -63,12 +63,12 @@ class Modal(Family):
             )
 
     @classmethod
-    def of(cls, K: StateSpace) -> tuple[Modal, RealArray]:
+    def of(cls, controller: StateSpace) -> tuple[Modal, RealArray]:
         """The family that contains a controller, and the controller's parameters.
 
         Raises InputError for a controller with a mode that no second-order block can represent.
         """
-        return Modal(K.nstates).about(K)
+        return Modal(controller.nstates).about(controller)
 
     def about(self, controller: StateSpace) -> tuple[Modal, RealArray]:
         if controller.nstates != self.order:

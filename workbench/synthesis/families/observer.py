@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import LinAlgError, schur, solve_continuous_are
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family, need_size
 from workbench.synthesis.families.matrices import matrix_slopes
 from workbench.systems.bilinear import bilinear_continuous

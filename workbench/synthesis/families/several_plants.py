@@ -10,8 +10,8 @@ from typing import Any, cast
 
 from scipy.linalg import block_diag
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.structure import Structure
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible

@@ -8,9 +8,9 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim, Program, Task, find_method
 from workbench.solvers import Outcome
 from workbench.synthesis.families.demands import Shippable

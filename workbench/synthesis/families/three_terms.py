@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_kind, need_positive
 from workbench.synthesis.families.family import (
     LARGEST_LOG,
@@ -273,7 +273,15 @@ class PID(ThreeTerms):
     terms: ClassVar[str] = "PID"
 
     @classmethod
-    def of(cls, P: float, I: float, D: float, T: float, leak: float = 0.0) -> tuple[PID, RealArray]:  # noqa: E741
+    def of(
+        cls,
+        P: float,
+        I: float,  # noqa: E741
+        D: float,
+        T: float,
+        *,
+        leak: float = 0.0,
+    ) -> tuple[PID, RealArray]:
         """The family with this leak of the integrator, and the parameters of the controller.
 
         `T` is the filter of the derivative [s], `leak` the size of the integrator's pole [rad/s].

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import AccuracyRange
-from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, conic_method

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.h_infinity.normalised import SINGULAR_CONDITION
 from workbench.systems.realisation import Matrices

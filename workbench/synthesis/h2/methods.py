@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, method

@@ -10,10 +10,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, excess
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu.frequency.norms import SUM_ROUNDING, h2_norm
 from workbench.second_opinion import loops
 from workbench.second_opinion.powers import root_energy

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.systems.standard_plant import StandardPlant
 
 

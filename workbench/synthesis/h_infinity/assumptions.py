@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
 from workbench.synthesis.h_infinity.normalised import (

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, ComplexArray, RealArray
 from workbench.systems.balancing import balancing
 from workbench.systems.hidden_states import ZERO_ROUNDING
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag, null_space
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import AccuracyRange
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, slicot_routine, solve_conic

@@ -7,8 +7,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import Axes, Figure, StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.heavy_types import Axes, Figure, StateSpace
 from workbench.systems.generalised_plant import response
 
 GRID_POINTS = 400

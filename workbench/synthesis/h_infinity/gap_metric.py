@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, RepeatedChecker
 from workbench.certificate import Check, excess
 from workbench.certify.agreement import need_agreement
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu import NuGap, nu_gap
 from workbench.second_opinion import energies
@@ -52,7 +52,7 @@ class PlantGap(Answer):
     upper: float
 
 
-def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
+def gap_metric(first: Any, second: Any, *, tolerance: float = 1e-3) -> PlantGap:
     """The gap metric of two plants: the larger of both directed gaps, with certified norms.
 
     Parameters
@@ -76,7 +76,7 @@ def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
     True
     """
     need_tolerance(tolerance)
-    below = nu_gap(first, second)
+    below = nu_gap(first, second, tolerance=1e-4)
     systems = [as_system(one, name) for one, name in ((first, "first"), (second, "second"))]
     plane = [bilinear_continuous(one) if one.dt else one for one in systems]
     factors = right_factors(plane[0], "first"), right_factors(plane[1], "second")
@@ -85,7 +85,7 @@ def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
     need_agreement(
         (1 - FACTORS_ROUNDING) * below.lower, upper, "the gap", BELOW_IT, "a stable Q reaches it"
     )
-    again = partial(gap_metric, first, second, tolerance)
+    again = partial(gap_metric, first, second, tolerance=tolerance)
     found = PlantGap(below.lower, max(min(upper, 1.0), below.lower))
     return found.checked_by(GapChecker(again, OVER, (systems[0], systems[1]), below))
 

@@ -15,9 +15,9 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 def hinf(
     plant: Any,
+    *,
     measurements: int | None = None,
     controls: int | None = None,
-    *,
     gamma: float | None = None,
     order: int | None = None,
     family: Family | None = None,
@@ -75,7 +75,11 @@ def hinf(
             "measurements and controls belong to a StateSpace or TransferFunction; the plant is "
             f"{type(plant).__name__}"
         )
-    solution = solve(HinfSynthesis(plant, gamma, order=order, family=family), method, options)
+    solution = solve(
+        HinfSynthesis(plant, gamma=gamma, order=order, family=family),
+        method=method,
+        options=options,
+    )
     if solution.certificate is None:
         raise SolverError(solution.message)
     if not solution.certificate.valid:

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are
 
+from workbench._core.arrays import RealArray
 from workbench.answer import REPEATED_ROUNDING, Answer
-from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.errors import InputError, SolverError
 from workbench.second_opinion import energies

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor.clock import tick, time_is_up
 from workbench.systems.equations.riccati import hamiltonian_solution

@@ -17,11 +17,11 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_continuous_lyapunov
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -55,7 +55,7 @@ class LoopShaping(HinfSynthesis):
 
     Parameters
     ----------
-    G
+    nominal
         StateSpace or TransferFunction.
     W1, W2
         Weights at the input and at the output of G: systems or numbers. A weight with a single
@@ -79,7 +79,7 @@ class LoopShaping(HinfSynthesis):
     (True, 2.0)
     """
 
-    G: StateSpace
+    nominal: StateSpace
     W1: StateSpace
     W2: StateSpace
     shaped: StateSpace
@@ -87,24 +87,26 @@ class LoopShaping(HinfSynthesis):
     default_method: ClassVar[str] = "coprime"
     headline: ClassVar[str] = "epsilon"
 
-    def __init__(self, G: Any, W1: Any = 1.0, W2: Any = 1.0, gamma: float | None = None) -> None:
-        G = as_system(G, "G")
-        W2 = as_weight(W2, G.noutputs, "W2")
-        W1 = as_weight(W1, G.ninputs, "W1") if is_real(W1) else as_system(W1, "W1")
-        if (W1.ninputs, W1.noutputs) == (1, 1) and G.ninputs > 1:
-            W1 = as_weight(W1, G.ninputs, "W1")
-        if W1.noutputs != G.ninputs:
-            raise InputError(f"W1 has {W1.noutputs} outputs; G has {G.ninputs} inputs")
-        dt = common_dt([named_realisation(one) for one in (W2, G, W1)])
+    def __init__(
+        self, nominal: Any, *, W1: Any = 1.0, W2: Any = 1.0, gamma: float | None = None
+    ) -> None:
+        nominal = as_system(nominal, "nominal")
+        W2 = as_weight(W2, nominal.noutputs, "W2")
+        W1 = as_weight(W1, nominal.ninputs, "W1") if is_real(W1) else as_system(W1, "W1")
+        if (W1.ninputs, W1.noutputs) == (1, 1) and nominal.ninputs > 1:
+            W1 = as_weight(W1, nominal.ninputs, "W1")
+        if W1.noutputs != nominal.ninputs:
+            raise InputError(f"W1 has {W1.noutputs} outputs; G has {nominal.ninputs} inputs")
+        dt = common_dt([named_realisation(one) for one in (W2, nominal, W1)])
         if dt is True:
             raise InputError(
                 "G is sampled, but its sampling time is unknown (dt True); give it in s"
             )
-        shaped = W2 * G * W1
+        shaped = W2 * nominal * W1
         parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
         A, B, C = visible_matrices(*balanced(*parts[:3]), dt or 0.0)
         shaped = realisation((A, B, C, parts[3]), dt or 0.0)
-        fields = {"G": G, "W1": W1, "W2": W2, "shaped": shaped, "gamma": gamma}
+        fields = {"nominal": nominal, "W1": W1, "W2": W2, "shaped": shaped, "gamma": gamma}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "plant", _four_blocks(shaped))
@@ -115,7 +117,9 @@ class LoopShaping(HinfSynthesis):
         import control
 
         whole = self.W1 * answer.K * self.W2
-        return control.ss(whole, inputs=self.G.output_labels, outputs=self.G.input_labels)
+        return control.ss(
+            whole, inputs=self.nominal.output_labels, outputs=self.nominal.input_labels
+        )
 
     def witnessed(self, answer: HinfController) -> HinfController:
         """The answer with the controller for the loop of G."""
@@ -157,7 +161,7 @@ class LoopShaping(HinfSynthesis):
         statement = "epsilon = 1 / norm over epsilon_max by the Hankel norm, less 1"
         largest = self.epsilon_max
         if not largest > 0.0:
-            lost = Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")
+            lost = Check("epsilon", statement, math.inf, 0.0, where="(lost in rounding)")
             return [*found, replace(lost, over=EVERY_FREQUENCY)]
         excess = 1.0 / (answer.norm * largest) - 1.0
         # A small margin is the difference of two numbers near 1.

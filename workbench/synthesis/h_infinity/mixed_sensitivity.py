@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check, worst
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
@@ -32,7 +32,7 @@ class MixedSensitivity(HinfSynthesis):
 
     Parameters
     ----------
-    G
+    nominal
         StateSpace or TransferFunction from u to x.
     W_S, W_KS, W_T
         Weights of the error, the control and the output: StateSpace, TransferFunction or number. A
@@ -59,22 +59,24 @@ class MixedSensitivity(HinfSynthesis):
     >>> solution.certificate.holds, bool(solution.answer.norm < 1)
     (True, True)
     >>> from workbench.synthesis import PI
-    >>> program = MixedSensitivity(G, control.tf([0.5, 1.0], [1.0, 0.01]), 0.1, family=PI())
+    >>> program = MixedSensitivity(
+    ...     G, W_S=control.tf([0.5, 1.0], [1.0, 0.01]), W_KS=0.1, family=PI()
+    ... )
     >>> bool(wb.solve(program).answer.K.poles()[0] == 0)  # an integrator
     True
     """
 
-    G: StateSpace
+    nominal: StateSpace
     weights: dict[str, StateSpace]
 
     def __init__(
         self,
-        G: Any,
+        nominal: Any,
+        *,
         W_S: Any = None,
         W_KS: Any = None,
         W_T: Any = None,
         gamma: float | None = None,
-        *,
         order: int | None = None,
         family: Family | None = None,
         stable: bool = False,
@@ -84,9 +86,9 @@ class MixedSensitivity(HinfSynthesis):
         largest_gain: float | None = None,
         further_plants: Sequence[GeneralisedPlant] = (),
     ) -> None:
-        G = as_system(G, "G")
+        nominal = as_system(nominal, "nominal")
         given = {"S": W_S, "KS": W_KS, "T": W_T}
-        sizes = {"S": G.noutputs, "KS": G.ninputs, "T": G.noutputs}
+        sizes = {"S": nominal.noutputs, "KS": nominal.ninputs, "T": nominal.noutputs}
         weights = {
             name: as_weight(weight, sizes[name], f"W_{name}")
             for name, weight in given.items()
@@ -94,7 +96,12 @@ class MixedSensitivity(HinfSynthesis):
         }
         if not weights:
             raise InputError("there is no weight; give at least one of W_S, W_KS and W_T")
-        fields = {"G": G, "weights": weights, "plant": _stack(G, weights), "gamma": gamma}
+        fields = {
+            "nominal": nominal,
+            "weights": weights,
+            "plant": _stack(nominal, weights),
+            "gamma": gamma,
+        }
         fields |= {"order": order, "family": family, "stable": stable}
         fields |= {"fastest_pole": fastest_pole, "start": start, "random": random}
         fields |= {"largest_gain": largest_gain, "further_plants": further_plants}
@@ -114,16 +121,16 @@ class MixedSensitivity(HinfSynthesis):
         statement = "largest [W_S S; W_KS K S; W_T T] at frequencies over the norm, less 1"
         over = f"at {omega.size} frequencies"
         limit = 2.0 * NORM_TOLERANCE
-        found.append(Check("definition", statement, excess, limit, where, over=over))
+        found.append(Check("definition", statement, excess, limit, where=where, over=over))
         if self.absorbed.copies:
-            bare = _stack(self.G, {"S": as_weight(1.0, self.G.noutputs, "W_S")})
+            bare = _stack(self.nominal, {"S": as_weight(1.0, self.nominal.noutputs, "W_S")})
             said = "stability without weights"
             found.append(replace(stability_of(bare.close(K)), name=said))
         return found
 
     def _formula(self, K: StateSpace, omega: np.ndarray) -> np.ndarray:
         """[W_S S; W_KS K S; W_T T] by its definition, from responses of G, K and the weights."""
-        G, controller = response(self.G, omega), response(K, omega)
+        G, controller = response(self.nominal, omega), response(K, omega)
         one = np.eye(G.shape[-2])
         S = np.linalg.inv(one + G @ controller)
         rows = {"S": S, "KS": controller @ S, "T": one - S}

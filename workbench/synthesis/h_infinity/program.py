@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.second_opinion import loops
 from workbench.synthesis.families.family import asked_of
@@ -64,6 +64,7 @@ class HinfController(drawn.DrawnController):
     K: StateSpace
     norm: float
     gamma: float
+    _: KW_ONLY
     least: float = math.nan
     whole: StateSpace | None = None
     """The controller of the user's plant if K is only a part of it; otherwise None."""
@@ -163,6 +164,7 @@ class HinfSynthesis(ControllerSynthesis):
     (True, 2.73)
     """
 
+    _: KW_ONLY
     gamma: float | None = None
 
     default_method: ClassVar[str] = "riccati"
@@ -379,4 +381,6 @@ class HinfSynthesis(ControllerSynthesis):
         K = self.absorbed.plant.named(restored(data, "controller"))
         reached = tuple(map(float, data["reached"].values)) if "reached" in data else ()
         slope = float(data["slope"]) if "slope" in data else math.nan
-        return self.witnessed(HinfController(K, norm, gamma, least, reached=reached, slope=slope))
+        return self.witnessed(
+            HinfController(K, norm, gamma, least=least, reached=reached, slope=slope)
+        )

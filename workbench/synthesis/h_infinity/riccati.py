@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL, Level, least_level, level_at
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant

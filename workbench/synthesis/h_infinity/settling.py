@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim
 from workbench.solvers import Outcome
 from workbench.synthesis.h_infinity.levels import (
@@ -104,7 +104,7 @@ def claimed(program: HinfSynthesis, made: Made) -> Claim:
         size, gamma = proven, max(gamma, proven)
     if least > (1 + CLAIM_TOLERANCE) * size:
         said, least = f"{said}; its least level {least:.6g} is refuted by this loop", math.nan
-    return HinfController(K_found, size, gamma, least), Outcome.SOLVED, said
+    return HinfController(K_found, size, gamma, least=least), Outcome.SOLVED, said
 
 
 def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:

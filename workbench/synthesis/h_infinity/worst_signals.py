@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.h_infinity.levels import Level
 from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.systems.frequency_response import frequency_response

@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, RepeatedChecker
-from workbench.arrays import Array, RealArray
 from workbench.certificate import Check
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.second_opinion.implemented.held_plants import loops_held
 from workbench.structure import Real
@@ -72,7 +72,7 @@ class SampledRobustness(Answer):
     """Bounds on the size that a continuous perturbation may reach before the loop becomes unstable.
 
     At the frequencies tried, no linear time-invariant Delta with a gain up to ``lower`` makes the
-    loop singular, also between the samples; ``frequencies`` is their number. At ``omega`` [rad/s],
+    loop singular, also between the samples; ``points`` is their number. At ``omega`` [rad/s],
     values of gain ``upper`` at its aliases make the loop singular. At most ``aliases`` aliases on
     each side were computed; the sum of the others is bounded.
 
@@ -90,19 +90,19 @@ class SampledRobustness(Answer):
     lower: float
     upper: float
     omega: float
-    frequencies: int
+    points: int
     aliases: int
 
     def said(self) -> str:
         return (
             f"SampledRobustness: from {self.lower:.5g} to {self.upper:.5g}, at {self.omega:.5g} "
-            f"rad/s\n  for continuous dynamics, between the samples too; at {self.frequencies} "
+            f"rad/s\n  for continuous dynamics, between the samples too; at {self.points} "
             f"frequencies, up to {2 * self.aliases + 1} aliases counted and the others bounded"
         )
 
 
 def sampled_robustness(
-    plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int = -1
+    plant: Any, controller: Any, dt: float, *, delay_samples: float = 0.0, sign: int = -1
 ) -> SampledRobustness:
     """Bounds on the continuous uncertainty that the loop of a sampled controller and a continuous
     plant tolerates.
@@ -113,10 +113,10 @@ def sampled_robustness(
         A continuous uncertain system, or a model, with one input, one output and one uncertain
         element, which is complex and has one channel (`dynamics(name, 1, 1)`, or circles of an
         `UncertaintyModel`). It includes the filter of the output before the sampler.
-    K
-        Controller, StateSpace or TransferFunction with one channel, sampled every ``sample_time``
+    controller
+        Controller, StateSpace or TransferFunction with one channel, sampled every ``dt``
         [s].
-    delay
+    delay_samples
         Computation delay [samples]; it may be fractional.
     sign
         Sign in u = sign K y.
@@ -137,21 +137,22 @@ def sampled_robustness(
     >>> bool(found.lower <= found.upper <= 1.01 * found.lower)
     True
     """
-    parts, K = _parts(plant), as_system(K, "K")
-    need_positive(sample_time, "sample_time")
-    need_delay(delay)
-    need_same_time(K, sample_time)
+    parts, controller = _parts(plant), as_system(controller, "controller")
+    need_positive(dt, "dt")
+    need_delay(delay_samples)
+    need_same_time(controller, dt)
     nominal = realisation((parts.A, parts.B[:, 1:], parts.C[1:], parts.D[1:, 1:]), 0.0)
-    if (K.noutputs, K.ninputs) != (1, 1) or sign not in (-1, 1):
+    if (controller.noutputs, controller.ninputs) != (1, 1) or sign not in (-1, 1):
         raise InputError(
-            f"K has {K.noutputs} outputs and {K.ninputs} inputs and sign is {sign!r}; needed are "
+            f"K has {controller.noutputs} outputs and {controller.ninputs} inputs and sign is "
+            f"{sign!r}; needed are "
             "one of each, and -1 or 1"
         )
-    found = sampled_conditions(nominal, K, sample_time, delay, sign=sign)
+    found = sampled_conditions(nominal, controller, dt, delay_samples=delay_samples, sign=sign)
     if not found.stable:
         raise InputError(f"the nominal loop is unstable: it has a pole at z = {found.pole:.6g}")
-    sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
-    loop = _AliasedLoop(parts, HeldPlantLoop(nominal, sampled_K, sample_time, delay, sign))
+    sampled_K = realisation((controller.A, controller.B, controller.C, controller.D), dt)
+    loop = _AliasedLoop(parts, HeldPlantLoop(nominal, sampled_K, dt, delay_samples, sign))
     angles = loop.held.angles()
     lower, upper = loop.margins(angles, loop.fewest)
     for _ in range(REFINEMENTS):
@@ -174,14 +175,16 @@ def sampled_robustness(
     k = int(np.argmin(upper))
     least = float(lower.min()) * (1 - ROUNDING)
     over = f"at {angles.size} frequencies, for every linear time-invariant perturbation"
-    again = partial(sampled_robustness, plant, K, sample_time, delay, sign=sign)
+    again = partial(
+        sampled_robustness, plant, controller, dt, delay_samples=delay_samples, sign=sign
+    )
     return SampledRobustness(
         least if least < LARGEST / 2 else math.inf,
         float(upper[k]) if upper[k] < LARGEST / 2 else math.inf,
-        float(angles[k] / sample_time),
+        float(angles[k] / dt),
         angles.size,
         aliases,
-    ).checked_by(AliasChecker(again, over, parts, sampled_K, delay, sign))
+    ).checked_by(AliasChecker(again, over, parts, sampled_K, delay_samples, sign))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
@@ -36,11 +36,11 @@ SCREENED = 60
 
 
 def approximated(
-    K: Any,
+    controller: Any,
     order: int | None,
+    *,
     method: ReductionMethod = "weighted",
     plant: GeneralisedPlant | None = None,
-    *,
     error: float | None = None,
     output_weight: Any = None,
     input_weight: Any = None,
@@ -54,7 +54,7 @@ def approximated(
 
     Parameters
     ----------
-    K
+    controller
         StateSpace or TransferFunction, stable or not, continuous or sampled.
     order
         Largest number of states; None if an error is given instead.
@@ -87,9 +87,9 @@ def approximated(
     >>> import control
     >>> from workbench.synthesis import approximated
     >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
-    >>> approximated(K, 1, "balanced").poles().real.round(2).tolist()
+    >>> approximated(K, 1, method="balanced").poles().real.round(2).tolist()
     [-1.0]
-    >>> small = approximated(K, None, "balanced", error=1e-3)
+    >>> small = approximated(K, None, method="balanced", error=1e-3)
     >>> small.nstates, bool(small.error <= 1e-3)
     (1, True)
 
@@ -98,21 +98,21 @@ def approximated(
     D. Enns, Model reduction with balanced realizations, CDC 1984, for a weight; G. Wang, V.
     Sreeram, W. Liu, IEEE Trans. Automatic Control 44 (1999) 1734-1737, for weights on both sides.
     """
-    K = as_system(K, "K")
-    weights = _weights(K, method, output_weight, input_weight)
-    checker = DifferenceChecker(K, *weights)
-    least, of = reducer(K, method, plant, None, weights)
+    controller = as_system(controller, "controller")
+    weights = _weights(controller, method, output_weight, input_weight)
+    checker = DifferenceChecker(controller, *weights)
+    least, of = reducer(controller, method, plant, None, weights)
     if (order is None) == (error is None):
         raise InputError(f"order is {order} and error is {error}; give one of them")
     if order is not None:
-        return ApproximatedSystem.of(of_order(K, order, method, (least, of)), checker)
+        return ApproximatedSystem.of(of_order(controller, order, method, (least, of)), checker)
     assert error is not None
     need_positive(error, "error")
-    for k in range(least, K.nstates):
+    for k in range(least, controller.nstates):
         small = ApproximatedSystem.of(of(k), checker)
         if _largest_sampled_difference(checker, small) <= error and small.error <= error:
             return small
-    return ApproximatedSystem.of(K, checker)
+    return ApproximatedSystem.of(controller, checker)
 
 
 def _largest_sampled_difference(checker: DifferenceChecker, small: StateSpace) -> float:
@@ -163,7 +163,11 @@ def _weights(
 
 
 def approximations(
-    K: Any, order: int, method: ReductionMethod = "weighted", plant: GeneralisedPlant | None = None
+    controller: Any,
+    order: int,
+    *,
+    method: ReductionMethod = "weighted",
+    plant: GeneralisedPlant | None = None,
 ) -> Iterator[StateSpace]:
     """The approximation of `approximated`, then others of the order by way of higher orders.
 
@@ -177,21 +181,21 @@ def approximations(
     >>> import control
     >>> from workbench.synthesis import approximations
     >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
-    >>> next(approximations(K, 1, "balanced")).nstates
+    >>> next(approximations(K, 1, method="balanced")).nstates
     1
     """
-    K = as_system(K, "K")
-    yield approximated(K, order, method, plant)
+    controller = as_system(controller, "controller")
+    yield approximated(controller, order, method=method, plant=plant)
 
     @cache
     def by(first: ReductionMethod) -> Reducer:
-        return reducer(K, first, plant, None)
+        return reducer(controller, first, plant, None)
 
-    for higher in range(order + 1, min(order + DETOUR, K.nstates - 1) + 1):
+    for higher in range(order + 1, min(order + DETOUR, controller.nstates - 1) + 1):
         for first in get_args(ReductionMethod):
             try:
-                between = of_order(K, higher, first, by(first))
-                yield approximated(between, order, method, plant)
+                between = of_order(controller, higher, first, by(first))
+                yield approximated(between, order, method=method, plant=plant)
             except InputError:  # it does not stabilise the plant, or keeps too many poles
                 continue
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.sampled_sets import SetPeak, sampled_set_peak
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.implementation.sampled_loop import plant_and_sign
 from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.systems.conversion import as_system

@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import logm
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_choice
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.balancing import state_units
@@ -61,7 +61,7 @@ def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> S
     >>> import control
     >>> from workbench.synthesis import continuous_time, discretised
     >>> G = control.tf([3.0], [1.0, 2.0, 0.0])
-    >>> sampled = discretised(G, sample_time=0.1, method="zoh")
+    >>> sampled = discretised(G, dt=0.1, method="zoh")
     >>> sorted(continuous_time(sampled).poles().real.round(9).tolist())
     [-2.0, 0.0]
 

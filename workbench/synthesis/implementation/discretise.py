@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import expm, schur
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.solvers import slicot_routine
 from workbench.synthesis.implementation.continuation import matched
@@ -42,14 +42,14 @@ CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
 
 
 def discretised(
-    K: Any,
-    sample_time: float,
+    controller: Any,
+    dt: float,
+    *,
     method: DiscretisationMethod = "tustin",
     prewarp: float | None = None,
-    *,
     plant: Any = None,
     sign: int | None = None,
-    delay: float = 0.0,
+    delay_samples: float = 0.0,
 ) -> StateSpace:
     """Discretise a controller with a sampling time [s]; its A becomes block diagonal.
 
@@ -59,7 +59,7 @@ def discretised(
 
     Parameters
     ----------
-    K
+    controller
         StateSpace or TransferFunction, continuous time.
     method
         ``"tustin"`` is the bilinear transform. ``"zoh"`` is exact for held inputs, and ``"foh"``
@@ -68,9 +68,11 @@ def discretised(
         frequency; its A is a chain of blocks.
     prewarp
         Frequency [rad/s] at which the bilinear transform keeps the response of K.
-    plant, sign, delay
+    plant, sign
         The loop in which K is used, as in `sampled_conditions`. If a plant is given, the sampled
         loop is tested, and K is returned only if the loop is stable.
+    delay_samples
+        How late the control acts in that loop [samples].
 
     Raises
     ------
@@ -90,33 +92,35 @@ def discretised(
     --------
     >>> import control
     >>> from workbench.synthesis import discretised
-    >>> K = discretised(control.tf([1.0], [1.0, 2.0]), sample_time=0.1)
+    >>> K = discretised(control.tf([1.0], [1.0, 2.0]), dt=0.1)
     >>> round(float(K.poles()[0].real), 6), K.dt  # (1 - 0.1) / (1 + 0.1)
     (0.818182, 0.1)
     """
-    K = as_system(K, "K")
-    if K.dt:
-        raise InputError(f"K is sampled already (dt = {K.dt}); give the continuous controller")
-    need_positive(sample_time, "sample_time")
+    controller = as_system(controller, "controller")
+    if controller.dt:
+        raise InputError(
+            f"K is sampled already (dt = {controller.dt}); give the continuous controller"
+        )
+    need_positive(dt, "dt")
     need_choice(method, DiscretisationMethod, "method")
     if plant is not None:
         plant, turn = plant_and_sign(plant, sign)
-        need_fitting(K, plant)
-        _check_bandwidth(K, plant, sample_time)
+        need_fitting(controller, plant)
+        _check_bandwidth(controller, plant, dt)
     else:
-        warn_long_period(sample_time, K, "controller")
-    A, B, C = block_diagonal(K.A, K.B, K.C)
-    D = np.asarray(K.D, dtype=float)
+        warn_long_period(dt, controller, "controller")
+    A, B, C = block_diagonal(controller.A, controller.B, controller.C)
+    D = np.asarray(controller.D, dtype=float)
     if method != "tustin" and prewarp is not None:
         raise InputError(f"prewarp belongs to the bilinear transform; leave it out with {method}")
     if method == "zoh":
-        A, B = hold(A, B, sample_time)
+        A, B = hold(A, B, dt)
     elif method == "foh":
-        A, B, D = _linear_between_samples(A, B, C, D, sample_time)
+        A, B, D = _linear_between_samples(A, B, C, D, dt)
     elif method == "matched":
-        A, B, C, D = matched(K, sample_time)
+        A, B, C, D = matched(controller, dt)
     else:
-        half = _half_step(sample_time, prewarp)
+        half = _half_step(dt, prewarp)
         shifted = np.eye(len(A)) - half * A
         if len(A) and np.linalg.cond(shifted) > 1e12:
             raise InputError(
@@ -127,15 +131,15 @@ def discretised(
         root = math.sqrt(2.0 * half)
         D = D + half * C @ back @ B
         A, B, C = back @ (np.eye(len(A)) + half * A), root * back @ B, root * C @ back
-    labels = {"inputs": K.input_labels, "outputs": K.output_labels}
-    sampled = realisation((A, B, C, D), sample_time, **labels)
+    labels = {"inputs": controller.input_labels, "outputs": controller.output_labels}
+    sampled = realisation((A, B, C, D), dt, **labels)
     if plant is not None:
-        found = sampled_conditions(plant, sampled, sample_time, delay, sign=turn)
+        found = sampled_conditions(plant, sampled, dt, delay_samples=delay_samples, sign=turn)
         if not found.stable:
             raise InputError(
-                f"the loop sampled every {sample_time:.6g} s with a delay of {delay:g} samples is "
+                f"the loop sampled every {dt:.6g} s with a delay of {delay_samples:g} samples is "
                 f"unstable, its largest pole {found.pole:.6g}; "
-                f"{what_stabilises(plant, sampled, sample_time, delay, turn)}"
+                f"{what_stabilises(plant, sampled, dt, delay_samples, turn)}"
             )
     return sampled
 

@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, ResultError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_choice
 from workbench.synthesis.implementation.c_code.export_c import Precision, header
 from workbench.synthesis.implementation.second_order import Sections
@@ -30,7 +30,7 @@ FILE_KIND = "workbench controller"
 
 
 def export(
-    K: Any,
+    controller: Any,
     path: str | Path,
     format: Format,
     *,
@@ -43,7 +43,7 @@ def export(
 
     Parameters
     ----------
-    K
+    controller
         StateSpace or TransferFunction; for ``"c"`` a sampled one, or `Sections`.
     format
         ``"json"`` and ``"mat"`` hold A, B, C, D, dt [s], the names of the signals and the metadata
@@ -80,13 +80,17 @@ def export(
             raise InputError("a C header takes no metadata; leave it out")
         actuator = None
         if limits is not None:
-            outputs = (K if isinstance(K, Sections) else as_system(K, "K")).noutputs
+            outputs = (
+                controller
+                if isinstance(controller, Sections)
+                else as_system(controller, "controller")
+            ).noutputs
             actuator = Actuator(*limits_of(limits, outputs))
-        content = header(K, name, precision, actuator).encode("ascii")
+        content = header(controller, name, precision, actuator).encode("ascii")
     else:
         if limits is not None or (name, precision) != ("controller", "double"):
             raise InputError(f"name, precision and limits are for C, not for {format!r}")
-        content = _WRITERS[format](_fields(K, metadata or {}))
+        content = _WRITERS[format](_fields(controller, metadata or {}))
     replace_file(path, content)
     return path
 

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
 from workbench.synthesis.implementation.impulse import absolute_sum, squared_sum
 from workbench.synthesis.implementation.sampled_loop import SampledConditions, sampled_conditions
@@ -108,11 +108,14 @@ class FixedPoint:
         return self.quantised.system
 
     def conditions(
-        self, plant: Any, delay: float = 0.0, *, sign: int | None = None
+        self, plant: Any, *, delay_samples: float = 0.0, sign: int | None = None
     ) -> SampledConditions:
-        """Stability and margins with the rounded coefficients, as from `sampled_conditions`."""
+        """Stability and margins with the rounded coefficients, as from `sampled_conditions`.
+
+        ``delay_samples`` [samples]: how late the control acts.
+        """
         system, dt = self.quantised.system, self.quantised.dt
-        return sampled_conditions(plant, system, dt, delay, sign=sign)
+        return sampled_conditions(plant, system, dt, delay_samples=delay_samples, sign=sign)
 
 
 def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, excess
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint
 from workbench.synthesis.implementation.sampled_loop import SampledMargins
 from workbench.systems.generalised_plant import response
@@ -39,7 +39,7 @@ def follows(K: StateSpace, wanted: StateSpace, precision: str) -> Check:
         "largest difference from the controller that was given, in its number format, relative",
         float(apart[worst]),
         FOLLOWED[precision],
-        f"at {omega[worst]:.6g} rad/s",
+        where=f"at {omega[worst]:.6g} rad/s",
         over=f"at {omega.size} frequencies",
     )
 

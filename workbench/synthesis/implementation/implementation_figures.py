@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.certify.sampled_sets import Roots, mu_at
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.implementation.implemented import ImplementedController
 from workbench.synthesis.implementation.sampled_loop import SampledMargins
 from workbench.synthesis.implementation.second_order import Sections
 from workbench.systems.generalised_plant import response
-from workbench.tables import markdown
 
 MARGINS = ("gain_low", "gain_high", "phase", "phase_at", "delay")
 """Names of the stored margins of a control signal."""
@@ -66,8 +66,8 @@ def margins_table(answer: ImplementedController) -> str:
             name,
             f"{row.gain[0]:.3g}",
             f"{row.gain[1]:.3g}",
-            f"{row.phase:.3g}",
-            f"{row.delay:.3g}",
+            f"{row.phase_deg:.3g}",
+            f"{row.delay_samples:.3g}",
         ]
         for name, row in zip(answer.K.output_labels, answer.margins, strict=True)
     ]
@@ -76,7 +76,7 @@ def margins_table(answer: ImplementedController) -> str:
 
 def stored_margins(margins: tuple[SampledMargins, ...]) -> dict[str, Any]:
     """Margins as a variable of a dataset."""
-    rows = [[*row.gain, row.phase, row.phase_at, row.delay] for row in margins]
+    rows = [[*row.gain, row.phase_deg, row.phase_at, row.delay_samples] for row in margins]
     said = f"margins of each control: {', '.join(MARGINS)} (1, 1, deg, rad/s, samples)"
     return {"margins": (("control", "margin"), np.array(rows, float), {"long_name": said})}
 

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.sampled_sets import SetPeak
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.figures import DrawnController
 from workbench.synthesis.implementation.c_code.c_fixed_point import fixed_header
 from workbench.synthesis.implementation.c_code.export_c import header
@@ -56,7 +56,7 @@ class ImplementedController(DrawnController):
     >>> import workbench as wb
     >>> from workbench.synthesis import Implementation
     >>> K, G = control.tf([10.0], [1.0], 0.1), control.tf([1.0], [1.0, 1.0])
-    >>> answer = wb.solve(Implementation(K, G, period=0.1)).answer
+    >>> answer = wb.solve(Implementation(G, K, dt=0.1)).answer
     >>> answer.precision, "controller_step" in answer.code()
     ('double', True)
     """
@@ -85,8 +85,8 @@ class ImplementedController(DrawnController):
             f"{self.memory} bytes a sample",
         ]
         lines += [
-            f"  control {number}: gain up to {one.gain[1]:.3g}, phase {one.phase:.3g} degrees, "
-            f"delay {one.delay:.3g} samples"
+            f"  control {number}: gain up to {one.gain[1]:.3g}, phase {one.phase_deg:.3g} degrees, "
+            f"delay {one.delay_samples:.3g} samples"
             for number, one in enumerate(self.margins, start=1)
         ]
         return "\n".join(lines)
@@ -106,7 +106,7 @@ class ImplementedController(DrawnController):
             return sum(4 * WORD * len(one.shifts) for line in self.fixed.cascades for one in line)
         return BYTES[self.precision] * max(int(self.K.nstates), 1)
 
-    def code(self, name: str = "controller") -> str:
+    def code(self, *, name: str = "controller") -> str:
         """Text of the C99 header; all its names begin with `name`."""
         if self.precision == "fixed":
             assert self.fixed is not None and self.format is not None
@@ -116,7 +116,7 @@ class ImplementedController(DrawnController):
             )
         return header(self.K, name, self.precision, self.actuator)
 
-    def export(self, path: str | Path, name: str = "controller") -> Path:
+    def export(self, path: str | Path, *, name: str = "controller") -> Path:
         """Write the C99 header to a file, which is replaced as a whole or not at all.
 
         Raises InputError for a name that is no C identifier, or if the folder is not writable.
@@ -126,5 +126,5 @@ class ImplementedController(DrawnController):
             raise InputError(
                 f"{path}: a controller is exported as a C header, .h; export() writes other formats"
             )
-        replace_file(path, self.code(name).encode("ascii"))
+        replace_file(path, self.code(name=name).encode("ascii"))
         return path

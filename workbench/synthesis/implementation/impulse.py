@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import sosfilt
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.implementation.second_order import Sections
 
 SUMMED_SAMPLES = 20_000

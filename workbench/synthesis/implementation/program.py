@@ -7,18 +7,18 @@ certified, including the hold, the computation delay and the anti-aliasing filte
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.sampled_sets import SetPeak
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_choice, need_positive, need_whole
 from workbench.program import Program
 from workbench.second_opinion import loops
@@ -80,15 +80,15 @@ class Implementation(Program):
 
     Parameters
     ----------
-    K
-        The controller: continuous, or sampled with `period`, which is then used as it is.
+    controller
+        The controller: continuous, or sampled with `dt`, which is then used as it is.
     plant
         A plant from u to y, an `UncertaintyModel`, or a `GeneralisedPlant`; see
         `sampled_conditions` for the sign of the loop. For a model, the deviations W delta are taken
         as deviations of the sampled nominal, so their aliasing is neglected.
-    period
+    dt
         Sampling time [s].
-    delay
+    delay_samples
         Computation delay [samples]; it may be fractional.
     precision
         ``"double"``, ``"float"`` or ``"fixed"``.
@@ -124,15 +124,16 @@ class Implementation(Program):
     >>> import workbench as wb
     >>> from workbench.synthesis import Implementation
     >>> K, G = control.tf([10.0], [1.0], 0.1), control.tf([1.0], [1.0, 1.0])
-    >>> solution = wb.solve(Implementation(K, G, period=0.1, precision="float"))
+    >>> solution = wb.solve(Implementation(G, K, dt=0.1, precision="float"))
     >>> solution.certificate.holds, solution.answer.K.dt
     (True, 0.1)
     """
 
-    K: Any  # it is a StateSpace after construction
     plant: Any
-    period: float
-    delay: float = 0.0
+    controller: Any  # a StateSpace after construction
+    dt: float
+    _: KW_ONLY
+    delay_samples: float = 0.0
     precision: Precision = "double"
     order: int | None = field(default=None, kw_only=True)
     anti_aliasing: Any = field(default=None, kw_only=True)
@@ -151,8 +152,8 @@ class Implementation(Program):
     headline: ClassVar[str] = "peak"
 
     def __post_init__(self) -> None:
-        need_positive(self.period, "period")
-        need_delay(self.delay)
+        need_positive(self.dt, "dt")
+        need_delay(self.delay_samples)
         need_choice(self.precision, Precision, "precision")
         fixed = self.precision == "fixed"
         if fixed and self.full_scale is None:
@@ -169,11 +170,11 @@ class Implementation(Program):
                 need_positive(scale, f"full scale of {name}")
             for name in ("bits", "signal_bits"):
                 need_bits(getattr(self, name), name)
-        K = as_system(self.K, "K")
-        if K.dt and (K.dt is True or abs(K.dt / self.period - 1) > CLAIM_TOLERANCE):
+        K = as_system(self.controller, "controller")
+        if K.dt and (K.dt is True or abs(K.dt / self.dt - 1) > CLAIM_TOLERANCE):
             raise InputError(
                 f"K has dt = {K.dt}; give a continuous controller, or one sampled every "
-                f"{self.period:g} s"
+                f"{self.dt:g} s"
             )
         if self.order is not None:
             need_whole(self.order, "order")
@@ -186,33 +187,33 @@ class Implementation(Program):
                 "a working point needs a plant from u to y, or a model of it: what a generalised "
                 "plant measures may be anything"
             )
-        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "controller", K)
         _ = self.actuator  # raises InputError for wrong limits
         _ = self.loop.loop_of(
-            realisation((K.A, K.B, K.C, K.D), self.period)
+            realisation((K.A, K.B, K.C, K.D), self.dt)
         )  # raises InputError for parts that do not fit together
 
     @cached_property
     def loop(self) -> BoardLoop:
         """The loop around the controller."""
-        return BoardLoop(self.plant, self.period, self.delay, self.anti_aliasing, self.sign)
+        return BoardLoop(self.plant, self.dt, self.delay_samples, self.anti_aliasing, self.sign)
 
     @cached_property
     def actuator(self) -> Actuator | None:
         """The limits of the controls, and the working point."""
-        sizes, sign = (self.K.ninputs, self.K.noutputs), self.loop.nominal[1]
-        return actuator(self.limits, self.rate_limit, self.working_point, sizes, self.period, sign)
+        sizes, sign = (self.controller.ninputs, self.controller.noutputs), self.loop.nominal[1]
+        return actuator(self.limits, self.rate_limit, self.working_point, sizes, self.dt, sign)
 
     # --- answers ----------------------------------------------------------------------------------
 
     @cached_property
     def reduced(self) -> StateSpace:
         """The controller with at most `order` states."""
-        if self.order is None or self.order == self.K.nstates:
-            return self.K
+        if self.order is None or self.order == self.controller.nstates:
+            return self.controller
         if isinstance(self.plant, GeneralisedPlant):
-            return approximated(self.K, self.order, "weighted", self.plant)
-        return approximated(self.K, self.order, "balanced")
+            return approximated(self.controller, self.order, method="weighted", plant=self.plant)
+        return approximated(self.controller, self.order, method="balanced")
 
     def implemented(self, way: ImplementationMethod) -> ImplementedController:
         """The controller from `coefficients` with the bounds of its loop.
@@ -228,9 +229,9 @@ class Implementation(Program):
         if K.dt:
             sampled, way_said = K, "given sampled"
         else:
-            sampled = discretised(K, self.period, way, prewarp)
+            sampled = discretised(K, self.dt, method=way, prewarp=prewarp)
             way_said = way
-        sampled = _named_as(sampled, self.K, self.period)
+        sampled = _named_as(sampled, self.controller, self.dt)
         if self.precision == "fixed":
             return self._fixed_point_controller(
                 second_order_sections(self._in_full_scales(sampled)), way_said
@@ -242,7 +243,7 @@ class Implementation(Program):
             )
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
             raise InputError(f"K has numbers that {self.precision} cannot hold")
-        coefficients = _named_as(realisation((A, B, C, D), self.period), self.K, self.period)
+        coefficients = _named_as(realisation((A, B, C, D), self.dt), self.controller, self.dt)
         return self._unjudged(coefficients, way_said)
 
     def _unjudged(self, K: StateSpace, found: str) -> ImplementedController:
@@ -255,7 +256,7 @@ class Implementation(Program):
         """K with measurements and controls relative to their full scales."""
         assert self.full_scale is not None
         y, u = self.full_scale
-        return realisation((K.A, K.B * y, K.C / u, K.D * (y / u)), self.period)
+        return realisation((K.A, K.B * y, K.C / u, K.D * (y / u)), self.dt)
 
     def _fixed_point_controller(self, sections: Sections, found: str) -> ImplementedController:
         """The controller as cascades in fixed point."""
@@ -263,18 +264,18 @@ class Implementation(Program):
         made = fixed_point(sections, self.bits, self.signal_bits)
         y, u = self.full_scale
         own = made.quantised.system
-        K = realisation((own.A, own.B / y, own.C * u, own.D * (u / y)), self.period)
+        K = realisation((own.A, own.B / y, own.C * u, own.D * (u / y)), self.dt)
         form = FixedFormat(self.bits, self.signal_bits, y, u)
-        bare = self._unjudged(_named_as(K, self.K, self.period), found)
+        bare = self._unjudged(_named_as(K, self.controller, self.dt), found)
         return replace(bare, fixed=made, format=form)
 
     def _with_bounds(self, made: ImplementedController) -> ImplementedController:
         """The controller with the bounds of its loop. Raises InputError if the loop is unstable."""
         K = made.K
         plant, sign = self.loop.nominal
-        found = sampled_conditions(plant, K, self.period, self.delay, sign=sign)
+        found = sampled_conditions(plant, K, self.dt, delay_samples=self.delay_samples, sign=sign)
         if not found.stable:
-            advice = what_stabilises(plant, K, self.period, self.delay, sign)
+            advice = what_stabilises(plant, K, self.dt, self.delay_samples, sign)
             raise InputError(
                 f"the sampled loop is unstable, its largest pole {found.pole:.6g}; {advice}"
             )
@@ -295,7 +296,7 @@ class Implementation(Program):
             return rounding.floating_rounding(made.K, G, loop.sign, unit)
         assert self.full_scale is not None
         y, u = self.full_scale
-        scaled = realisation((G.A, G.B * u, G.C / y, G.D * (u / y)), self.period)
+        scaled = realisation((G.A, G.B * u, G.C / y, G.D * (u / y)), self.dt)
         return rounding.fixed_rounding(made.fixed, scaled, loop.sign, self.signal_bits)
 
     def objective(self, answer: ImplementedController) -> float:
@@ -320,7 +321,9 @@ class Implementation(Program):
         if not stability.holds:
             return found
         plant, sign = self.loop.nominal
-        again = sampled_conditions(plant, answer.K, self.period, self.delay, sign=sign)
+        again = sampled_conditions(
+            plant, answer.K, self.dt, delay_samples=self.delay_samples, sign=sign
+        )
         found.append(margins_agree(answer.margins, again.margins))
         size = excess(certified_norm(self.loop.sensitivity(answer.K)), answer.sensitivity)
         statement = "certified peak of the sensitivity over the claimed one, less 1"
@@ -381,7 +384,7 @@ class Implementation(Program):
         """Check that the controller is the given one, discretised by the method that it names."""
         for way in get_args(ImplementationMethod):
             if (
-                self.K.dt or answer.found == way
+                self.controller.dt or answer.found == way
             ):  # for a sampled controller all methods are the same
                 return follows(answer.K, self.coefficients(way).K, self.precision)
         statement = "whether nobody knows how it was discretised"
@@ -427,7 +430,7 @@ class Implementation(Program):
     def _absolute(self) -> dict[str, Any]:
         """Data on absolute signals for the code, by the names of its tables."""
         point, found = self.working_point, dict.fromkeys(("lowest", "highest", "change", "rest"))
-        rate = None if self.rate_limit is None else np.atleast_1d(self.rate_limit) * self.period
+        rate = None if self.rate_limit is None else np.atleast_1d(self.rate_limit) * self.dt
         limits = (None, None) if self.limits is None else map(np.atleast_1d, self.limits)
         rest = None if point is None else point.u
         return dict(zip(found, (*limits, rate, rest), strict=True))
@@ -438,7 +441,7 @@ class Implementation(Program):
         """Checks of the integers: by running their code, and with their worst-case inputs."""
         assert self.full_scale is not None
         y, u = self.full_scale
-        scaled = realisation((G.A, G.B * u, G.C / y, G.D * (u / y)), self.period)
+        scaled = realisation((G.A, G.B * u, G.C / y, G.D * (u / y)), self.dt)
         channels, step = fixed.quantised.channels, 2.0 ** (1 - self.signal_bits)
         shifts, largest = (
             [[getattr(one, name) for one in line] for line in fixed.cascades]
@@ -471,8 +474,8 @@ class Implementation(Program):
             "sensitivity_peak": answer.sensitivity,
             "gain_low": max(row.gain[0] for row in rows),
             "gain_high": min(row.gain[1] for row in rows),
-            "phase_margin_deg": min(row.phase for row in rows),
-            "delay_margin_samples": min(row.delay for row in rows),
+            "phase_margin_deg": min(row.phase_deg for row in rows),
+            "delay_margin_samples": min(row.delay_samples for row in rows),
             "rounding_share": answer.rounding.share,
             "order": float(answer.K.nstates),
             "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
@@ -484,7 +487,7 @@ class Implementation(Program):
     def figures(self, answer: ImplementedController) -> dict[str, Figure]:
         model = self.loop.model
         around = None if model is None else (self.loop.around(answer.K), model.W_c, model.W_r)
-        return drawn.figures_of(answer, self.loop.sensitivity(answer.K), around, self.K)
+        return drawn.figures_of(answer, self.loop.sensitivity(answer.K), around, self.controller)
 
     def tables(self, answer: ImplementedController) -> dict[str, str]:
         return {
@@ -524,10 +527,10 @@ class Implementation(Program):
         found = str(data["discretisation"].values)
         if self.precision == "fixed":
             made = self._fixed_point_controller(
-                drawn.read_sections(data["sections"], self.period), found
+                drawn.read_sections(data["sections"], self.dt), found
             )
         else:
-            K = _named_as(restored(data, "controller"), self.K, self.period)
+            K = _named_as(restored(data, "controller"), self.controller, self.dt)
             made = self._unjudged(K, found)
         number = {
             name: float(data[name])

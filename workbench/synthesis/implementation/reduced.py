@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker
 from workbench.certificate import EVERY_PERTURBATION, Check
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions
 from workbench.systems.realisation import in_words
@@ -50,7 +50,7 @@ class ReducedController(Answer):
     ...     measurement="e",
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> found = reduce_order(K, plant, order=0).tried[0]
+    >>> found = reduce_order(plant, K, order=0).tried[0]
     >>> found.order, found.stable, bool(found.lower <= found.upper)
     (0, True, True)
     """
@@ -108,7 +108,7 @@ class ReducedControllers(Answer):
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
     >>> K2 = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
-    >>> [controller.order for controller in reduce_order(K2, plant).tried]
+    >>> [controller.order for controller in reduce_order(plant, K2).tried]
     [0, 1, 2]
     """
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.solution import solve
@@ -31,8 +31,8 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 
 def reduce_order(
-    K: Any,
     plant: GeneralisedPlant,
+    controller: Any,
     *,
     target: float = 1.0,
     order: int | None = None,
@@ -90,24 +90,24 @@ def reduce_order(
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
     >>> K2 = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
-    >>> reduced = reduce_order(K2, plant, target=1.0)
+    >>> reduced = reduce_order(plant, K2, target=1.0)
     >>> reduced.smallest.order
     1
     """
     need_positive(target, "target")
-    K = as_system(K, "K")
-    need_continuous(K)
-    found, given = _certified_controller(plant, K)
-    least, of = reducer(K, method, plant, found)
+    controller = as_system(controller, "controller")
+    need_continuous(controller)
+    found, given = _certified_controller(plant, controller)
+    least, of = reducer(controller, method, plant, found)
     if order is None:
-        orders = list(range(least, K.nstates))
+        orders = list(range(least, controller.nstates))
     else:
-        check_order(order, least, K, method)
-        orders = [order] if order < K.nstates else []
+        check_order(order, least, controller, method)
+        orders = [order] if order < controller.nstates else []
     tried: dict[int, StateSpace] = {}
     for k in orders:
         one = of(k)
-        if one.nstates < K.nstates:
+        if one.nstates < controller.nstates:
             tried.setdefault(one.nstates, one)
     certified = [_certified_controller(plant, tried[k])[1] for k in sorted(tried)]
     if refine:
@@ -145,7 +145,7 @@ def _best_refined(
     best = min(one, _certified_controller(plant, again)[1], key=lambda each: each.upper)
     if not best.stable:
         return best
-    solution = solve(MuSynthesis(plant, start=best.K), "fixed")
+    solution = solve(MuSynthesis(plant, start=best.K), method="fixed")
     if solution.answer is None:
         return best
     return min(

@@ -15,8 +15,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.synthesis.implementation.fixed_point import FixedPoint
 from workbench.systems.interconnection import NamedRealisation, connected, named_realisation
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, root
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
 from workbench.second_opinion.loops import powers_fall
 from workbench.second_opinion.peaks import one_unstable
@@ -49,12 +49,12 @@ class SampledMargins:
     """Stability margins of the loop of one control signal while the other loops stay closed.
 
     gain          factors below and above 1 between which the loop stays stable;
-    phase         margin [deg] in both directions, at `phase_at` [rad/s]; infinite where the gain
-                  never passes 1;
-    delay         time [samples], also fractions, that may be added before the signal acts; the held
-                  plant is discretised again for each delay. Infinite where the gain never passes 1.
-                  NaN means not known but above `LONGEST_SCANNED`: the gain passes 1 for some
-                  fractions of a sample only, and none of these was found critical.
+    phase_deg         margin [deg] in both directions, at `phase_at` [rad/s]; infinite where the
+                  gain never passes 1;
+    delay_samples         time [samples], also fractions, that may be added before the signal acts;
+                  the held plant is discretised again for each delay. Infinite where the gain never
+                  passes 1. NaN means not known but above `LONGEST_SCANNED`: the gain passes 1 for
+                  some fractions of a sample only, and none of these was found critical.
 
     Examples
     --------
@@ -62,19 +62,19 @@ class SampledMargins:
     >>> from workbench.synthesis import sampled_conditions
     >>> K = control.tf([10.0], [1.0], 0.1)
     >>> margins = sampled_conditions(control.tf([1.0], [1.0, 0.0]), K, 0.1).margins[0]
-    >>> round(margins.phase, 4), round(margins.delay, 4)
+    >>> round(margins.phase_deg, 4), round(margins.delay_samples, 4)
     (60.0, 1.0)
     """
 
     gain: tuple[float, float]
-    phase: float
+    phase_deg: float
     phase_at: float
-    delay: float
+    delay_samples: float
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """All margins as a tuple of numbers."""
-        return *self.gain, self.phase, self.phase_at, self.delay
+        return *self.gain, self.phase_deg, self.phase_at, self.delay_samples
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,14 +104,14 @@ class SampledConditions(Answer):
         for number, one in enumerate(self.margins):
             low, high = one.gain
             lines.append(
-                f"  control {number + 1}: gain {low:.4g} to {high:.4g}, phase {one.phase:.4g} "
-                f"degrees, delay {one.delay:.4g} samples"
+                f"  control {number + 1}: gain {low:.4g} to {high:.4g}, phase {one.phase_deg:.4g} "
+                f"degrees, delay {one.delay_samples:.4g} samples"
             )
         return "\n".join(lines)
 
 
 def sampled_conditions(
-    plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int | None = None
+    plant: Any, controller: Any, dt: float, *, delay_samples: float = 0.0, sign: int | None = None
 ) -> SampledConditions:
     """Stability and margins of a sampled controller K around a plant with held inputs.
 
@@ -120,9 +120,9 @@ def sampled_conditions(
     plant
         A continuous-time system from u to y, or a model, whose nominal is used; it is discretised
         exactly. For a `GeneralisedPlant` it is the part from controls to measurements.
-    K
-        Controller, StateSpace or TransferFunction, sampled every `sample_time` [s].
-    delay
+    controller
+        Controller, StateSpace or TransferFunction, sampled every `dt` [s].
+    delay_samples
         Computation delay [samples], 0 or more; it may be fractional.
     sign
         Sign in u = sign K y. With None it is u = K y for a generalised plant, whose sums contain
@@ -151,17 +151,17 @@ def sampled_conditions(
     (True, 2.0)
     """
     plant, sign = plant_and_sign(plant, sign)
-    K = as_system(K, "K")
+    controller = as_system(controller, "controller")
     if plant.dt:
         raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
-    need_positive(sample_time, "sample_time")
-    need_same_time(K, sample_time)
-    need_fitting(K, plant)
-    need_delay(delay)
-    sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
-    loop = HeldPlantLoop(plant, sampled_K, sample_time, delay, sign)
+    need_positive(dt, "dt")
+    need_same_time(controller, dt)
+    need_fitting(controller, plant)
+    need_delay(delay_samples)
+    sampled_K = realisation((controller.A, controller.B, controller.C, controller.D), dt)
+    loop = HeldPlantLoop(plant, sampled_K, dt, delay_samples, sign)
     closed = loop.closed()
-    warn_far_period(sample_time, plant, closed)
+    warn_far_period(dt, plant, closed)
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     if not stability_of(closed).holds:
@@ -203,7 +203,7 @@ def what_stabilises(
     plant: StateSpace, K: StateSpace, sample_time: float, delay: float, sign: int
 ) -> str:
     """Advice on an unstable loop u = sign K y: the other sign, if the loop is stable with it."""
-    if sampled_conditions(plant, K, sample_time, delay, sign=-sign).stable:
+    if sampled_conditions(plant, K, sample_time, delay_samples=delay, sign=-sign).stable:
         turned = "u = -K y" if sign > 0 else "u = K y"
         return f"with the other sign, {turned}, it is stable: give sign={-sign}, or change K's sign"
     return "sample faster or lower the bandwidth"

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.systems.frequency_response import response_of_scaled, with_scaled_states
 from workbench.systems.generalised_plant import response
 from workbench.systems.interconnection import connected, named_realisation

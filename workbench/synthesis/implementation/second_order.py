@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
@@ -83,7 +83,7 @@ class Sections:
         return realisation((A, B, C, D), self.dt)
 
 
-def second_order_sections(K: Any) -> Sections:
+def second_order_sections(controller: Any) -> Sections:
     """Realise a sampled StateSpace or TransferFunction as cascades of second-order sections.
 
     Poles are combined with the zeros nearest to them. The poles nearest to the unit circle choose
@@ -106,13 +106,18 @@ def second_order_sections(K: Any) -> Sections:
     >>> second_order_sections(K).channels[0][0].round(6).tolist()
     [[1.0, 0.5, 0.2, 1.0, -1.2, 0.5]]
     """
-    K = as_system(K, "K")
-    if not K.dt or K.dt is True:
-        raise InputError(f"K has dt = {K.dt}; discretise it first, with a sampling time in seconds")
-    channels = tuple(tuple(_channel(K, i, j) for j in range(K.ninputs)) for i in range(K.noutputs))
-    found = Sections(channels, float(K.dt))
+    controller = as_system(controller, "controller")
+    if not controller.dt or controller.dt is True:
+        raise InputError(
+            f"K has dt = {controller.dt}; discretise it first, with a sampling time in seconds"
+        )
+    channels = tuple(
+        tuple(_channel(controller, i, j) for j in range(controller.ninputs))
+        for i in range(controller.noutputs)
+    )
+    found = Sections(channels, float(controller.dt))
     omega = CHECKED_ANGLES / found.dt
-    expected = response(K, omega)
+    expected = response(controller, omega)
     change = np.abs(found.response(omega) - expected).max(axis=0)
     if (change > SECTION_RESPONSE_TOLERANCE * np.abs(expected).max(axis=0)).any():
         raise SolverError(

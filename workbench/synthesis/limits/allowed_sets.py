@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.synthesis.limits.intervals import ComplexInterval, Interval, down, up
 from workbench.synthesis.limits.loop_functions import LeastWeights
 

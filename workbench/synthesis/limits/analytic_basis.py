@@ -6,12 +6,12 @@ the plant's zeros, where T = 0, and at the plant's poles, where T = 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.limits.intervals import ComplexInterval, Interval, up
 from workbench.synthesis.limits.rational_bounds import FrequencyCells, relative_factor, root_factor
@@ -40,7 +40,7 @@ class AnalyticBasis:
     corners
         Corner frequencies a [rad/s] (N,), positive. They should cover the frequencies where |T|
         decreases.
-    band
+    band_hz
         Lowest and highest frequency [Hz] of the search for h. A proof covers all frequencies.
     zeros, poles
         The plant's zeros and poles [rad/s] in the open right half-plane, one of each complex pair.
@@ -61,7 +61,8 @@ class AnalyticBasis:
     """
 
     corners: RealArray
-    band: tuple[float, float]
+    band_hz: tuple[float, float]
+    _: KW_ONLY
     zeros: ComplexArray = field(default_factory=lambda: NONE)
     poles: ComplexArray = field(default_factory=lambda: NONE)
 
@@ -69,9 +70,11 @@ class AnalyticBasis:
         corners = np.atleast_1d(np.asarray(self.corners, dtype=float))
         if not corners.size or not (np.isfinite(corners) & (corners > 0.0)).all():
             raise InputError("corners must be positive frequencies [rad/s], at least one")
-        low, high = self.band
+        low, high = self.band_hz
         if not 0.0 < low < high < np.inf:
-            raise InputError(f"band is {self.band}; it must be two frequencies [Hz], low and high")
+            raise InputError(
+                f"band_hz is {self.band_hz}; it must be two frequencies [Hz], low and high"
+            )
         object.__setattr__(self, "corners", corners)
         for name in ("zeros", "poles"):
             given = np.atleast_1d(np.asarray(getattr(self, name), dtype=complex))
@@ -104,7 +107,7 @@ class AnalyticBasis:
 
         The parts have equal length in log omega.
         """
-        ends = 2 * np.pi * np.geomspace(*self.band, parts + 1)
+        ends = 2 * np.pi * np.geomspace(*self.band_hz, parts + 1)
         omega = np.sqrt(ends[1:] * ends[:-1])
         return omega, omega * np.log(ends[1:] / ends[:-1])
 

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.limits.allowed_sets import largest_modulus, largest_projections
 from workbench.synthesis.limits.analytic_basis import AnalyticBasis
@@ -105,7 +105,7 @@ class DualCertificate:
             The basis has a zero or pole in the right half-plane that the plant does not have.
         """
         self._check(loop)
-        ends = 2 * np.pi * np.geomspace(*self.basis.band, START_CELLS)
+        ends = 2 * np.pi * np.geomspace(*self.basis.band_hz, START_CELLS)
         cells, highest = FrequencyCells(np.append(0.0, ends[:-1]), ends), float(ends[-1])
         bound, gain = self._cell_integrals(loop, cells), np.full(START_CELLS, np.inf)
         total = np.inf

@@ -94,7 +94,9 @@ def dual_candidate(
     around = (width * circle.radius)[:, None] * h
     sizes = cp.norm(cp.vstack([around.real @ x, around.imag @ x]), 2, axis=0)
     problem = cp.Problem(cp.Minimize(along @ x), [cp.sum(sizes) <= 1])
-    outcome, said = solve_conic(problem, conic_solvers()[0], Options(SOLVER_ACCURACY), context)
+    outcome, said = solve_conic(
+        problem, conic_solvers()[0], Options(tolerance=SOLVER_ACCURACY), context
+    )
     if x.value is None:
         raise SolverError(f"no h for the level {level:.6g}: {outcome}, {said}")
     return DualCertificate(level, np.asarray(x.value, dtype=float), basis)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 STEP = 2.0**-52
 """Largest distance to the next double, relative to the double. Products with it are exact."""

@@ -26,6 +26,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.answer import (
     REPEATED_ROUNDING,
     Answer,
@@ -33,12 +35,10 @@ from workbench.answer import (
     restored_numbers,
     stored_numbers,
 )
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
 from workbench.executor.effort import tries
-from workbench.heavy_types import Dataset
 from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
 
@@ -74,7 +74,7 @@ class LeastMu(Answer):
     T: ComplexArray
 
 
-def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
+def least_mu(weights: LoopWeights, *, tolerance: float = 1e-3) -> LeastMu:
     """The least mu over all complex K, frequency by frequency, by branch and bound.
 
     K at each frequency may be any complex number: it need be neither causal nor stabilising.
@@ -145,7 +145,7 @@ def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
         lambda index: f"at frequency {index[0] + 1}",
     )
     found = LeastMu(np.minimum(lower, upper), upper, T)
-    again = partial(least_mu, weights, tolerance)
+    again = partial(least_mu, weights, tolerance=tolerance)
     over = f"at these {len(upper)} frequencies, for all complex K"
     return found.checked_by(LeastMuChecker(again, over, weights))
 
@@ -248,7 +248,7 @@ class LargestLeastMuChecker(Checker):
 
 
 def largest_least_mu(
-    weights: Callable[[RealArray], LoopWeights], omega: RealArray, rounds: int = 3
+    weights: Callable[[RealArray], LoopWeights], omega: RealArray, *, rounds: int = 3
 ) -> LargestLeastMu:
     """A lower bound on every controller's peak of mu, and the frequency where it is reached.
 

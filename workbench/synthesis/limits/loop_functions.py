@@ -7,12 +7,12 @@ and G_0 (1 + W_c delta_c + W_r delta_r) the uncertain plant.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.synthesis.limits.intervals import ComplexInterval, Interval, down
@@ -84,6 +84,7 @@ class LoopFunctions:
     performance: Rational
     control: Rational
     plant: Rational
+    _: KW_ONLY
     circular: Rational | None = None
     real: Rational | None = None
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.mu.robust.rank_one import rank_one_mu
 from workbench.uncertainty import UncertaintyModel

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.fitting.rational import Rational
 from workbench.synthesis.limits.intervals import ComplexInterval, Interval, down, up
 

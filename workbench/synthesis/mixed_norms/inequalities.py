@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import null_space
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.h2.direct import cancelling_gain
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu.frequency.norms import SUM_ROUNDING, h2_norm
 from workbench.second_opinion import loops

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.proofs.scaled_system import ScalingFunctions
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import Matrices, realisation
 
 FrequencyRange = tuple[float, float]

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
@@ -91,7 +91,9 @@ class ControlCover:
     >>> from workbench.synthesis import ControlCover
     >>> from workbench.uncertainty import Responses
     >>> omega = np.geomspace(0.01, 100, 60)
-    >>> plants = Responses(omega, np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T)
+    >>> plants = Responses(
+    ...     omega=omega, values=np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ... )
     >>> cover = ControlCover(
     ...     plants,
     ...     1,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 
 Smoothed = Callable[[RealArray, int], tuple[float, RealArray]]

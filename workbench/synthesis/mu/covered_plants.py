@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, IntegerArray, RealArray
+from workbench._core.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.uncertainty import Responses
 from workbench.uncertainty.covers.weights import needed_radius, segment_distances
 

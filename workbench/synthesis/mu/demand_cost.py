@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, Check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.effort import deeper
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_positive
 from workbench.second_opinion import loops
 from workbench.solution import solve
@@ -88,6 +88,7 @@ class DemandCost(Study):
     """
 
     plant: GeneralisedPlant
+    _: KW_ONLY
     orders: tuple[int, ...] = (1, 2, 4)
     fastest_pole: float | None = None
     method: str = "dk"
@@ -129,7 +130,7 @@ class DemandCost(Study):
         answers: list[MuController] = []
         for words, order in context.track(cases, "demands"):
             program = MuSynthesis(self.plant, order=order, **self.demands[words])
-            done = solve(program, "fixed", context=Context(context.options))
+            done = solve(program, method="fixed", context=Context(options=context.options))
             valid = done.certificate is not None and done.certificate.valid and done.proof is None
             answers += [done.answer] * valid
         answers.sort(key=lambda one: one.upper)
@@ -145,11 +146,19 @@ class DemandCost(Study):
         asked = self.demands[words]
         return Shippable(order, asked.get("stable", False), asked.get("fastest_pole"))
 
-    @array((demand, order, bound), "1", "certified bounds of the peak of mu, infinite: none found")
+    @array(
+        dims=(demand, order, bound),
+        unit="1",
+        meaning="certified bounds of the peak of mu, infinite: none found",
+    )
     def peak(self, designs: Any) -> list[list[list[float]]]:
         return [[_bounds(designs[words, order]) for order in self.orders] for words in self.demands]
 
-    @array((demand, order, row, column), "1", "[A B; C D] of the controllers, NaN beyond")
+    @array(
+        dims=(demand, order, row, column),
+        unit="1",
+        meaning="[A B; C D] of the controllers, NaN beyond",
+    )
     def controllers(self, designs: Any) -> RealArray:
         size = self.orders[-1]
         shape = (size + self.plant.controls, size + self.plant.measurements)
@@ -163,15 +172,21 @@ class DemandCost(Study):
                     found[i, j, : M.shape[0], : M.shape[1]] = M
         return found
 
-    @array((bound,), "1", "certified bounds of the peak without any demand, infinite: none found")
+    @array(
+        dims=(bound,),
+        unit="1",
+        meaning="certified bounds of the peak without any demand, infinite: none found",
+    )
     def free(self, context: Context) -> list[float]:
-        done = solve(MuSynthesis(self.plant), self.method, context=Context(context.options))
+        done = solve(
+            MuSynthesis(self.plant), method=self.method, context=Context(options=context.options)
+        )
         valid = done.certificate is not None and done.certificate.valid
         return _bounds(done.answer if valid else None)
 
     @check(
-        "peaks",
-        "peak proven again over the stored one, less 1",
+        title="peaks",
+        statement="peak proven again over the stored one, less 1",
         at_most=PEAK_SLACK,
         where="{demand}, order {order}",
     )
@@ -185,8 +200,8 @@ class DemandCost(Study):
         return upper.copy(data=excess)
 
     @check(
-        "demands",
-        "demands that a controller does not meet",
+        title="demands",
+        statement="demands that a controller does not meet",
         at_most=0.0,
         where="{demand}, order {order}",
     )

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -153,7 +153,7 @@ def _rounds(
     """
     level = np.nan
     patience = LONG_PATIENCE if now.blend else PATIENCE
-    for tried in context.rounds(MOST_ROUNDS, "mu synthesis", now.tried):
+    for tried in context.rounds(MOST_ROUNDS, "mu synthesis", first=now.tried):
         said = "rounding made a loop unstable"
         if K is None:
             try:
@@ -183,7 +183,7 @@ def _rounds(
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used
         fit = float(np.expm1(missed))
-        now.history.append(Iterate(peak, level, fit, K, now.used.parameters))
+        now.history.append(Iterate(peak, level, fit, K, scalings=now.used.parameters))
         context.record(now.history[-1].row(len(now.history)))
         K = None
         peaks = np.minimum.accumulate([each.peak for each in now.history])
@@ -210,7 +210,7 @@ def _proven_answer(
     answer = program.scaled_answer(K, scalings.functions(x), upper)
     if answer is None:
         return None
-    last = Iterate(upper, level, math.nan, answer.K, used.parameters)
+    last = Iterate(upper, level, math.nan, answer.K, scalings=used.parameters)
     return replace(answer, history=(*now.history, last))
 
 

@@ -19,7 +19,7 @@ COMPARED_PEAK_TOLERANCE = 1e-2
 """Relative width of the intervals that certify the compared peaks."""
 
 
-def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any) -> float:
+def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, controller: Any) -> float:
     """The factor on K, at least 1, with which two plants have equal peaks of robust performance.
 
     Parameters
@@ -27,7 +27,7 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
     falling, rising
         Two channels of one plant. A larger gain lowers the peak of the first and raises the peak of
         the second, as for the channels of a disturbance and of the control signal.
-    K
+    controller
         Controller, StateSpace or TransferFunction, that stabilises both.
 
     Returns
@@ -64,9 +64,9 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
     """
 
     def apart(log_gain: float) -> float:
-        controller = np.exp(log_gain) * K
-        one = performance_peak(falling, controller, COMPARED_PEAK_TOLERANCE)
-        other = performance_peak(rising, controller, COMPARED_PEAK_TOLERANCE)
+        scaled = np.exp(log_gain) * controller
+        one = performance_peak(falling, scaled, tolerance=COMPARED_PEAK_TOLERANCE)
+        other = performance_peak(rising, scaled, tolerance=COMPARED_PEAK_TOLERANCE)
         if one is None or other is None:  # unstable
             return np.nan
         return float(np.log(one.upper / other.upper))

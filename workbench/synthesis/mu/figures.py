@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Figure, StateSpace
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.mu import frequency_sweep
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.figures import grid
@@ -25,11 +25,11 @@ def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure
     """
     omega = grid(loop)
     hertz = omega / (2 * np.pi)
-    mixed = frequency_sweep(loop, structure, omega)
+    mixed = frequency_sweep(loop, structure, omega=omega)
     figure, (panel,) = figures.axes(size=(7.0, 4.0))
     top = max(peak, float(np.max(mixed.upper)))
     if structure.complexified() != structure:  # otherwise both curves coincide
-        complex_ = frequency_sweep(loop, structure.complexified(), omega).upper
+        complex_ = frequency_sweep(loop, structure.complexified(), omega=omega).upper
         panel.semilogx(hertz, complex_, ":", color=figures.ORANGE, label="all blocks complex")
         top = max(top, float(np.max(complex_)))
     panel.semilogx(hertz, mixed.upper, color=figures.BLUE, label="upper bound")

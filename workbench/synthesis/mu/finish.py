@@ -6,11 +6,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import TimeLimitError
 from workbench.executor import Context
 from workbench.executor.clock import proving, tick
-from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.program import Claim
 from workbench.solvers import Outcome
@@ -104,7 +104,7 @@ class Finish:
         """The certified answer for a controller, reduced as far as its peak allows."""
         if self.reduces:
             K = with_few_states(self.program, K, (1 + PEAK_TOLERANCE) * peak)
-        return self.program.answer(K, tuple(history))
+        return self.program.answer(K, history=tuple(history))
 
 
 def with_few_states(program: MuSynthesis, K: StateSpace, most: float) -> StateSpace:

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from workbench import figures
-from workbench.arrays import RealArray
-from workbench.heavy_types import Axes, Figure, StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Axes, Figure, StateSpace
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.h_infinity.singular_plants.regularised import ADDED

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.mu import Peak
 from workbench.synthesis.h_infinity.figures import DrawnController
 from workbench.synthesis.mu.rounds import Iterate
@@ -44,7 +44,7 @@ class MuController(DrawnController):
     ...     measurement="e",
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> answer = wb.solve(MuSynthesis(plant, target=0.9), "dk").answer
+    >>> answer = wb.solve(MuSynthesis(plant, target=0.9), method="dk").answer
     >>> bool(answer.lower <= answer.upper < 0.9), answer.K.noutputs
     (True, 1)
     """
@@ -53,6 +53,7 @@ class MuController(DrawnController):
     lower: float
     upper: float
     omega: float
+    _: KW_ONLY
     history: tuple[Iterate, ...] = field(default=())
     peak: Peak | None = None
     whole: StateSpace | None = field(default=None, kw_only=True)
@@ -72,4 +73,4 @@ class MuController(DrawnController):
     @classmethod
     def of(cls, controller: StateSpace, found: Peak, history: tuple[Iterate, ...]) -> MuController:
         """The answer for a controller and the peak of its loop."""
-        return cls(controller, found.lower, found.upper, found.omega, history, found)
+        return cls(controller, found.lower, found.upper, found.omega, history=history, peak=found)

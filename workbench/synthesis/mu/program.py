@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu import Peak, peak, performance_peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
@@ -153,13 +153,14 @@ class MuSynthesis(Program):
     ...     measurement="e",
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> solution = wb.solve(MuSynthesis(plant, target=0.9), "dk")
+    >>> solution = wb.solve(MuSynthesis(plant, target=0.9), method="dk")
     >>> solution.certificate.holds, bool(solution.answer.upper <= 0.9)
     (True, True)
     """
 
     plant: GeneralisedPlant
     structure: Structure | None = None
+    _: KW_ONLY
     start: StateSpace | None = None
     family: Family | None = None
     random: int = 0
@@ -274,7 +275,7 @@ class MuSynthesis(Program):
             return None, Outcome.FAILED if outcome is Outcome.INFEASIBLE else outcome, said
         period = float(self.plant.system.dt)
         history = tuple(replace(one, K=bilinear_sampled(one.K, period)) for one in answer.history)
-        found = self.answer(bilinear_sampled(answer.K, period), history)
+        found = self.answer(bilinear_sampled(answer.K, period), history=history)
         return found, outcome, said if found is not None else f"{said}; rounding made it unstable"
 
     def respond(self, method: str | None, context: Context) -> Claim:
@@ -300,24 +301,30 @@ class MuSynthesis(Program):
         """The perturbations and the performance blocks of all plants."""
         return joint_structure(self.plants)
 
-    def certified(self, K: StateSpace, tolerance: float = PEAK_TOLERANCE) -> Peak | None:
+    def certified(
+        self, controller: StateSpace, *, tolerance: float = PEAK_TOLERANCE
+    ) -> Peak | None:
         """The certified peak of the loop; None if the loop is unstable."""
         if self.further_plants:
-            loop = self.loop(K)
+            loop = self.loop(controller)
             stable = stability_of(loop).holds
             return peak(loop, self.closed, tolerance=tolerance) if stable else None
-        return performance_peak(self.plant, K, tolerance)
+        return performance_peak(self.plant, controller, tolerance=tolerance)
 
     def answer(
-        self, K: StateSpace, history: tuple[Iterate, ...] = (), tolerance: float = PEAK_TOLERANCE
+        self,
+        controller: StateSpace,
+        *,
+        history: tuple[Iterate, ...] = (),
+        tolerance: float = PEAK_TOLERANCE,
     ) -> MuController | None:
         """The answer for K: K with balanced states, and its certified peak.
 
         None if the loop is unstable.
         """
-        K = self._with_balanced_states(K)
-        found = self.certified(K, tolerance)
-        return None if found is None else MuController.of(K, found, history)
+        controller = self._with_balanced_states(controller)
+        found = self.certified(controller, tolerance=tolerance)
+        return None if found is None else MuController.of(controller, found, history)
 
     def _with_balanced_states(self, K: StateSpace) -> StateSpace:
         """K with balanced states and the plant's names of signals.
@@ -330,20 +337,20 @@ class MuSynthesis(Program):
         return self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), K.dt or 0.0))
 
     def scaled_answer(
-        self, K: StateSpace, scalings: ScalingFunctions, upper: float
+        self, controller: StateSpace, scalings: ScalingFunctions, upper: float
     ) -> MuController | None:
         """The answer for K with the bound `upper` proven by scalings; None if they do not
         prove it.
         """
-        K = self._with_balanced_states(K)
-        loop = self.plant.close(K)
+        controller = self._with_balanced_states(controller)
+        loop = self.plant.close(controller)
         found = None
         if stability_of(loop).holds:
             found = scaled_peak(loop, self.closed, scalings, upper)
-        return None if found is None else MuController.of(K, found, ())
+        return None if found is None else MuController.of(controller, found, ())
 
     def reaching(
-        self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
+        self, controller: StateSpace, peak: float, history: tuple[Iterate, ...]
     ) -> MuController | None:
         """The answer for a controller if its certified peak is at most the target; otherwise None.
 
@@ -352,7 +359,11 @@ class MuSynthesis(Program):
         """
         if self.target is None or peak > self.target:
             return None
-        answer = self.answer(K, history, max((self.target / peak - 1.0) / 2, PEAK_TOLERANCE))
+        answer = self.answer(
+            controller,
+            history=history,
+            tolerance=max((self.target / peak - 1.0) / 2, PEAK_TOLERANCE),
+        )
         return answer if answer is not None and answer.upper <= self.target else None
 
     # --- objective ----------------------------------------------------------------------------
@@ -494,7 +505,7 @@ class MuSynthesis(Program):
         if found is not None:
             found = replace(found, lower=lower, upper=upper, omega=omega, complex_part=0.0)
         K = self.plant.named(restored(data, "controller"))
-        return self.witnessed(MuController(K, lower, upper, omega, history, found))
+        return self.witnessed(MuController(K, lower, upper, omega, history=history, peak=found))
 
     @property
     def _gain_unit(self) -> str:

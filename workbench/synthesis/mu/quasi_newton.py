@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 KEPT_CURVATURE = 0.2
 """Least share of the old curvature along a step that an update must keep."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset, StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.systems.realisation import realisation
 
@@ -59,7 +59,7 @@ class Iterate:
     ...     measurement="e",
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> answer = wb.solve(MuSynthesis(plant, target=0.9), "dk").answer
+    >>> answer = wb.solve(MuSynthesis(plant, target=0.9), method="dk").answer
     >>> [type(each).__name__ for each in answer.history][:1], answer.history[-1].order > 0
     (['Iterate'], True)
     """
@@ -68,6 +68,7 @@ class Iterate:
     level: float
     fit: float
     K: StateSpace
+    _: KW_ONLY
     scalings: Mapping[str, RealArray] = field(default_factory=dict)
 
     @property
@@ -117,7 +118,7 @@ def unpacked(arrays: Mapping[str, NDArray[Any]]) -> list[Iterate]:
             if (x := _without_filling(arrays[name][place])).size
         }
         peak, level, fit = (float(arrays[name][place]) for name in ("peak", "level", "fit"))
-        history.append(Iterate(peak, level, fit, K, scalings))
+        history.append(Iterate(peak, level, fit, K, scalings=scalings))
     return history
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.synthesis.h_infinity.levels import EVEN_STEEPNESS, least_level, level_from
 from workbench.synthesis.h_infinity.normalised import normalised_plant

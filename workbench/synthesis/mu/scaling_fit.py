@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench._core.arrays import EPS, Array, RealArray
 from workbench.executor.clock import tick
 from workbench.structure import Structure
 from workbench.synthesis.mu.scalings import Scalings, diagonals

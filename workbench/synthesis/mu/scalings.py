@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.structure import Structure
 from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, Biquads
 

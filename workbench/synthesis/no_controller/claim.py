@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.program import Task
 from workbench.synthesis.no_controller.interlacing import NoStableController, violated
 from workbench.synthesis.no_controller.no_gain import NoStabilisingGain

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import Check
 from workbench.certify.interlacing import Interlacing, Range, interlacing, separated_zeros
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import Claim, ProofTask
 from workbench.solvers import Outcome
 

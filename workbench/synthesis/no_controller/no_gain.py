@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import Check
 from workbench.certify.interlacing import as_fraction
 from workbench.certify.proofs.static_gains import GainRange, gain_ranges
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import Claim, ProofTask
 from workbench.solvers import Outcome
 

@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import InputError
-from workbench.heavy_types import DataArray, Figure
 from workbench.input_checks import need_kind
 from workbench.study import array, dim, figure, metric, table
 from workbench.synthesis.demands.demands import KINDS, SETTLED, Demands
@@ -64,11 +64,11 @@ class KeptDemands(WorkingLoop):
     >>> from workbench.uncertainty import CircleCover, Responses
     >>> omega = np.geomspace(0.01, 10, 60)
     >>> values = np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T
-    >>> plants = Responses(omega, values)
+    >>> plants = Responses(omega=omega, values=values)
     >>> cover = wb.solve(CircleCover(plants, order=1))
     >>> given = {"limits": (0.0, 100.0), "working_point": WorkingPoint(50.0, 20.0)}
     >>> K = control.tf([2.0, 1.0], [1.0, 0.0])
-    >>> board = wb.solve(Implementation(K, cover, period=0.05, **given))
+    >>> board = wb.solve(Implementation(cover, K, dt=0.05, **given))
     >>> demands = Demands(overshoot=0.05, settling_time=2.0)
     >>> loop = wb.solve(KeptDemands(plants, board, demands))
     >>> loop.metrics["missed_overshoot"], loop.metrics["missed_settling_time"]
@@ -100,13 +100,13 @@ class KeptDemands(WorkingLoop):
 
     demand = dim(lambda self: list(self.asked), meaning="demand")
 
-    @array(demand, "", "number that is demanded")
+    @array(dims=demand, unit="", meaning="number that is demanded")
     def demanded(self) -> list[float]:
         return list(self.asked.values())
 
-    @array(("plant", demand), "", "number that is reached")
+    @array(dims=("plant", demand), unit="", meaning="number that is reached")
     def reached(self, signals: DataArray, step_size: DataArray, loops: Any) -> RealArray:
-        period, half = self.task.period, signals.sizes["time"] // 2
+        period, half = self.task.dt, signals.sizes["time"] // 2
         y, u = (signals.sel(signal=name).values for name in "yu")
         overshoot, settling = self._step_quality(signals, step_size)
         recovery = recovery_time(y[:, half:] - y[:, half - 1 : half], period)

@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import need_kind, need_positive
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis.demands.demands import SETTLED
@@ -89,12 +89,12 @@ class WorkingLoop(Study):
     >>> from workbench.uncertainty import CircleCover, Responses
     >>> omega = np.geomspace(0.01, 10, 60)
     >>> values = np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T
-    >>> plants = Responses(omega, values)
+    >>> plants = Responses(omega=omega, values=values)
     >>> cover = wb.solve(CircleCover(plants, order=1))
     >>> point = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
     >>> given = {"limits": (0.0, 100.0), "working_point": point}
     >>> K = control.tf([2.0, 1.0], [1.0, 0.0])
-    >>> board = wb.solve(Implementation(K, cover, period=0.05, **given))
+    >>> board = wb.solve(Implementation(cover, K, dt=0.05, **given))
     >>> loop = wb.solve(WorkingLoop(plants, board, step=2.0))
     >>> loop.certificate.holds, loop.metrics["static_error"] < 1e-4
     (True, True)
@@ -114,7 +114,10 @@ class WorkingLoop(Study):
         task = getattr(self.board, "task", None)
         if not isinstance(task, Implementation) or self.board.answer is None:
             raise InputError(f"board is {self.board!r}; an Implementation with an answer is needed")
-        if task.working_point is None or (task.K.ninputs, task.K.noutputs) != (1, 1):
+        if task.working_point is None or (task.controller.ninputs, task.controller.noutputs) != (
+            1,
+            1,
+        ):
             raise InputError("the implementation needs a working point, one input and one output")
         for name in ("step", "disturbance"):
             value = getattr(self, name)
@@ -163,7 +166,7 @@ class WorkingLoop(Study):
         """The sampled loop of each plant."""
         task = self.task
         return [
-            BoardLoop(one, task.period, task.delay, task.anti_aliasing, self.actuator.sign)
+            BoardLoop(one, task.dt, task.delay_samples, task.anti_aliasing, self.actuator.sign)
             for one in models[0]
         ]
 
@@ -191,18 +194,22 @@ class WorkingLoop(Study):
 
     plant = dim(lambda self: list(self.responses.plants), meaning="measured plant")
     time = dim(
-        lambda self, samples: np.arange(2 * samples) * self.task.period,
+        lambda self, samples: np.arange(2 * samples) * self.task.dt,
         unit="s",
         meaning="time from rest",
     )
     signal = dim("y", "u")
 
-    @array((time,), "1", "set-point, in units of the measurement")
+    @array(dims=(time,), unit="1", meaning="set-point, in units of the measurement")
     def setpoint(self, samples: Any, sizes: Any) -> RealArray:
         rest = int(REST_SHARE * samples)
         return self.point.y[0] + sizes[0] * (np.arange(2 * samples) >= rest)
 
-    @array((plant, signal, time), "1", "measurement and control, absolute, in their units")
+    @array(
+        dims=(plant, signal, time),
+        unit="1",
+        meaning="measurement and control, absolute, in their units",
+    )
     def signals(self, samples: Any, sizes: Any, loops: Any, setpoint: Any) -> RealArray:
         K, rng = self.board.answer.K, np.random.default_rng(self.seed)
         disturbance = sizes[1] * (np.arange(2 * samples) >= samples)
@@ -218,24 +225,30 @@ class WorkingLoop(Study):
             for one in loops
         ])  # fmt: skip
 
-    @array((plant,), "1", "relative rms error of the model that stands for the plant")
+    @array(
+        dims=(plant,), unit="1", meaning="relative rms error of the model that stands for the plant"
+    )
     def model_error(self, models: Any) -> RealArray:
         return models[1]
 
-    @array((), "1", "step of the set-point, in units of the measurement")
+    @array(dims=(), unit="1", meaning="step of the set-point, in units of the measurement")
     def step_size(self, sizes: Any) -> float:
         return sizes[0]
 
     # --- what it says -----------------------------------------------------------------------------
 
-    @check("limits", "largest violation of a limit by a control", at_most=0.0)
+    @check(title="limits", statement="largest violation of a limit by a control", at_most=0.0)
     def kept(self, signals: DataArray) -> float:
         u = signals.sel(signal="u").values
         if self.actuator.lowest is None or self.actuator.highest is None:
             return 0.0
         return float(max(self.actuator.lowest[0] - u.min(), u.max() - self.actuator.highest[0], 0))
 
-    @check("no bump", "largest change of a control at rest, over its largest change", at_most=BUMP)
+    @check(
+        title="no bump",
+        statement="largest change of a control at rest, over its largest change",
+        at_most=BUMP,
+    )
     def smooth(self, signals: DataArray, setpoint: DataArray) -> float:
         if self.noise:
             return 0.0
@@ -244,8 +257,8 @@ class WorkingLoop(Study):
         return float(np.abs(u[:, rest]).max() / max(float(np.abs(u).max()), 1e-300))
 
     @check(
-        "error at the end",
-        "error at the end of the step, over the step, less what constant signals leave",
+        title="error at the end",
+        statement="error at the end of the step, over the step, less what constant signals leave",
         at_most=LEFT,
     )
     def settled(self, signals: DataArray, step_size: DataArray) -> float:
@@ -308,14 +321,14 @@ class WorkingLoop(Study):
         share = (y - self.point.y[0]) / float(step_size)
         outside = np.abs(share - 1) > SETTLED
         last = np.where(outside.any(axis=1), half - rest - np.argmax(outside[:, ::-1], axis=1), 0)
-        return np.maximum(share.max(axis=1) - 1, 0.0), last * self.task.period
+        return np.maximum(share.max(axis=1) - 1, 0.0), last * self.task.dt
 
     @table
     def constant_signals(self) -> str:
         constant = self.constant
         if constant is None:
             return "Constant signals: not known, since not every plant of the set is stabilised.\n"
-        first = self.responses.frequency[0]
+        first = self.responses.frequency_hz[0]
         far = (
             f" The static gains, {constant.gains[0]:.4g} to {constant.gains[1]:.4g}, are "
             f"**extrapolated**: the lowest measured frequency is {first:.4g} Hz, and the mean of "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import AccuracyRange
-from workbench.arrays import RealArray
 from workbench.conic import ConicForm, ConicProgram
 from workbench.executor import Context
 from workbench.program import Claim, conic_method

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
-from workbench.heavy_types import Axes, Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Axes, Figure
 from workbench.second_opinion import recorded_plants as drawn
 from workbench.synthesis.records.inequalities import ProvenFeedback
 from workbench.synthesis.records.trials import DrawnQuestion

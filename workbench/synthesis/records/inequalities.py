@@ -18,7 +18,7 @@ gamma^2 times the Y of the lemma, so that g = gamma^2 enters linearly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -26,8 +26,8 @@ import numpy as np
 from scipy.linalg import block_diag, solve_discrete_are
 from scipy.sparse import csr_array, vstack
 
+from workbench._core.arrays import RealArray
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.certify.rounding import nearest_power_of_two
 from workbench.synthesis.records.record import StateRecords
@@ -74,6 +74,7 @@ class ProvenFeedback(ProgramAnswer):
     Y: RealArray
     multiplier: float
     level: float
+    _: KW_ONLY
     bound: float = 0.0
     dual: tuple[str, ...] = field(default=(), repr=False)
 

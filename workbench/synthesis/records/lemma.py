@@ -25,7 +25,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.rounding import (
     TINY,
     UPWARD,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.certificate import Check, excess
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import fraction, outside
@@ -22,7 +23,6 @@ from workbench.conic.claims import NoSolutionOfComputed, parsed_rational
 from workbench.conic.ray_search import dual_point, dual_ray, settled_point, settled_ray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import as_array, need_choice
 from workbench.program import Task
 from workbench.solvers import Outcome
@@ -93,6 +93,7 @@ class FeedbackFromRecords(ConicallyStated):
     """
 
     records: StateRecords
+    _: KW_ONLY
     criterion: Criterion = "decay"
     C: RealArray | None = None
     D: RealArray | None = None
@@ -317,7 +318,9 @@ class FeedbackFromRecords(ConicallyStated):
     def from_dataset(self, data: Dataset) -> ProvenFeedback:
         dual = tuple(map(str, data["dual"].values)) if "dual" in data else ()
         multiplier, level, bound = (float(data[name]) for name in ("multiplier", "level", "bound"))
-        return ProvenFeedback(data["K"].values, data["Y"].values, multiplier, level, bound, dual)
+        return ProvenFeedback(
+            data["K"].values, data["Y"].values, multiplier, level, bound=bound, dual=dual
+        )
 
     def figures(self, answer: ProvenFeedback) -> dict[str, Figure]:
         return {"loops": figures.loops(self, answer)}

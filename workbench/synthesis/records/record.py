@@ -13,14 +13,14 @@ nonconservative design via a matrix S-lemma, IEEE Trans. Automatic Control 67 (2
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certify.rounding import (
     Enclosure,
     exact,
@@ -69,6 +69,7 @@ class NoiseEnergy:
     """
 
     energy: RealArray
+    _: KW_ONLY
     weight: RealArray | None = None
     mean: RealArray | None = None
 

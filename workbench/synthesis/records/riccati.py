@@ -20,8 +20,8 @@ import numpy as np
 from scipy.linalg import LinAlgError, block_diag, solve_discrete_are
 from scipy.optimize import minimize_scalar
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import Check
 from workbench.executor.effort import tries
 from workbench.second_opinion import recorded_plants as drawn

@@ -10,13 +10,13 @@ from typing import Any
 import control
 import numpy as np
 
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.arrays import EPS, RealArray
 from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
 from workbench.certify.realisations.changes import relative_change
 from workbench.certify.realisations.parts import boundary_projector, states_of
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.realisations.difference import difference_bound
 from workbench.realisations.system_parts import may_touch
 from workbench.second_opinion.responses import change_of_matrices, farthest_apart
@@ -142,7 +142,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
     >>> import control
     >>> from workbench.synthesis import approximated
     >>> G = control.tf([1.0], [1.0, 1.0]) + control.tf([1.0], [1.0, 100.0])
-    >>> small = approximated(G, 1, "balanced")
+    >>> small = approximated(G, 1, method="balanced")
     >>> bool(0.004 < small.error < 0.01), small.holds, type(small + small).__name__
     (True, True, 'StateSpace')
     """

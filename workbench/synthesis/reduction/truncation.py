@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import sqrtm
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.synthesis.reduction.kept_part import Split, stable_part_of, timed

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.solution import solve
 from workbench.synthesis.switching.cells import CellProof, ParameterCell
@@ -48,7 +48,7 @@ class SwitchedBox:
     loops
         Affine function: [A_d B_d; 0 1] (m, m) of the plant with hold -> transition matrices (n, n)
         of the clean and of the defect mode.
-    period
+    dt
         Sampling period [s].
     parts
         Number of cells along each parameter at the start (p,).
@@ -74,7 +74,7 @@ class SwitchedBox:
     ...     ends = np.array([1.0 - 0.5 * share]), np.array([1.0 + 0.5 * share])
     ...     plant = lambda p: np.array([[-p[0], 1.0], [0.0, 0.0]])
     ...     loops = lambda held: (held[:1, :1] - 0.5 * held[:1, 1:], held[:1, :1])
-    ...     return SwitchedBox(ends, plant, loops, period=1.0, parts=(2,))
+    ...     return SwitchedBox(ends, plant, loops, dt=1.0, parts=(2,))
     ...
     >>> len(box(1.0).cells())
     2
@@ -83,8 +83,9 @@ class SwitchedBox:
     ends: tuple[RealArray, RealArray]
     plant: Callable[[RealArray], RealArray]
     loops: Callable[[RealArray], tuple[RealArray, RealArray]]
-    period: float
+    dt: float
     parts: tuple[int, ...]
+    _: KW_ONLY
     halved: tuple[int, ...] = ()
     dwells: tuple[int, ...] = (1, 10, 30)
 
@@ -118,7 +119,7 @@ class SwitchedBox:
         """Transition matrices (n, n) of both modes, for the plant with these parameters (p,)."""
         from scipy.linalg import expm
 
-        return self.loops(expm(self.period * self.plant(parameters)))
+        return self.loops(expm(self.dt * self.plant(parameters)))
 
     def sets(self, cell: ParameterCell) -> tuple[TransitionSet, TransitionSet]:
         """Sets of the transition matrices of both modes over a cell."""
@@ -126,7 +127,7 @@ class SwitchedBox:
         M = self.plant(centre)
         half = (cell.high - cell.low) / 2
         slopes = [self.plant(centre + step) - M for step in np.diag(half)]
-        held = held_set(M, slopes, self.period)
+        held = held_set(M, slopes, self.dt)
         pairs = [self.loops(each) for each in held.vertices]
         clean, defect = (
             TransitionSet(np.stack(vertices), np.tensordot(held.remainder, gains, 2))
@@ -164,8 +165,11 @@ class SwitchedBox:
         rate = None if dwell == 1 else math.sqrt(slowest)
         # The shortest stay in the defect is sought with a limit of one sample: either one sample is
         # proven or nothing is.
-        modes = Mode("clean", clean, dwell, rate=rate), Mode("defect", defect, None)
-        found = solve(SwitchedStability(modes, 1))
+        modes = (
+            Mode("clean", clean, shortest_samples=dwell, rate=rate),
+            Mode("defect", defect, shortest_samples=None),
+        )
+        found = solve(SwitchedStability(modes, limit_samples=1))
         return found.answer.P if found.certificate and found.certificate.valid else None
 
     def dwell(self, sets: Sequence[TransitionSet], P: RealArray) -> int | None:
@@ -262,7 +266,7 @@ def proven_share(
     ...     ends = np.array([1.0 - 0.5 * share]), np.array([1.0 + 0.5 * share])
     ...     plant = lambda p: np.array([[-p[0], 1.0], [0.0, 0.0]])
     ...     loops = lambda held: (held[:1, :1] - 0.5 * held[:1, 1:], held[:1, :1])
-    ...     return SwitchedBox(ends, plant, loops, period=1.0, parts=(2,))
+    ...     return SwitchedBox(ends, plant, loops, dt=1.0, parts=(2,))
     ...
     >>> found = proven_share(box, (0.5, 1.0), Context())
     >>> list(found.volumes)

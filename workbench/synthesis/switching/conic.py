@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import AccuracyRange
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
@@ -54,7 +54,7 @@ def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) ->
     best = shortest_proven(program, proven, context)
     if best is None:
         none = Outcome.INFEASIBLE if sure else Outcome.FAILED
-        return None, none, f"{said}: no dwell up to {program.limit} samples is proven"
+        return None, none, f"{said}: no dwell up to {program.limit_samples} samples is proven"
     return best, Outcome.SOLVED, said
 
 
@@ -120,7 +120,7 @@ def _largest_margin(
         held = [Q >> margin * np.eye(n) for Q in P]
         held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
         for i, mode in enumerate(modes):
-            if mode.longest is None:
+            if mode.longest_samples is None:
                 held += [_decrease(one, P[i], P[i], margin) for one in congruent(mode.decaying, L)]
             held += [
                 _decrease(one, P[j], P[i], margin)

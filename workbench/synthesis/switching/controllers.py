@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.switching.loops import ControllerMode, Modes
 
 SLOW_POLE_TOLERANCE = 1e-6
@@ -54,7 +54,7 @@ def split_slowest(K: StateSpace) -> SplitController:
     )  # fmt: skip
 
 
-def unswitched(K: StateSpace) -> Modes:
+def unswitched(controller: StateSpace) -> Modes:
     """Modes of a sampled controller that does not change while the measurement has a defect.
 
     Examples
@@ -67,11 +67,11 @@ def unswitched(K: StateSpace) -> Modes:
     >>> bool(np.array_equal(clean.A, defect.A))
     True
     """
-    alone = _mode_of(split_slowest(K))
+    alone = _mode_of(split_slowest(controller))
     return alone, alone
 
 
-def measurement_dropped(K: StateSpace) -> Modes:
+def measurement_dropped(controller: StateSpace) -> Modes:
     """Modes of a sampled controller whose input is zero during a defect, while its states go on.
 
     Examples
@@ -83,11 +83,11 @@ def measurement_dropped(K: StateSpace) -> Modes:
     >>> bool(clean.B.any()), bool(defect.B.any())
     (True, False)
     """
-    alone = _mode_of(split_slowest(K))
+    alone = _mode_of(split_slowest(controller))
     return alone, ControllerMode(alone.A, 0 * alone.B, alone.C, 0 * alone.D)
 
 
-def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
+def measurement_filtered(controller: StateSpace, F: StateSpace) -> Modes:
     """Modes of a sampled controller whose input passes through a filter F during a defect: K and K
     F.
 
@@ -102,7 +102,7 @@ def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
     >>> clean.A.shape  # the controller's state and that of the filter
     (2, 2)
     """
-    alone = _mode_of(split_slowest(K))
+    alone = _mode_of(split_slowest(controller))
     n, both = len(alone.A), block_diag(alone.A, F.A)
     wide = np.hstack([alone.C, np.zeros((1, F.nstates))])
     clean = ControllerMode(both, np.vstack([alone.B, F.B]), wide, alone.D)
@@ -116,7 +116,7 @@ def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
     )
 
 
-def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
+def controller_replaced(controller: StateSpace, other: StateSpace) -> Modes:
     """Modes of a sampled controller K that another controller replaces during a defect.
 
     Raises InputError where the two have different slowest poles.
@@ -131,7 +131,7 @@ def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
     >>> bool(abs(defect.B).sum() < abs(clean.B).sum())
     True
     """
-    a, _, _, B, C, _ = first = split_slowest(K)
+    a, _, _, B, C, _ = first = split_slowest(controller)
     a2, b2, A2, B2, C2, D2 = split_slowest(other)
     if abs(a2 - a) > SLOW_POLE_TOLERANCE * abs(1 - a) + SLOW_POLE_ROUNDING:
         raise InputError(

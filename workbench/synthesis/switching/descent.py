@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -85,7 +85,7 @@ def _descent(program: SwitchedStability, context: Context) -> Claim:
 
     best = shortest_proven(program, proven, context)
     if best is None:
-        said = f"the descent proves no dwell up to {program.limit} samples"
+        said = f"the descent proves no dwell up to {program.limit_samples} samples"
         return None, Outcome.FAILED, said
     unstable, which = program.destabilising
     missed = f"the descent proves no dwell of {best.samples - 1} samples"
@@ -102,7 +102,7 @@ def _inequalities(program: SwitchedStability, stays: list[list[int]], L: RealArr
     for i, mode in enumerate(program.modes):
         found = [(one, j, 1.0) for stay in stays[i] for one in congruent(mode.over(stay), L)
                  for j in range(len(program.modes)) if j != i]  # fmt: skip
-        if mode.longest is None:
+        if mode.longest_samples is None:
             rates = mode.radius / (mode.rate or 1.0)
             for one, rate in zip(congruent(mode.decaying, L), rates, strict=True):
                 decay = -2.0 * math.log(max(float(rate), np.finfo(float).tiny))

@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.switching.loops import SwitchedLoop
 
@@ -104,7 +104,7 @@ class Deviations:
     @cached_property
     def turn(self) -> ComplexArray:
         """Factor by which the phasor of the disturbance turns in one sample (F,)."""
-        return np.asarray(np.exp(1j * self.omega * self.loop.period))
+        return np.asarray(np.exp(1j * self.omega * self.loop.dt))
 
     @cached_property
     def steady(self) -> ComplexArray:
@@ -191,19 +191,20 @@ class Deviations:
         false = self.false * np.cumsum(np.linalg.norm(self.kicks @ (root.T @ after).T, axis=1))
         return np.asarray(disturbed + false)
 
-    def proven(self, P: RealArray, distances: NDArrayInt) -> RealArray:
+    def proven(self, P: RealArray, distances_samples: NDArrayInt) -> RealArray:
         """Bounds on the error (N, distances) for defects of at most n samples with these least
         distances.
 
         P (2, n, n) are the matrices of the clean and the defect mode, as `SwitchedStability` gives
-        them; distances are in samples. The bound is infinite where P do not bound the error.
+        them; ``distances_samples`` are in samples. The bound is infinite where P do not bound the
+        error.
         """
         root_c, root_o = (np.linalg.cholesky(each) for each in P)
         A_c, A_o = self.loop.clean[0], self.loop.defect[0]
         g_o = np.maximum.accumulate(
             _growth_over_stays(A_o, root_o, root_c, range(1, self.longest + 1))
         )
-        g_c = _growth_over_stays(A_c, root_c, root_o, distances)
+        g_c = _growth_over_stays(A_c, root_c, root_o, distances_samples)
         b = np.maximum.accumulate(self._size_after_defect(root_c, np.eye(len(A_c))))
         output, seen = self.loop.output[0], []
         for _ in range(self.longest):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
@@ -34,8 +34,8 @@ def shortest_proven(
         return found
 
     best = None
-    while best is None and failed < program.limit:
-        trial = min(failed + step, program.limit)
+    while best is None and failed < program.limit_samples:
+        trial = min(failed + step, program.limit_samples)
         best = tried(trial)
         if best is None:
             failed, step = trial, 2 * step
@@ -62,9 +62,9 @@ def coordinates(program: SwitchedStability) -> RealArray:
     every = np.concatenate([mode.A for mode in program.modes])
     _, (units, _) = matrix_balance(abs(every).sum(axis=0), permute=False, separate=True)
     sums = [
-        _sum_of_powers(A / units[:, None] * units, mode.longest)
+        _sum_of_powers(A / units[:, None] * units, mode.longest_samples)
         for mode in program.modes
-        for A in (mode.A if mode.longest else mode.decaying)
+        for A in (mode.A if mode.longest_samples else mode.decaying)
     ]
     root = np.linalg.cholesky(symmetric(np.sum(sums, axis=0)))
     return np.asarray(root / units[:, None], dtype=float)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.systems.sampling import sampled
 
 FilterResponse = Callable[[RealArray], ComplexArray]
@@ -43,7 +43,7 @@ class SampledPlant:
     >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
     >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
     >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> plant.period, plant.A.round(4).tolist()
+    >>> plant.dt, plant.A.round(4).tolist()
     (0.1, [[0.8187]])
     """
 
@@ -52,7 +52,7 @@ class SampledPlant:
     output: RealArray
     measured: RealArray
     gain: float
-    period: float
+    dt: float
     filter: FilterResponse
 
 
@@ -110,7 +110,7 @@ class SwitchedLoop:
     clean: tuple[RealArray, RealArray]
     defect: tuple[RealArray, RealArray]
     output: RealArray
-    period: float
+    dt: float
     filter: FilterResponse
 
 
@@ -137,7 +137,7 @@ def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
     """
     clean, defect = ((transition(plant, mode), disturbance_input(plant, mode)) for mode in modes)
     output = np.hstack([plant.output, np.zeros((1, len(modes[0].A)))])
-    return SwitchedLoop(clean, defect, output, plant.period, plant.filter)
+    return SwitchedLoop(clean, defect, output, plant.dt, plant.filter)
 
 
 def transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
@@ -153,11 +153,11 @@ def disturbance_input(plant: SampledPlant, mode: ControllerMode) -> RealArray:
     return plant.gain * np.vstack([plant.B @ mode.D, mode.B])
 
 
-def closed_transition(G: StateSpace, K: StateSpace, delay: float) -> RealArray:
+def closed_transition(plant: StateSpace, controller: StateSpace, delay_samples: float) -> RealArray:
     """Transition matrix (n, n) over a sample: G behind a hold, with K in negative feedback.
 
-    G is continuous and strictly proper. K is sampled; its dt is the period [s]. `delay` is the
-    delay of u [samples].
+    The plant is continuous and strictly proper. The controller is sampled; its dt is the sampling
+    time [s]. ``delay_samples`` is the delay of u [samples].
 
     Examples
     --------
@@ -169,6 +169,6 @@ def closed_transition(G: StateSpace, K: StateSpace, delay: float) -> RealArray:
     >>> bool(np.isclose(closed_transition(G, K, 0.0), held - 3.0 * (1 - held) / 2.0))
     True
     """
-    P = sampled(G, K.dt, delay)
-    corner = P.A - P.B @ K.D @ P.C
-    return np.block([[corner, P.B @ K.C], [-K.B @ P.C, K.A]])
+    P = sampled(plant, controller.dt, delay_samples=delay_samples)
+    corner = P.A - P.B @ controller.D @ P.C
+    return np.block([[corner, P.B @ controller.C], [-controller.B @ P.C, controller.A]])

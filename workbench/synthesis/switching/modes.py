@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.input_checks import need_kind, need_numbers
 
@@ -24,9 +24,9 @@ class Mode:
     A
         Transition matrix over one sample (n, n), or (V, n, n) for V plants. The plant stays the
         same while the modes change.
-    shortest
+    shortest_samples
         Shortest stay [samples]; None if it is sought.
-    longest
+    longest_samples
         Longest stay [samples]; None for no limit.
     rate
         Factor by which V^(1/2) must fall in every sample. rate^(n - 1) A then replaces A^n, and the
@@ -43,30 +43,36 @@ class Mode:
     --------
     >>> import numpy as np
     >>> from workbench.synthesis import Mode
-    >>> mode = Mode("clean", 0.9 * np.eye(2), shortest=None)
-    >>> mode.name, mode.shortest is None
+    >>> mode = Mode("clean", 0.9 * np.eye(2), shortest_samples=None)
+    >>> mode.name, mode.shortest_samples is None
     ('clean', True)
     """
 
     name: str
     A: RealArray
-    shortest: int | None = 1
-    longest: int | None = None
+    _: KW_ONLY
+    shortest_samples: int | None = 1
+    longest_samples: int | None = None
     rate: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "A", transitions(self.name, self.A))
-        check_stays(self.name, 1 if self.shortest is None else self.shortest, self.longest)
-        if self.shortest is None and self.longest is not None:
+        check_stays(
+            self.name,
+            1 if self.shortest_samples is None else self.shortest_samples,
+            self.longest_samples,
+        )
+        if self.shortest_samples is None and self.longest_samples is not None:
             raise InputError(
                 f"mode {self.name!r}: its shortest stay is sought, so longest must be None, not "
-                f"{self.longest}"
+                f"{self.longest_samples}"
             )
         if self.rate is not None:
             need_numbers(rate=self.rate)
-        if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest is None):
+        if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest_samples is None):
             raise InputError(
-                f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest}; a rate must "
+                f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest_samples}; a "
+                "rate must "
                 "lie between 0 and 1, and the mode must have no longest stay"
             )
 

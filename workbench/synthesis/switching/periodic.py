@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.switching.modes import Mode
 
 GROWTH_MARGIN = 1e-9
@@ -40,11 +40,11 @@ def _longest_unstable_of_plant(
     A: RealArray, B: RealArray, other: Mode, limit: int
 ) -> tuple[int, int]:
     A, B = _contracting_coordinates(A, B)
-    both = other.shortest is None
-    if other.longest is None:
-        m = np.arange(other.shortest or 1, _contraction_stay(B, limit) + 1)
+    both = other.shortest_samples is None
+    if other.longest_samples is None:
+        m = np.arange(other.shortest_samples or 1, _contraction_stay(B, limit) + 1)
     else:
-        m = np.arange(other.shortest or 1, other.longest + 1)
+        m = np.arange(other.shortest_samples or 1, other.longest_samples + 1)
     m = _thinned_stays(m)
     second = _powers(B, m)
     sizes = np.linalg.norm(second, 2, axis=(1, 2))

@@ -20,19 +20,19 @@ whole set is meant, a rate r < 1 keeps the inequalities linear in A:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from workbench import figures
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import ProgramAnswer
-from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.quadratic_forms import QuadraticForm, ball_product, ball_quotient, power
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import as_list
 from workbench.program import Program
 from workbench.second_opinion.exact_switchings import exact_products
@@ -55,8 +55,10 @@ class Dwell(ProgramAnswer):
     >>> import workbench as wb
     >>> from workbench.synthesis import Mode, SwitchedStability
     >>> clean, defect = np.array([[0.5, 1.0], [0.0, 0.5]]), np.array([[0.5, 0.0], [1.0, 0.5]])
-    >>> program = SwitchedStability((Mode("clean", clean, shortest=None), Mode("defect", defect)))
-    >>> dwell = wb.solve(program, "clarabel").answer
+    >>> program = SwitchedStability(
+    ...     (Mode("clean", clean, shortest_samples=None), Mode("defect", defect))
+    ... )
+    >>> dwell = wb.solve(program, method="clarabel").answer
     >>> dwell.P.shape
     (2, 2, 2)
     """
@@ -77,7 +79,7 @@ class SwitchedStability(Program):
     ----------
     modes
         Two or more modes with the same plants and states; at least one has ``shortest`` None.
-    limit
+    limit_samples
         Longest dwell time that is tried [samples].
 
     Raises
@@ -93,14 +95,17 @@ class SwitchedStability(Program):
     >>> import workbench as wb
     >>> from workbench.synthesis import Mode, SwitchedStability
     >>> clean, defect = np.array([[0.5, 1.0], [0.0, 0.5]]), np.array([[0.5, 0.0], [1.0, 0.5]])
-    >>> program = SwitchedStability((Mode("clean", clean, shortest=None), Mode("defect", defect)))
-    >>> solution = wb.solve(program, "clarabel")
+    >>> program = SwitchedStability(
+    ...     (Mode("clean", clean, shortest_samples=None), Mode("defect", defect))
+    ... )
+    >>> solution = wb.solve(program, method="clarabel")
     >>> solution.certificate.valid, solution.answer.samples >= 1
     (True, True)
     """
 
     modes: tuple[Mode, ...]
-    limit: int = 100_000
+    _: KW_ONLY
+    limit_samples: int = 100_000
 
     default_method: ClassVar[str] = "clarabel"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -112,13 +117,15 @@ class SwitchedStability(Program):
     def __post_init__(self) -> None:
         object.__setattr__(self, "modes", tuple(as_list(self.modes, "modes")))
         check_modes(self.modes)
-        if not any(mode.shortest is None for mode in self.modes):
+        if not any(mode.shortest_samples is None for mode in self.modes):
             raise InputError("no mode has shortest None: say whose dwell time is sought")
-        if not (is_whole(self.limit) and self.limit > 0):
-            raise InputError(f"limit is {self.limit!r}; it must be a positive number of samples")
+        if not (is_whole(self.limit_samples) and self.limit_samples > 0):
+            raise InputError(
+                f"limit_samples is {self.limit_samples!r}; it must be a positive number of samples"
+            )
         for mode in self.modes:
             worst = int(np.argmax(mode.radius))
-            if mode.longest is None and mode.radius[worst] >= 1.0:
+            if mode.longest_samples is None and mode.radius[worst] >= 1.0:
                 raise InputError(
                     f"mode {mode.name!r} has no longest stay and is unstable: its spectral radius "
                     f"is {mode.radius[worst]:.9g} for plant {worst}; give the longest stay"
@@ -144,8 +151,8 @@ class SwitchedStability(Program):
         """Stays of a mode that have an inequality of their own, if the sought dwell time is
         ``samples``.
         """
-        shortest = samples if mode.shortest is None else mode.shortest
-        return range(shortest, (mode.longest or shortest) + 1)
+        shortest = samples if mode.shortest_samples is None else mode.shortest_samples
+        return range(shortest, (mode.longest_samples or shortest) + 1)
 
     def ratios(self, answer: Dwell, i: int) -> tuple[RealArray, float]:
         """Bounds on V at the next entry over V_i (stays,), and on V_i after a sample over V_i
@@ -162,7 +169,7 @@ class SwitchedStability(Program):
             for k in range(len(stays)):
                 found[k] = max(found[k], *(forms[i].ratio(other, over) for other in others))
                 over = ball_product(A, over)
-            if not mode.longest:
+            if not mode.longest_samples:
                 decay = max(decay, forms[i].ratio(forms[i], ball_quotient(A, mode.rate or 1.0)))
         return found, decay
 
@@ -175,9 +182,9 @@ class SwitchedStability(Program):
         best, which = 0, ""
         for i, one in enumerate(self.modes):
             for other in self.modes[i + 1 :]:
-                if one.shortest is None or other.shortest is None:
-                    pair = (one, other) if one.shortest is None else (other, one)
-                    found, stay = longest_unstable(*pair, self.limit)
+                if one.shortest_samples is None or other.shortest_samples is None:
+                    pair = (one, other) if one.shortest_samples is None else (other, one)
+                    found, stay = longest_unstable(*pair, self.limit_samples)
                     if found > best:
                         best = found
                         which = f"{found} samples in {pair[0].name}, {stay} in {pair[1].name}"
@@ -205,7 +212,7 @@ class SwitchedStability(Program):
     def checks(self, answer: Dwell, tolerance: float) -> list[Check]:
         n, count = self.states, len(self.modes)
         fits = answer.P.shape == (count, n, n) and bool(np.isfinite(answer.P).all())
-        fits = fits and 0 < answer.samples <= self.limit
+        fits = fits and 0 < answer.samples <= self.limit_samples
         statement = "whether P has another shape, or the dwell time is none"
         found = [Check("dimensions", statement, float(not fits), 0.0)]
         if not fits:
@@ -227,9 +234,17 @@ class SwitchedStability(Program):
             name = f"{mode.name}, entries"
             over = f"for every state, after each stay of {stays[0]} to {stays[-1]} samples"
             found.append(
-                Check(name, statement, float(at_entry[worst]), limit, where, over=over, proven=True)
+                Check(
+                    name,
+                    statement,
+                    float(at_entry[worst]),
+                    limit,
+                    where=where,
+                    over=over,
+                    proven=True,
+                )
             )
-            if mode.longest is None:
+            if mode.longest_samples is None:
                 of = "" if mode.rate is None else " and rate^2"
                 statement = f"largest V of this mode after a sample over V before{of}"
                 decays = Check(f"{mode.name}, decay", statement, decay, limit, proven=True)
@@ -240,15 +255,17 @@ class SwitchedStability(Program):
         rate, which = fastest_growth(*self._allowed(answer))
         statement = "logarithmic growth in one period of switchings drawn, less its rounding"
         over = "for periodic switchings drawn"
-        return [Check("switchings drawn", statement, rate, 0.0, which, over=over)]
+        return [Check("switchings drawn", statement, rate, 0.0, where=which, over=over)]
 
     def deep_opinion(self, answer: Dwell) -> list[Check]:
         return [*super().deep_opinion(answer), *exact_products(*self._allowed(answer))]
 
     def _allowed(self, answer: Dwell) -> tuple[list[RealArray], list[int], list[int | None]]:
         """Transition matrices of the modes, and the shortest and the longest stay in each."""
-        shortest = [answer.samples if m.shortest is None else m.shortest for m in self.modes]
-        return [m.A for m in self.modes], shortest, [m.longest for m in self.modes]
+        shortest = [
+            answer.samples if m.shortest_samples is None else m.shortest_samples for m in self.modes
+        ]
+        return [m.A for m in self.modes], shortest, [m.longest_samples for m in self.modes]
 
     def gap(self, answer: Dwell) -> tuple[str, float]:
         found, which = self.destabilising

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.mu import conditions, loop_margins
 from workbench.synthesis.switching.loops import closed_transition
 from workbench.systems.sampling import sampled
@@ -55,7 +55,7 @@ class SingleLoops:
         Continuous systems with one input and one output. The plants are strictly proper.
     discrete
         The controllers as a computer runs them, under the same names; their dt is the period [s].
-    delay
+    delay_samples
         Computation delay [samples].
 
     Raises
@@ -79,7 +79,7 @@ class SingleLoops:
     controllers: Mapping[str, StateSpace]
     discrete: Mapping[str, StateSpace]
     plants: Mapping[str, StateSpace]
-    delay: float
+    delay_samples: float
 
     def __post_init__(self) -> None:
         if list(self.discrete) != list(self.controllers):
@@ -94,7 +94,9 @@ class SingleLoops:
         if sampling == "continuous":
             return G * self.controllers[controller]
         K = self.discrete[controller]
-        return sampled(G, K.dt, self.delay if sampling == "delayed" else 0.0) * K
+        return (
+            sampled(G, K.dt, delay_samples=self.delay_samples if sampling == "delayed" else 0.0) * K
+        )
 
     def growth(self, controller: str, plant: str, sampling: str) -> float:
         """Growth rate [1/s] of the slowest motion of a closed loop; negative for a stable loop."""
@@ -103,7 +105,7 @@ class SingleLoops:
             L = G * self.controllers[controller]
             return float(np.linalg.eigvals(L.A - L.B @ L.C).real.max())
         K = self.discrete[controller]
-        A = closed_transition(G, K, self.delay if sampling == "delayed" else 0.0)
+        A = closed_transition(G, K, self.delay_samples if sampling == "delayed" else 0.0)
         return math.log(abs(np.linalg.eigvals(A)).max()) / K.dt
 
     def margins(self) -> MarginsOfPlants:
@@ -115,7 +117,7 @@ class SingleLoops:
                 for k, G in enumerate(self.plants):
                     growths[i, j, k] = self.growth(K, G, sampling)
                     if growths[i, j, k] < 0.0:
-                        found = loop_margins(self.open_loop(K, G, sampling))
+                        found = loop_margins(self.open_loop(K, G, sampling), tolerance=1e-4)
                         phase = min(found.phases_deg[:, 0], key=abs, default=math.inf)
                         gains[i, j, k], phases[i, j, k] = found.gain_db, phase
         return MarginsOfPlants(gains, phases, growths)
@@ -125,14 +127,14 @@ class SingleLoops:
         lower and upper.
 
         `uncertain` is the continuous generalised plant that is closed with every controller. The
-        delay is half a period for the hold plus the computer's `delay`, as a rational
+        delay is half a period for the hold plus the computer's `delay_samples`, as a rational
         approximation. Bounds are infinite where the nominal loop is unstable.
         """
         import control
 
         found = []
         for name in context.track(list(self.controllers), "robust stability"):
-            K, delay = self.controllers[name], (0.5 + self.delay) * self.discrete[name].dt
+            K, delay = self.controllers[name], (0.5 + self.delay_samples) * self.discrete[name].dt
             late = control.ss(control.tf(*control.pade(delay, PADE_ORDER)))
             found.append([_mu(uncertain, K), _mu(uncertain, late * K)])
         return np.array(found)

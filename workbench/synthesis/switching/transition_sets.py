@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.certify.modes.modal_form import real_balls, real_doubles
 from workbench.certify.quadratic_forms import BITS, QuadraticForm, power
 from workbench.errors import InputError

@@ -11,7 +11,7 @@ import warnings
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.solvers import slicot_routine
 

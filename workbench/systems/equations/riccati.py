@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import LinAlgError, matrix_balance, schur, solve_continuous_are
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balanced
 from workbench.systems.realisation import realisation
 

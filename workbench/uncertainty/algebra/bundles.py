@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
-from workbench.heavy_types import Figure, StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.elements import Element
 

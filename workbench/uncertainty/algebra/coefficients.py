@@ -161,7 +161,7 @@ def _with_states(
 ) -> UncertainSystem:
     """The system of [A B; C D] with `states` states and reduced repetitions of elements."""
     value = LFT(whole.M, whole.names + (INTEGRATOR,) * states)
-    return UncertainSystem(value, elements, dt)._used().reduced()
+    return UncertainSystem(value, elements, dt=dt)._used().reduced()
 
 
 def _matrix(given: Any, name: str) -> UncertainSystem:

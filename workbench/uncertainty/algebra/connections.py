@@ -37,7 +37,7 @@ def append(*sys: Any, **kwargs: Any) -> UncertainSystem:
     need_naming("append", kwargs)
     parts = _systems(sys, "append")
     value = diagonal(*(part.value for part in parts))
-    return named(UncertainSystem(value, combined_elements(parts), common_time(parts)), kwargs)
+    return named(UncertainSystem(value, combined_elements(parts), dt=common_time(parts)), kwargs)
 
 
 def series(*sys: Any, **kwargs: Any) -> UncertainSystem:
@@ -107,7 +107,7 @@ def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
     enters = np.vstack([block_diagonal(*(np.eye(width) for width in widths))] * len(parts))
     leaves = block_diagonal(*(np.hstack([np.eye(height)] * len(widths)) for height in heights))
     value = linked(whole, np.zeros((inputs, outputs)), enters, leaves)
-    return UncertainSystem(value, combined_elements(flat), common_time(flat))
+    return UncertainSystem(value, combined_elements(flat), dt=common_time(flat))
 
 
 def feedback(sys1: Any, sys2: Any = 1, sign: int = -1, **kwargs: Any) -> UncertainSystem:
@@ -140,7 +140,7 @@ def feedback(sys1: Any, sys2: Any = 1, sign: int = -1, **kwargs: Any) -> Uncerta
         raise not_well_posed("first", a, "second", b)
     value = linked(whole, links, np.eye(m + p, m), np.eye(p, p + m))
     parts = [a, b]
-    return named(UncertainSystem(value, combined_elements(parts), common_time(parts)), kwargs)
+    return named(UncertainSystem(value, combined_elements(parts), dt=common_time(parts)), kwargs)
 
 
 def not_well_posed(

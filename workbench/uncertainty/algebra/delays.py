@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import polynomial
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.structure import Block, Complex
 from workbench.systems.conversion import as_system
@@ -52,7 +52,7 @@ class DelayElement(Element):
         return (self.name,)
 
     def block(self, occurrences: int) -> Block:
-        return Complex(occurrences, self.name)
+        return Complex(occurrences, name=self.name)
 
     @property
     def cover(self) -> StateSpace:

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.structure import Block, Complex, Full, Real
 from workbench.systems.conversion import as_system
@@ -89,7 +89,7 @@ class RealElement(Element):
         return (self.name,)
 
     def block(self, occurrences: int) -> Block:
-        return Real(occurrences, self.name)
+        return Real(occurrences, name=self.name)
 
     def delta(self, value: Any) -> float:
         if not is_real(value) or not math.isfinite(value):
@@ -123,7 +123,7 @@ class ComplexElement(Element):
         return (self.name,)
 
     def block(self, occurrences: int) -> Block:
-        return Complex(occurrences, self.name)
+        return Complex(occurrences, name=self.name)
 
     def delta(self, value: Any) -> Any:
         if not isinstance(value, numbers.Number):  # dynamics with this value at a frequency
@@ -160,14 +160,14 @@ class DynamicElement(Element):
 
     def block(self, occurrences: int) -> Block:
         if self.outputs == self.inputs == 1:
-            return Complex(occurrences, self.name)
+            return Complex(occurrences, name=self.name)
         if occurrences > 1:
             raise InputError(
                 f"{self.name}, a block of {self.outputs} x {self.inputs}, occurs {occurrences} "
                 "times; there are no bounds of mu for repeated full blocks: write the system so "
                 "that it occurs once, as `feedback` does"
             )
-        return Full(self.outputs, self.inputs, self.name)
+        return Full(self.outputs, self.inputs, name=self.name)
 
     def delta(self, value: Any) -> Any:
         given = as_system(value, self.name)

@@ -15,7 +15,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from workbench.arrays import EPS
+from workbench._core.arrays import EPS
 from workbench.uncertainty.algebra.lft import LFT
 
 POINTS = 3

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import as_list
 from workbench.systems.balancing import singular
@@ -227,4 +227,4 @@ def _connected(
     passing = np.zeros(value.M.shape)
     passing[len(value.names) :, len(value.names) :] = through
     found = LFT(value.M + passing, value.names)
-    return UncertainSystem(found, combined_elements(parts), common_time(parts))
+    return UncertainSystem(found, combined_elements(parts), dt=common_time(parts))

@@ -55,7 +55,7 @@ def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
     parts = {name: _covered(one, order) for name, one in late.items()}
     value = dead_time.closed_with(pulled, [parts[name].value for name in names])
     known = {name: part.elements[name] for name, part in parts.items()}
-    return UncertainSystem(value, {**given.elements, **known}, given.dt)
+    return UncertainSystem(value, {**given.elements, **known}, dt=given.dt)
 
 
 def rational_part(system: UncertainSystem) -> tuple[Fraction | None, UncertainSystem]:
@@ -65,7 +65,7 @@ def rational_part(system: UncertainSystem) -> tuple[Fraction | None, UncertainSy
     total = dead_time.total_delay(nominal, {name: one.delay for name, one in late.items()})
     pulled, names = dead_time.channels_pulled_out(nominal, list(late))
     value = dead_time.closed_with(pulled, [LFT(np.eye(1))] * len(names))
-    return total, UncertainSystem(value, {}, system.dt)
+    return total, UncertainSystem(value, {}, dt=system.dt)
 
 
 def nominal_but_late(system: UncertainSystem) -> UncertainSystem:
@@ -77,11 +77,11 @@ def nominal_but_late(system: UncertainSystem) -> UncertainSystem:
     first, d = len(certain.names), len(names)
     M = np.delete(certain.M, np.s_[first : first + d], axis=0)
     M = np.delete(M, np.s_[first : first + d], axis=1)
-    return UncertainSystem(LFT(M, certain.names), late, system.dt)
+    return UncertainSystem(LFT(M, certain.names), late, dt=system.dt)
 
 
 def _covered(one: dead_time.DeadTime, order: int) -> UncertainSystem:
     """The element of a dead time, replaced by P (1 + W delta)."""
-    error = dynamics(one.name, 1, 1, dead_time.pade_error(one.delay, order))
+    error = dynamics(one.name, 1, 1, bound=dead_time.pade_error(one.delay, order))
     whole: UncertainSystem = uncertain(dead_time.pade(one.delay, order)) * (1.0 + error)
     return whole

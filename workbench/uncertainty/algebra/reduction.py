@@ -13,7 +13,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT

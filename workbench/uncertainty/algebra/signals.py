@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.uncertainty.algebra.system import SignalNames, UncertainSystem
 
 NAMING = ("name", "inputs", "outputs", "input_prefix", "output_prefix")

@@ -7,7 +7,7 @@ inverses of systems are those of LFTs (`workbench.uncertainty.algebra.lft`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import Any, ClassVar
@@ -15,9 +15,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_count, need_time_base
 from workbench.structure import Structure
 from workbench.systems.conversion import as_states
@@ -115,6 +115,7 @@ class UncertainSystem(Algebraic):
 
     value: LFT
     elements: Mapping[str, Element]
+    _: KW_ONLY
     dt: float | None = None
     signals: SignalNames | None = field(default=None, kw_only=True)
 
@@ -265,7 +266,7 @@ class UncertainSystem(Algebraic):
         names = [one.name for one in real]
         return [self.at(**dict(zip(names, values, strict=True))) for values in ends]
 
-    def sample(self, count: int, seed: int | Sequence[int] = 0) -> list[StateSpace]:
+    def sample(self, count: int, *, seed: int | Sequence[int] = 0) -> list[StateSpace]:
         """Random members: parameters are uniform in their ranges, dynamics are all-passes with
         random gains.
         """
@@ -290,16 +291,16 @@ class UncertainSystem(Algebraic):
             return response(self.nominal, omega)
         value, names = dead_time.channels_pulled_out(self.value, list(late))
         others = {name: one for name, one in self.elements.items() if name not in late}
-        found = UncertainSystem(value, others, self.dt).response(omega)
+        found = UncertainSystem(value, others, dt=self.dt).response(omega)
         return dead_time.closed_response(found, [late[name].delay for name in names], omega)
 
-    def plot(self, samples: int = 30, seed: int = 0) -> Figure:
+    def plot(self, *, samples: int = 30, seed: int = 0) -> Figure:
         """Gain over frequency of random members and the nominal; the largest gain for several
         channels.
 
         Samples prove nothing; `workbench.mu.worst_case_gain` does.
         """
-        return bundle(self.nominal, self.sample(samples, seed))
+        return bundle(self.nominal, self.sample(samples, seed=seed))
 
     @cached_property
     def cancelling(self) -> list[str]:
@@ -391,7 +392,8 @@ def uncertain(given: Any, name: str = "the system") -> UncertainSystem:
     if isinstance(part, UncertainSystem):
         return part
     if isinstance(part, UncertainPart):
-        return UncertainSystem(*pulled_out(part))
+        value, elements, dt = pulled_out(part)
+        return UncertainSystem(value, elements, dt=dt)
     system = part
     if isinstance(part, control.TransferFunction):
         system = as_states(part, name)
@@ -399,7 +401,7 @@ def uncertain(given: Any, name: str = "the system") -> UncertainSystem:
     if not np.isfinite(M).all():
         raise InputError(f"{name} has entries that are not finite")
     dt = system.dt if system.nstates or system.dt else None
-    return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt)
+    return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt=dt)
 
 
 def with_channels(given: Any, name: str) -> UncertainSystem:
@@ -440,4 +442,4 @@ def common_time(parts: list[UncertainSystem]) -> float | None:
 def _combined(first: Any, second: Any, operation: Any) -> UncertainSystem:
     parts = [with_channels(first, "the left operand"), with_channels(second, "the right operand")]
     elements, dt = combined_elements(parts), common_time(parts)
-    return UncertainSystem(operation(*(part.value for part in parts)), elements, dt)._used()
+    return UncertainSystem(operation(*(part.value for part in parts)), elements, dt=dt)._used()

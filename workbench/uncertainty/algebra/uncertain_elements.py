@@ -90,7 +90,7 @@ def complex_scalar(name: str, nominal: float, radius: float) -> UncertainSystem:
     return UncertainSystem(LFT(M, (name,)), {name: element})
 
 
-def dynamics(name: str, inputs: int, outputs: int, bound: Any = 1.0) -> UncertainSystem:
+def dynamics(name: str, inputs: int, outputs: int, *, bound: Any = 1.0) -> UncertainSystem:
     """Unknown stable linear dynamics with a known bound on the gain.
 
     Parameters
@@ -163,7 +163,9 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
         )
     if low == high:
         known = DeadTime(name, float(high))
-        return UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: known}, 0.0)
+        return UncertainSystem(
+            LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: known}, dt=0.0
+        )
     if not SHORTEST_DELAY <= high <= LONGEST_DELAY:
         raise InputError(
             f"{name}: a delay of {high!r} s has no cover in doubles; delays from {SHORTEST_DELAY} "

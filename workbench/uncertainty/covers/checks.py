@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.fitting.rational import Rational
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import plain_response
 from workbench.second_opinion.support import reach_beyond
 from workbench.uncertainty.covers.sets import Form
@@ -32,7 +32,7 @@ def realised_support(
     value, where = worst(counted, lambda i: f"at {responses.place(i[0])}")
     statement = "how far a response reaches beyond the realised set, over the radius"
     limit, over = REALISED_SUPPORT_TOLERANCE, responses.over
-    return Check("support", statement, value, limit, where, over=over)
+    return Check("support", statement, value, limit, where=where, over=over)
 
 
 def excess_over_radius(
@@ -59,7 +59,7 @@ def given_nominal(nominal: Rational, given: Rational, responses: Responses) -> C
     value, where = worst(apart, lambda i: f"at {responses.place(i[0])}")
     statement = "distance of its response from that of the given one, relative"
     over = f"at the {responses.omega.size} given frequencies"
-    return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where, over=over)
+    return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where=where, over=over)
 
 
 def at_most(what: str, name: str, value: int, limit: int) -> Check:

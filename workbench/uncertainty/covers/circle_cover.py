@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.geometry import NarrowestStadium, SmallestCircle, Stadium

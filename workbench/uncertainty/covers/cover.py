@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import answer_of
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
@@ -25,7 +26,6 @@ from workbench.fitting.response.program import right_check
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import need_choice
 from workbench.program import Program
 from workbench.second_opinion.fits import decays, growing_modes, inverse_decays
@@ -82,12 +82,13 @@ class UncertaintyCover(Program):
     confidence
         Probability with which each disc around an estimate contains the true response. The cover
         contains these discs; with None it contains the responses themselves.
-    windows
+    windows_hz
         Ranges of frequency [Hz] to draw enlarged, by caption.
     """
 
     responses: Responses
     order: int
+    _: KW_ONLY
     zeros: Any = None  # it is an int after construction
     complex_order: int = 4
     form: Form = field(default="multiplicative", kw_only=True)
@@ -97,7 +98,7 @@ class UncertaintyCover(Program):
     unstable_poles: int = field(default=0, kw_only=True)
     leave_out: int = field(default=0, kw_only=True)
     confidence: float | None = field(default=None, kw_only=True)
-    windows: Any = field(default_factory=dict, kw_only=True)
+    windows_hz: Any = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "joint"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -282,7 +283,7 @@ class UncertaintyCover(Program):
         model = answer.model
         if model.form != self.form:
             raise InputError(f"the answer is {model.form}, asked for was {self.form}")
-        inside = contains(model, self.responses, self.leave_out)
+        inside = contains(model, self.responses, leave_out=self.leave_out)
         spared = f" but the {self.leave_out} worst at each frequency" if self.leave_out else ""
         assumed = self.responses.assumption
         statement = (
@@ -296,7 +297,7 @@ class UncertaintyCover(Program):
                 statement,
                 inside.worst,
                 CONTAINMENT_TOLERANCE,
-                inside.where,
+                where=inside.where,
                 over=self.responses.over,
             ),
             *self._between(containment_check, model),
@@ -392,7 +393,7 @@ class UncertaintyCover(Program):
             "inflation": float(np.max((width + length) / size)),
             "order_nominal": model.nominal.order,
             "order_Wc": model.W_c.order,
-            "outside": int(contains(model, self.responses, self.leave_out).outside.sum()),
+            "outside": int(contains(model, self.responses, leave_out=self.leave_out).outside.sum()),
         } | self._noise(answer)
 
     def _noise(self, answer: CoverSteps) -> dict[str, float]:
@@ -415,7 +416,12 @@ class UncertaintyCover(Program):
 
         parts = [rational(data, name) for name in ("nominal", "W_c", "W_r")]
         model = UncertaintyModel(
-            parts[0], parts[1], parts[2], self.form, self.responses.dt, tested=self.responses.tested
+            parts[0],
+            parts[1],
+            parts[2],
+            form=self.form,
+            dt=self.responses.dt,
+            tested=self.responses.tested,
         )
         first: Circle | Stadium = shape(data, "first")
         if self.shape == "circle":
@@ -423,4 +429,4 @@ class UncertaintyCover(Program):
         return CoverSteps(model, first, shape(data, "second"), shape(data, "third"))
 
     def figures(self, answer: CoverSteps) -> dict[str, Figure]:
-        return cover_figures(self.responses, answer, self.windows)
+        return cover_figures(self.responses, answer, self.windows_hz)

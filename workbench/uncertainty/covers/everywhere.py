@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certificate import Check
 from workbench.certify.known_plants.containment import Excess, escapes, largest_excess
 from workbench.certify.stable_system import angular_frequency
@@ -176,7 +176,7 @@ def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
         "proven bound on the distance of a plant beyond its set, relative to the radius",
         excess.value,
         CONTAINMENT_TOLERANCE,
-        f"{_place(excess, responses.dt)}, by {list(plants)[excess.plant]}",
+        where=f"{_place(excess, responses.dt)}, by {list(plants)[excess.plant]}",
         over=f"at every frequency, for these {len(plants)} plants",
         proven=True,
     )
@@ -201,7 +201,7 @@ def sampled_containment(model: UncertaintyModel, responses: Responses) -> Check:
         "how far a realised plant reaches beyond the realised set, over the radius",
         float(excess[k, i]),
         REALISED_SUPPORT_TOLERANCE,
-        f"at {omega[k] / (2 * np.pi):.6g} Hz, by {list(plants)[i]}",
+        where=f"at {omega[k] / (2 * np.pi):.6g} Hz, by {list(plants)[i]}",
         over=f"at {omega.size} frequencies of a dense grid, for these {len(plants)} plants",
     )
 

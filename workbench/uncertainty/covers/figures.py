@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import Axes, Figure
 from workbench.geometry.figures import plane
-from workbench.heavy_types import Axes, Figure
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import unwrapped
 from workbench.uncertainty.responses.plants import Responses
@@ -21,7 +21,7 @@ def cover_figures(
     points, sets = responses.labelled(), answer.model.shapes(responses.omega)
     drawn = {"plane": plane(points, sets, "fitted sets")}
     for caption, (low, high) in windows.items():
-        chosen = np.flatnonzero((responses.frequency >= low) & (responses.frequency <= high))
+        chosen = np.flatnonzero((responses.frequency_hz >= low) & (responses.frequency_hz <= high))
         if chosen.size:
             name = "plane-" + "-".join(caption.lower().split())
             drawn[name] = plane(points, sets, f"fitted sets, {caption}", chosen)
@@ -41,12 +41,16 @@ def nominal_figure(responses: Responses, answer: CoverSteps) -> Figure:
     for axes, of in ((top, np.abs), (bottom, lambda z: turn + np.angle(z / fit, deg=True))):
         for k, plant in enumerate(values.T[:100]):
             label = "plants" if k == 0 else None
-            axes.plot(responses.frequency, of(plant), color="0.7", linewidth=0.6, label=label)
+            axes.plot(responses.frequency_hz, of(plant), color="0.7", linewidth=0.6, label=label)
         centres = of(answer.first.center)
         axes.plot(
-            responses.frequency, centres, color=figures.ORANGE, ls=":", label="centres, first set"
+            responses.frequency_hz,
+            centres,
+            color=figures.ORANGE,
+            ls=":",
+            label="centres, first set",
         )
-        axes.plot(responses.frequency, of(fit), color=figures.BLUE, label="nominal")
+        axes.plot(responses.frequency_hz, of(fit), color=figures.BLUE, label="nominal")
     figures.label(top, y=f"magnitude [{responses.unit}]", log="y")
     figures.label(bottom, y="phase [deg]")
     _finish(figure, top, bottom, responses)
@@ -57,15 +61,19 @@ def complex_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
     """Radii of the sets, calculated and fitted (figures 5.12 and 5.13 of the thesis)."""
     figure, (axes,) = figures.axes()
     axes.plot(
-        responses.frequency, answer.second.radius, ":", color=figures.BLACK, label="second set"
+        responses.frequency_hz, answer.second.radius, ":", color=figures.BLACK, label="second set"
     )
     if answer.model.W_r is not None:
         axes.plot(
-            responses.frequency, answer.third.radius, ":", color=figures.ORANGE, label="third set"
+            responses.frequency_hz,
+            answer.third.radius,
+            ":",
+            color=figures.ORANGE,
+            label="third set",
         )
     fit = np.abs(answer.model.W_c.response(responses.axis))
     label = f"$|W_c|$, order {answer.model.W_c.order}"
-    axes.plot(responses.frequency, fit, color=figures.BLUE, label=label)
+    axes.plot(responses.frequency_hz, fit, color=figures.BLUE, label=label)
     figures.label(axes, y=f"radius [{_unit(responses, answer)}]", log="y")
     _finish(figure, axes, axes, responses)
     return figure
@@ -84,10 +92,10 @@ def real_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
         # a segment has two opposite ends; draw the one nearer to the fit
         end = np.where((end * fit.conj()).real < 0, -end, end)
         turn = figures.phase(fit) + np.angle(end / fit, deg=True)
-        top.plot(responses.frequency, np.abs(end), ":", color=colour, label=name)
-        bottom.plot(responses.frequency, turn, ":", color=colour)
-    top.plot(responses.frequency, np.abs(fit), color=figures.BLUE, label=label)
-    bottom.plot(responses.frequency, figures.phase(fit), color=figures.BLUE)
+        top.plot(responses.frequency_hz, np.abs(end), ":", color=colour, label=name)
+        bottom.plot(responses.frequency_hz, turn, ":", color=colour)
+    top.plot(responses.frequency_hz, np.abs(fit), color=figures.BLUE, label=label)
+    bottom.plot(responses.frequency_hz, figures.phase(fit), color=figures.BLUE)
     figures.label(top, y=f"half-length [{_unit(responses, answer)}]", log="y")
     figures.label(bottom, y="orientation [deg]")
     _finish(figure, top, bottom, responses)
@@ -96,7 +104,7 @@ def real_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
 
 def _finish(figure: Figure, source: Axes, bottom: Axes, responses: Responses) -> None:
     """Set the frequency axis, and put the legend of ``source`` below the figure."""
-    wide = responses.frequency[-1] > 20 * responses.frequency[0]
+    wide = responses.frequency_hz[-1] > 20 * responses.frequency_hz[0]
     figures.label(bottom, "frequency [Hz]", log="x" if wide else "")
     figures.legend_below(figure, source)
 

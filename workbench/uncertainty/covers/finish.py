@@ -87,7 +87,7 @@ def _steps(
 ) -> CoverSteps:
     responses = program.responses
     model = UncertaintyModel(
-        nominal, W_c, W_r, program.form, dt=responses.dt, tested=responses.tested
+        nominal, W_c, W_r, form=program.form, dt=responses.dt, tested=responses.tested
     )
     second = program.second_set(program.away(nominal, program.points))
     return CoverSteps(model, first, second, third)

@@ -9,22 +9,22 @@ fill a circle or, with W_r, a stadium.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from workbench import figures
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.answer import Answer
-from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_choice, need_kind, need_whole
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
@@ -59,6 +59,7 @@ class UncertaintyModel(Algebraic):
     nominal: Any  # all three are Rational after construction
     W_c: Any
     W_r: Any = None
+    _: KW_ONLY
     form: Form = "multiplicative"
     dt: Any = None  # it is a float after construction
     tested: tuple[str, ...] = field(default=(), kw_only=True)
@@ -195,7 +196,9 @@ class Containment(Answer):
     >>> from workbench.uncertainty import Responses, UncertaintyModel, contains
     >>> omega = np.geomspace(1, 100, 30)
     >>> plants = Responses(
-    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
     >>> found = contains(model, plants)
@@ -239,11 +242,11 @@ class ContainmentChecker(Checker):
         return self.responses.over
 
     def checks(self, answer: Containment, tolerance: float) -> list[Check]:
-        found = contains(self.model, self.responses, self.leave_out)
+        found = contains(self.model, self.responses, leave_out=self.leave_out)
         statement = "largest distance of a point beyond its set, over the radius"
         limit = CONTAINMENT_TOLERANCE
         return [
-            Check("containment", statement, found.worst, limit, found.where),
+            Check("containment", statement, found.worst, limit, where=found.where),
             Check("claim", "how much larger it is than claimed", found.worst - answer.worst, limit),
         ]
 
@@ -252,7 +255,7 @@ class ContainmentChecker(Checker):
         return [realised_support(model.systems(), model.form, self.responses, self.leave_out)]
 
 
-def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) -> Containment:
+def contains(model: UncertaintyModel, responses: Responses, *, leave_out: int = 0) -> Containment:
     """Test whether every response lies in the model's set at its frequency.
 
     The test uses only the roots and the data. It is computed in extended precision by code that the
@@ -270,7 +273,9 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
     >>> from workbench.uncertainty import Responses, UncertaintyModel, contains
     >>> omega = np.geomspace(1, 100, 30)
     >>> plants = Responses(
-    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
     >>> narrow = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.09], [1.0]))

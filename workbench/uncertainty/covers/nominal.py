@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.errors import InputError
 from workbench.fitting.response.program import ResponseFit
 from workbench.geometry import Circle, Stadium

@@ -15,15 +15,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, worst
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.effort import tries
 from workbench.fitting.samples import as_count, as_frequencies
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import Figure
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.input_checks import need_tolerance
 from workbench.second_opinion import SEED
@@ -96,7 +96,7 @@ class CoverOfEstimateChecker(Checker):
         return float((self._discs() / self._sizes(answer)).max())
 
     def _discs(self) -> RealArray:
-        radius = self.uncertainty.radius(self._fine, self.confidence, everywhere=True)
+        radius = self.uncertainty.radius(self._fine, confidence=self.confidence, everywhere=True)
         return radius[:, *self.entry]
 
     def checks(self, answer: UncertaintyModel, tolerance: float) -> list[Check]:
@@ -104,14 +104,14 @@ class CoverOfEstimateChecker(Checker):
         beyond = (self._discs() + np.abs(apart)) / self._sizes(answer) - 1.0
         value, where = worst(beyond, lambda at: f"at {self._fine[at[0]]:.6g} rad/s")
         statement = "radius of a disc over that of the model, less 1"
-        return [Check("containment", statement, value, CONTAINMENT_TOLERANCE, where)]
+        return [Check("containment", statement, value, CONTAINMENT_TOLERANCE, where=where)]
 
     def second_opinion(self, answer: UncertaintyModel) -> list[Check]:
         from scipy.stats import binom
 
         rng = np.random.default_rng(SEED)
         count = tries(DRAWN)
-        drawn = self.uncertainty.drawn(rng, count, self._fine)[:, :, *self.entry]
+        drawn = self.uncertainty.drawn(rng, self._fine, count)[:, :, *self.entry]
         away = np.abs(drawn - answer.nominal.response(self._fine))
         outside = int((away > self._sizes(answer)).any(axis=1).sum())
         most = float(binom.isf(DOUBT, count, 1.0 - self.confidence))
@@ -127,8 +127,8 @@ class CoverOfEstimateChecker(Checker):
 def cover_of_estimate(
     uncertainty: ModelUncertainty,
     order: int,
-    confidence: float = 0.95,
     *,
+    confidence: float = 0.95,
     entry: tuple[int, int] = (0, 0),
     form: Literal["multiplicative", "additive"] = "multiplicative",
     omega: ArrayLike | None = None,
@@ -183,7 +183,7 @@ def cover_of_estimate(
     need_tolerance(confidence)
     order = as_count("order", order)
     model, data = uncertainty.model, uncertainty.structure.data
-    if model.sample_time is not None:
+    if model.dt is not None:
         raise InputError("a model in continuous time is needed, not a sampled one")
     i, j = entry
     p, m = model.shape
@@ -203,7 +203,7 @@ def cover_of_estimate(
     nominal = model.entries[i][j]
 
     def wanted(at: RealArray) -> RealArray:
-        radius: RealArray = uncertainty.radius(at, confidence, everywhere=True)[:, i, j]
+        radius: RealArray = uncertainty.radius(at, confidence=confidence, everywhere=True)[:, i, j]
         return radius / np.abs(nominal.response(at)) if form == "multiplicative" else radius
 
     # The weight covers straight lines in log-log scale from one frequency to the next. The lines

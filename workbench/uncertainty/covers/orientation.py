@@ -15,8 +15,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import compiled
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.geometry.points import canonical_angle
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
@@ -44,7 +44,7 @@ def narrowest(omega: RealArray, away: ComplexArray) -> RealArray:
     return stadiums_about_nominal(away).angle
 
 
-def smooth(weight: float = 0.1) -> Orientation:
+def smooth(*, weight: float = 0.1) -> Orientation:
     """Orientation with small widths and small changes of angle along frequency.
 
     It minimises the sum of log(radius) + weight * (change of angle)^2 / (change of log omega) over
@@ -55,13 +55,15 @@ def smooth(weight: float = 0.1) -> Orientation:
     >>> import numpy as np
     >>> from workbench.uncertainty import smooth
     >>> away = np.array([[-1.0 - 1j, 0.01, 1.0 + 1j]] * 3)
-    >>> smooth(0.1)(np.array([1.0, 2.0, 4.0]), away).shape
+    >>> smooth(weight=0.1)(np.array([1.0, 2.0, 4.0]), away).shape
     (3,)
     """
     return cheapest(_narrow, weight)
 
 
-def limited(limit: float = math.pi / 12, nominal: RealArray | float | None = None) -> Orientation:
+def limited(
+    *, limit: float = math.pi / 12, nominal: RealArray | float | None = None
+) -> Orientation:
     """Orientation of the third set: the angle of least width, if it is near a nominal angle.
 
     At other frequencies the nominal angle is used.

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.certificate import Check, worst
 from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.bounds import circle_radius_bound
@@ -53,4 +53,4 @@ def set_check(
     """The check of one kind of set; ``about`` says what its centre is."""
     value, where = worst(off, lambda i: f"at {places.place(i[0])}")
     statement = f"a radius off the least{about}, a deviation beyond it, relative"
-    return Check(name, statement, value, limit, where, over=over)
+    return Check(name, statement, value, limit, where=where, over=over)

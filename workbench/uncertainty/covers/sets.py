@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, Stadium, narrowest_stadium, smallest_circle

@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
@@ -46,13 +46,16 @@ class StadiumCover(UncertaintyCover):
     >>> from workbench.uncertainty import Responses, StadiumCover
     >>> omega = np.geomspace(1, 100, 20)
     >>> plants = Responses(
-    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> solution = wb.solve(StadiumCover(plants, order=1, complex_order=1, real_order=1))
     >>> solution.certificate.valid
     True
     """
 
+    _: KW_ONLY
     real_order: int = 4
     orientation: Orientation = field(default_factory=smooth, kw_only=True)
     minimum_phase: bool = field(default=False, kw_only=True)

@@ -23,7 +23,9 @@ class CoverSteps(ProgramAnswer):
     >>> from workbench.uncertainty import CircleCover, Responses
     >>> omega = np.geomspace(1, 100, 20)
     >>> plants = Responses(
-    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> steps = wb.solve(CircleCover(plants, order=1, complex_order=1)).answer
     >>> steps.first.radius.shape, steps.model.lti.noutputs > 0

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.magnitude.coverage import least_margin

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check, worst
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stability import balanced_states, stability_of
-from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
@@ -65,7 +65,7 @@ def semidefinite(responses: MatrixResponses, X: Array, model: MatrixModel) -> Ch
     least = np.linalg.eigvalsh(whole / root[..., None] / root[..., None, :])[..., 0]
     value, where = worst(-least, responses.numbered)
     statement = "smallest eigenvalue of [[L, X], [X^*, R]] of unit diagonal, below zero"
-    return Check("semidefinite", statement, value, REALISED, where)
+    return Check("semidefinite", statement, value, REALISED, where=where)
 
 
 def plants_made(responses: MatrixResponses, deltas: Array, model: MatrixModel) -> Check:
@@ -75,7 +75,7 @@ def plants_made(responses: MatrixResponses, deltas: Array, model: MatrixModel) -
     size = np.maximum(np.linalg.norm(given, axis=(2, 3)), np.finfo(float).tiny)
     value, where = worst(np.linalg.norm(made - given, axis=(2, 3)) / size, responses.numbered)
     statement = "distance of a plant from the model closed by its Delta, relative"
-    return Check("plants made", statement, value, REALISED, where)
+    return Check("plants made", statement, value, REALISED, where=where)
 
 
 def tried_everywhere(responses: MatrixResponses, deltas: Sequence[StateSpace]) -> Check:
@@ -86,4 +86,4 @@ def tried_everywhere(responses: MatrixResponses, deltas: Sequence[StateSpace]) -
         peaks.append(np.linalg.norm(plain_response(delta, tried), 2, axis=(1, 2)).max())
     value, where = worst(np.array(peaks) - 1, lambda i: f"plant {responses.plants[i[0]]}")
     statement = "largest norm of a Delta at frequencies tried, less 1"
-    return Check("everywhere", statement, value, REALISED, where)
+    return Check("everywhere", statement, value, REALISED, where=where)

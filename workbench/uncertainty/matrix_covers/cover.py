@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.arrays import Array, RealArray
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst
 from workbench.certify.norms import certified_norm
 from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_choice
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
@@ -116,6 +116,7 @@ class MatrixCover(Program):
 
     responses: MatrixResponses
     nominal: Any
+    _: KW_ONLY
     form: MatrixForm = "additive"
     left: Shape = field(default="diagonal", kw_only=True)
     right: Shape = field(default="diagonal", kw_only=True)
@@ -207,12 +208,12 @@ class MatrixCover(Program):
     @cached_property
     def sets(self) -> MatrixSets:
         """The program of the smallest sets at each frequency."""
-        return MatrixSets(self.deviations, self.left, self.right, floor=self.floor)
+        return MatrixSets(self.deviations, left=self.left, right=self.right, floor=self.floor)
 
     def sets_beside(self, W_2: Array) -> MatrixSets:
         """The program of the smallest sets for a given W_2 (F, ., .), which determines W_1."""
         X = self.covered @ np.linalg.inv(W_2)[:, None]
-        return MatrixSets(X, self.left, "scalar", floor=self.floor)
+        return MatrixSets(X, left=self.left, right="scalar", floor=self.floor)
 
     @cached_property
     def covered(self) -> Array:
@@ -244,12 +245,12 @@ class MatrixCover(Program):
             return self, given.shares
         axis = beyond(self.axis)
         omega = angular_frequency(np.union1d(axis, between(axis)), given.dt)
-        responses = MatrixResponses.of_systems(given.known, omega, given.plants)
+        responses = MatrixResponses.of_systems(given.known, omega, plants=given.plants)
         inside = (omega >= given.omega[0]) & (omega <= given.omega[-1])
         shares = responses.shares * inside
         return replace(self, responses=responses), shares / shares.sum()
 
-    def deltas(self, model: MatrixModel, response: Any = system_response) -> Array:
+    def deltas(self, model: MatrixModel, *, response: Any = system_response) -> Array:
         """The matrices Delta (F, N, ., .) of all plants."""
         omega = self.responses.omega
         X = self.deviations if response is system_response else self._residuals(response)
@@ -289,13 +290,15 @@ class MatrixCover(Program):
             raise InputError(f"the answer is {model.form}, asked for was {self.form}")
         norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
         value, where = worst(norms - 1, self.responses.numbered)
-        checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where)]
+        checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where=where)]
         if self.everywhere:
             bounds = [certified_norm(delta) - 1 for delta in self.known_deltas(model)]
             value, where = worst(bounds, lambda i: f"plant {self.responses.plants[i[0]]}")
             over = f"{EVERY_FREQUENCY}, for these {len(bounds)} plants"
             statement = "proven bound of the norm of a Delta, less 1"
-            found = Check("everywhere", statement, value, CONTAINED, where, over=over, proven=True)
+            found = Check(
+                "everywhere", statement, value, CONTAINED, where=where, over=over, proven=True
+            )
             checks.append(found)
         checks.append(self._nominal_check(model))
         for name, shape, order in (
@@ -321,7 +324,7 @@ class MatrixCover(Program):
         value, where = worst(self.sets.excess(least), lambda i: f"at {self.responses.place(i[0])}")
         statement = "logarithm of the size of a smallest set beyond its proven lower bound"
         limit, over = max(tolerance, LEAST_GAP), self.sets.quantifier
-        return Check("no set is smaller", statement, value, limit, where, over=over)
+        return Check("no set is smaller", statement, value, limit, where=where, over=over)
 
     def _nominal_check(self, model: MatrixModel) -> Check:
         omega = self.responses.omega
@@ -330,14 +333,14 @@ class MatrixCover(Program):
         apart = apart / np.maximum(np.abs(given).max(axis=(1, 2)), np.finfo(float).tiny)
         value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
         statement = "distance of its response from that of the given one, relative"
-        return Check("nominal given", statement, value, CONTAINED, where)
+        return Check("nominal given", statement, value, CONTAINED, where=where)
 
     def second_opinion(self, answer: FoundCover) -> Sequence[Check]:
         model, responses = answer.model, self.responses
         X = self._residuals(plain_response)
         found = [
             semidefinite(responses, X, model),
-            plants_made(responses, self.deltas(model, plain_response), model),
+            plants_made(responses, self.deltas(model, response=plain_response), model),
             decays(model.W_1, "W_1 decays"),
             decays(model.W_2, "W_2 decays"),
             decays(inverse_weight(model.W_1), "inverse of W_1 decays"),

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, differential_evolution, minimize
 from scipy.special import logsumexp, softmax
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.uncertainty.matrix_covers.cover import MatrixCover

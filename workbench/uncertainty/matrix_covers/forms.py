@@ -14,9 +14,9 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation, transposed_system

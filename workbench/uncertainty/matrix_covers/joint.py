@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import transposed_system
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond
 from workbench.uncertainty.matrix_covers.cover import MatrixCover

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import Figure
 from workbench.errors import InputError
-from workbench.heavy_types import Figure
 from workbench.structure import Full
 from workbench.systems.realisation import worst_pole
 from workbench.uncertainty.algebra.system import UncertainSystem
@@ -47,7 +47,7 @@ class MatrixCoverForLoop(MatrixCover):
     >>> nominal = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     >>> systems = [nominal * (1 + d) for d in (-0.1, 0.05, 0.1)]
     >>> responses = MatrixResponses.of_systems(systems, np.geomspace(0.1, 10, 10))
-    >>> loop = feedback(np.eye(2), MatrixModel.unweighted(nominal, "additive") * 2.0)
+    >>> loop = feedback(np.eye(2), MatrixModel.unweighted(nominal, form="additive") * 2.0)
     >>> cover = MatrixCoverForLoop(responses, nominal, left_order=1, right_order=1, loop=loop)
     >>> cover.quantifier
     'at the 10 given frequencies, for these 3 plants'
@@ -80,8 +80,8 @@ class MatrixCoverForLoop(MatrixCover):
         """The program of the sets for which the loop has the least mu at each frequency."""
         return MatrixSets(
             self.deviations,
-            self.left,
-            self.right,
+            left=self.left,
+            right=self.right,
             size="mu",
             floor=self.floor,
             loop=self.loop_response,
@@ -92,7 +92,7 @@ class MatrixCoverForLoop(MatrixCover):
         loop = self.loop_response
         loop = np.concatenate([W_2 @ loop[:, :n], loop[:, n:]], axis=1)
         X = self.covered @ np.linalg.inv(W_2)[:, None]
-        return MatrixSets(X, self.left, "scalar", size="mu", floor=self.floor, loop=loop)
+        return MatrixSets(X, left=self.left, right="scalar", size="mu", floor=self.floor, loop=loop)
 
     def without_loop(self) -> MatrixCover:
         """The program of the smallest sets for the same plants, without the loop."""

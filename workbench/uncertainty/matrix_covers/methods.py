@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solution import solve
 from workbench.solvers import Outcome
@@ -156,12 +156,12 @@ def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixM
     dt = program.responses.dt
     if dt:
         W_1, W_2 = bilinear_sampled(W_1, dt), bilinear_sampled(W_2, dt)
-    model = MatrixModel(program.nominal, W_1, W_2, program.form)
+    model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
     need = _need(program, model)
     for _ in range(MOST_RAISES):
         factor = need * (1 + GAIN_MARGIN)
         W_1 = realisation((W_1.A, W_1.B, factor * W_1.C, factor * W_1.D), dt)
-        model = MatrixModel(program.nominal, W_1, W_2, program.form)
+        model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
         need = _need(program, model)
         if need <= 1:
             return model

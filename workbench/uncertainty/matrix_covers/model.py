@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import Figure, StateSpace
 from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
-from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_choice
 from workbench.structure import Full, Structure
 from workbench.systems.bilinear import bilinear_continuous
@@ -59,6 +59,7 @@ class MatrixModel(Algebraic):
     nominal: Any
     W_1: Any
     W_2: Any
+    _: KW_ONLY
     form: MatrixForm = "additive"
 
     def __post_init__(self) -> None:
@@ -77,7 +78,7 @@ class MatrixModel(Algebraic):
                 raise InputError(f"{name} has dt = {W.dt}, the nominal {self.nominal.dt}")
 
     @classmethod
-    def unweighted(cls, nominal: Any, form: MatrixForm = "additive") -> MatrixModel:
+    def unweighted(cls, nominal: Any, *, form: MatrixForm = "additive") -> MatrixModel:
         """The model with weights 1. A loop built around it is the loop for which weights are
         optimised.
         """
@@ -88,7 +89,7 @@ class MatrixModel(Algebraic):
         W_1, W_2 = (
             realisation((empty, np.zeros((0, n)), np.zeros((n, 0)), np.eye(n)), dt) for n in sizes
         )
-        return cls(nominal, W_1, W_2, form)
+        return cls(nominal, W_1, W_2, form=form)
 
     def __repr__(self) -> str:
         orders = [each.nstates for each in (self.nominal, self.W_1, self.W_2)]

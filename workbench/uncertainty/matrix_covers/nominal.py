@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError
 from workbench.fitting.response.matrix_fit import fit_matrix_response
-from workbench.heavy_types import StateSpace
 from workbench.solution import solve
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
@@ -36,11 +36,13 @@ def central_nominal(responses: MatrixResponses, order: int) -> StateSpace:
     """
     if not isinstance(responses, MatrixResponses):
         raise InputError(f"responses must be MatrixResponses, not {type(responses).__name__}")
-    sets = MatrixSets(responses.values, "diagonal", "diagonal", centre="free", size="trace")
+    sets = MatrixSets(
+        responses.values, left="diagonal", right="diagonal", centre="free", size="trace"
+    )
     found = solve(sets)
     if found.answer is None:
         raise SolverError(f"centres: {found.message}")
     left, right = (np.einsum("fii->fi", W).real for W in (found.answer.left, found.answer.right))
     weight = 1 / (left[:, :, None] * right[:, None])
-    nominal = fit_matrix_response(responses.axis, found.answer.centre, order, weight)
+    nominal = fit_matrix_response(responses.axis, found.answer.centre, order, weight=weight)
     return bilinear_sampled(nominal, responses.dt) if responses.dt else nominal

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_frequencies
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, as_list
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_response import frequency_response
@@ -58,6 +58,7 @@ class MatrixResponses:
 
     omega: RealArray
     values: Array
+    _: KW_ONLY
     plants: Any = None
     dt: float = 0.0
     known: tuple[StateSpace, ...] = ()
@@ -87,7 +88,9 @@ class MatrixResponses:
             )
 
     @classmethod
-    def of_systems(cls, systems: Sequence[Any], omega: Any, plants: Any = None) -> MatrixResponses:
+    def of_systems(
+        cls, systems: Sequence[Any], omega: Any, *, plants: Any = None
+    ) -> MatrixResponses:
         """Responses of python-control systems; covers then contain stable ones at every frequency.
 
         Raises InputError for systems of different sizes or sampling times.
@@ -106,10 +109,10 @@ class MatrixResponses:
         omega = as_frequencies(omega)
         warn_far_frequencies(omega, found[0])
         values = np.stack([system_response(each, omega) for each in found], axis=1)
-        return cls(omega, values, plants, float(found[0].dt or 0.0), tuple(found))
+        return cls(omega, values, plants=plants, dt=float(found[0].dt or 0.0), known=tuple(found))
 
     @classmethod
-    def of_measurements(cls, measured: Sequence[Any], plants: Any = None) -> MatrixResponses:
+    def of_measurements(cls, measured: Sequence[Any], *, plants: Any = None) -> MatrixResponses:
         """Responses from python-control's FrequencyResponseData, all at the same frequencies."""
         found = as_list(measured, "measured")
         try:
@@ -124,7 +127,7 @@ class MatrixResponses:
                 raise InputError(f"plant {k + 1} was measured at other frequencies than plant 1")
             if value.shape != values[0].shape:
                 raise InputError(f"plant {k + 1} has another number of inputs or outputs")
-        return cls(omegas[0], np.stack(values, axis=1), plants, float(found[0].dt or 0.0))
+        return cls(omegas[0], np.stack(values, axis=1), plants=plants, dt=float(found[0].dt or 0.0))
 
     @property
     def axis(self) -> RealArray:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.conic.numeric import minimiser
 from workbench.errors import SolverError

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.cones.form import triangle
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation, transposed_system
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond, complex_weight
 from workbench.uncertainty.matrix_covers.semidefinite import least

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 EQUILIBRATIONS = 30
 """Number of rounds that compute the sizes."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
@@ -72,7 +72,7 @@ class _Statement:
         self.unit = float(np.sqrt(rows[f].max() * columns[f].max()))
         mean = self.program.deviations[f].mean(axis=0)
         self.start = mean if self.program.centre == "free" else np.zeros_like(mean)
-        away = self.program.away(self.start[None], np.array([f]))[0]
+        away = self.program.away(self.start[None], at=np.array([f]))[0]
         for parameter, E in zip(self.E, away, strict=True):
             parameter.value = E / self.unit
         return solve_conic(self.problem, solver, context.options, context)

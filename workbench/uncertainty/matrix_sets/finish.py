@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import ctranspose
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import as_array
 from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import nnls
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.uncertainty.matrix_sets.loop import loop_directions
 from workbench.uncertainty.matrix_sets.optimality import InUnits
 from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.uncertainty.matrix_sets.finish import finished
 from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives, log_det_value
 from workbench.uncertainty.matrix_sets.loop import LoopBarrier, loop_level
@@ -149,7 +149,7 @@ class BarrierSets:
         level = point.gamma if self.loop is not None else None
         if self.loop is not None:
             barrier = barrier + log_det_value(point.K[:, None])
-        return self.program.size_of(point.P, point.S, level) + mu * barrier
+        return self.program.size_of(point.P, point.S, level=level) + mu * barrier
 
     def _moved(
         self, mu: float, at: np.ndarray, step: RealArray, decrement: RealArray
@@ -180,7 +180,7 @@ class BarrierSets:
         if len(self.z):
             Z = Z + np.linalg.solve(P, z) @ np.linalg.inv(S)
         P, S = left @ P, S @ right
-        M = P[:, None] @ self.program.away(Z, at) @ S[:, None]
+        M = P[:, None] @ self.program.away(Z, at=at) @ S[:, None]
         if self.loop is None:
             return SetsAt(P, S, Z, M, here.gamma, here.delta, here.K)
         more = step[:, self.plain :]

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
 SMALLEST = 1e-300

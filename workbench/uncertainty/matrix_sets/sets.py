@@ -8,17 +8,17 @@ tr W_2^* W_2 / m. "mu" is the mu of a loop that they perturb, times a small powe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from workbench._core.arrays import EPS, Array, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.answer import ProgramAnswer
-from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
 from workbench.input_checks import as_array, need_choice, need_numbers
 from workbench.program import Program
 from workbench.uncertainty.matrix_sets.channels import equilibrated
@@ -134,13 +134,15 @@ class MatrixSets(Program):
     >>> plants = 1 + 0.1 * rng.standard_normal((6, 5, 2, 2)) + np.eye(2)
     >>> responses = MatrixResponses(omega, plants + 0j)
     >>> sets = MatrixSets(
-    ...     responses.values - responses.values.mean(axis=1, keepdims=True), "diagonal", "diagonal"
+    ...     responses.values - responses.values.mean(axis=1, keepdims=True), left="diagonal",
+    ...     right="diagonal"
     ... )
     >>> wb.solve(sets).certificate.holds
     True
     """
 
     deviations: Array
+    _: KW_ONLY
     left: Shape = "full"
     right: Shape = "full"
     centre: Centre = field(default="zero", kw_only=True)
@@ -222,7 +224,7 @@ class MatrixSets(Program):
         found: Array = (unit * size[:, None]).astype(complex)
         return found.reshape(F, p * m, p, m)
 
-    def away(self, centre: Array, at: np.ndarray | slice = slice(None)) -> Array:
+    def away(self, centre: Array, *, at: np.ndarray | slice = slice(None)) -> Array:
         """The matrices that sets around a centre (f, p, m) must contain: deviations from it, and
         the floor.
 
@@ -230,7 +232,7 @@ class MatrixSets(Program):
         """
         return np.concatenate([self.deviations[at] - centre[:, None], self.floors[at]], axis=1)
 
-    def size_of(self, P: Array, S: Array, level: RealArray | None = None) -> RealArray:
+    def size_of(self, P: Array, S: Array, *, level: RealArray | None = None) -> RealArray:
         """The logarithm of the size (F,) of sets with inverse weights P and S, times 2 p m.
 
         ``level`` (F,) is log mu of the loop, if it is already known.
@@ -317,7 +319,9 @@ class MatrixSets(Program):
         beyond = norms * (1 + self._rounding(answer)[:, None]) - 1
         value, where = worst(beyond, self._place)
         checks = [
-            Check("containment", "norm of a Delta, rounded up, less 1", value, CONTAINED, where)
+            Check(
+                "containment", "norm of a Delta, rounded up, less 1", value, CONTAINED, where=where
+            )
         ]
         for name, W, shape in (("W_1", answer.left, self.left), ("W_2", answer.right, self.right)):
             scaled = W / np.abs(W).max(axis=(1, 2), keepdims=True)
@@ -325,10 +329,10 @@ class MatrixSets(Program):
             off = np.abs(gram - of_shape(gram, shape)).max(axis=(1, 2))
             value, where = worst(off, self._place)
             statement = f"what is not {shape} of its square, relative"
-            checks.append(Check(f"{name} {shape}", statement, value, SHAPED, where))
+            checks.append(Check(f"{name} {shape}", statement, value, SHAPED, where=where))
         if self.centre == "zero":
             value, where = worst(np.abs(answer.centre), self._place)
-            checks.append(Check("centre", "size of a centre, zero", value, 0.0, where))
+            checks.append(Check("centre", "size of a centre, zero", value, 0.0, where=where))
         return checks
 
     def _rounding(self, answer: FoundSets) -> RealArray:
@@ -355,7 +359,7 @@ class MatrixSets(Program):
                 found[f, k] = scipy.linalg.eigh(square, L, eigvals_only=True)[-1]
         value, where = worst(found - 1, self._place)
         statement = "largest eigenvalue of E R^-1 E^* beyond that of L = W_1 W_1^*, relative"
-        return [Check("eigenvalues", statement, value, SQUARES_CONTAINED, where)]
+        return [Check("eigenvalues", statement, value, SQUARES_CONTAINED, where=where)]
 
     def _place(self, index: tuple[int, ...]) -> str:
         of = f", matrix {index[1]}" if len(index) == 2 else ""

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 
 Shape = Literal["full", "diagonal", "scalar"]
 """Shape of a weight: any matrix, one function per channel, or one function for all."""

@@ -16,7 +16,7 @@ real ball.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.input_checks import need_choice, need_tolerance
@@ -77,6 +77,7 @@ class EstimateRegion(Algebraic):
     """
 
     uncertainty: ModelUncertainty
+    _: KW_ONLY
     confidence: float = 0.95
     region: Region = "ball"
     entry: tuple[int, int] = (0, 0)
@@ -85,7 +86,7 @@ class EstimateRegion(Algebraic):
         need_tolerance(self.confidence)
         need_choice(self.region, Region, "region")
         model = self.uncertainty.model
-        if model.sample_time is not None:
+        if model.dt is not None:
             raise InputError("a model in continuous time is needed, not a sampled one")
         (i, j), (p, m) = self.entry, model.shape
         if not (0 <= i < p and 0 <= j < m):
@@ -194,8 +195,8 @@ class EstimateRegion(Algebraic):
     def structure(self) -> Structure:
         """One full block (1, k), or k real scalars."""
         if self.region == "ball":
-            return Structure([Full(1, self.dimension, "coefficients")])
-        return Structure([Real(1, f"coefficient {k + 1}") for k in range(self.dimension)])
+            return Structure([Full(1, self.dimension, name="coefficients")])
+        return Structure([Real(1, name=f"coefficient {k + 1}") for k in range(self.dimension)])
 
     @property
     def lti(self) -> StateSpace:

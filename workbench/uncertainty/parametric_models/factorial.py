@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench._core.arrays import Array
 from workbench.systems.frequency_response import frequency_response
 from workbench.uncertainty.parametric_models.model import ParametricModel
 

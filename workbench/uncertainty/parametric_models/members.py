@@ -6,14 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.uncertainty.parametric_models.model import ParametricModel
 from workbench.uncertainty.responses.plants import Responses
 
 
 def members(
-    model: ParametricModel, omega: RealArray, deltas: RealArray, names: Sequence[str] | None = None
+    model: ParametricModel,
+    omega: RealArray,
+    deltas: RealArray,
+    *,
+    names: Sequence[str] | None = None,
 ) -> Responses:
     """Responses of some plants of a parametric set, together with these plants as systems.
 
@@ -56,4 +60,6 @@ def members(
     if rows.ndim != 2:
         raise InputError(f"deltas have shape {rows.shape}; give (N, P), a row for each plant")
     values = model.response(omega, rows)[..., 0, 0].T
-    return Responses(omega, values, plants=names, known=[model.at(row) for row in rows])
+    return Responses(
+        omega=omega, values=values, plants=names, known=[model.at(row) for row in rows]
+    )

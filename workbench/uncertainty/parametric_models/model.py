@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
 from workbench.structure import Real, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.uncertainty.algebra.lft import (
@@ -81,7 +81,7 @@ class ParametricModel(Algebraic):
     @cached_property
     def structure(self) -> Structure:
         """A repeated real scalar for each parameter on which the model depends."""
-        return Structure(Real(n, name) for name, n in self.lft.repetitions().items())
+        return Structure(Real(n, name=name) for name, n in self.lft.repetitions().items())
 
     @cached_property
     def system(self) -> StateSpace:

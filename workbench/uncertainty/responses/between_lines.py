@@ -17,7 +17,6 @@ from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.solvers import Options
 from workbench.uncertainty.responses.plant_models import measured_plants
 from workbench.uncertainty.responses.plants import Responses
 
@@ -66,7 +65,7 @@ def between_lines(responses: Responses, *, unstable_poles: int = 0) -> Responses
             "the responses are corners of confidence regions; give those of the records, and take "
             "regions of what lies between them"
         )
-    models, _ = measured_plants(responses, 1, unstable_poles, Context(Options()))
+    models, _ = measured_plants(responses, 1, unstable_poles, Context())
     lines, points = responses.omega, responses.points
     omega = _places(lines, models, responses.dt)
     ratio = points / _modelled(models, lines, responses.dt)

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_kind
 from workbench.uncertainty.responses.plants import Responses
@@ -51,11 +51,13 @@ def widened(responses: Responses, content: float) -> Responses:
     >>> from workbench.uncertainty import Responses, UncertaintyModel, widened
     >>> omega = np.geomspace(1, 100, 30)
     >>> plants = Responses(
-    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ...     omega=omega, values=np.array(
+    ...         [gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]
+    ...     ).T
     ... )
     >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
     >>> rng = np.random.default_rng(0)
-    >>> many = Responses(omega, 1 + 0.1 * rng.standard_normal((30, 6, 2)) @ [1, 1j])
+    >>> many = Responses(omega=omega, values=1 + 0.1 * rng.standard_normal((30, 6, 2)) @ [1, 1j])
     >>> widened(many, content=0.9).values.shape[1] > 6
     True
     """
@@ -70,10 +72,10 @@ def widened(responses: Responses, content: float) -> Responses:
         )
     corners = prediction_polygon(responses.values, responses.present, content)
     return Responses(
-        responses.omega,
-        np.hstack([responses.values, corners]),
-        np.hstack([responses.present, np.ones(corners.shape, bool)]),
-        [*responses.plants, *(f"predicted {k + 1}" for k in range(POLYGON_CORNERS))],
+        omega=responses.omega,
+        values=np.hstack([responses.values, corners]),
+        present=np.hstack([responses.present, np.ones(corners.shape, bool)]),
+        plants=[*responses.plants, *(f"predicted {k + 1}" for k in range(POLYGON_CORNERS))],
         dt=responses.dt,
         unit=responses.unit,
         assumption=(

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench._core.heavy_types import Dataset, FrequencyResponseData
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import Dataset, FrequencyResponseData
 from workbench.identification.experiments.alike import read_alike
 from workbench.identification.experiments.measured_responses import read_response
 from workbench.identification.experiments.quality import checked_record
@@ -60,7 +60,7 @@ class RecordNames:
     input: str | None
     output: str | None
     time: str | None
-    sample_rate: float | None
+    dt: float | None
     excitation: str | int | None
     assume: str | Sequence[str]
 
@@ -72,7 +72,7 @@ class RecordNames:
     @property
     def nothing(self) -> bool:
         """Whether nothing is named, as for a frequency response."""
-        named = self.input, self.output, self.time, self.sample_rate, self.excitation
+        named = self.input, self.output, self.time, self.dt, self.excitation
         return all(each is None for each in named) and not self.assume
 
 
@@ -168,10 +168,10 @@ def _stacked(
                 raise InputError(f"there is no {kind} {number}; plant {k + 1} has {count}, from 0")
     if not estimates:
         raise InputError("no estimates are given: one or more are needed")
-    frequency = estimates[0].frequency
+    frequency = estimates[0].frequency_hz
     for k, one in enumerate(estimates):
-        same = one.frequency.shape == frequency.shape
-        if not same or np.abs(one.frequency / frequency - 1).max() > SAME_FREQUENCY:
+        same = one.frequency_hz.shape == frequency.shape
+        if not same or np.abs(one.frequency_hz / frequency - 1).max() > SAME_FREQUENCY:
             raise InputError(
                 f"plant {k + 1} was estimated at other frequencies than plant 1; estimate all at "
                 "the same"
@@ -234,7 +234,7 @@ def from_files(
     if None not in curve and record.nothing:
         return _of_curves(paths, frequency, response, named)
     raise InputError(
-        "of a record name input=, output= and time= (or give sample_rate=); of a frequency "
+        "of a record name input=, output= and time= (or give dt=); of a frequency "
         "response name frequency= and response="
     )
 
@@ -284,8 +284,8 @@ def _of_records(
     need_whole(most, "most")
     if most < 2:
         raise InputError(f"most is {most}; two frequencies or more are needed")
-    input, output, sample_rate = str(record.input), str(record.output), record.sample_rate
-    read, alike = read_alike(paths, input, output, sample_rate, record.time)
+    input, output = str(record.input), str(record.output)
+    read, alike = read_alike(paths, input, output, record.dt, record.time)
     rates = [
         1.0 / float(np.diff(data["time"].values[[0, -1]])[0] / (data.sizes["time"] - 1))
         for data in read
@@ -313,7 +313,7 @@ def _of_records(
             checked_record(u[:, None], y[:, None])
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-    rate = sample_rate or float(np.mean(rates))
+    rate = 1 / record.dt if record.dt else float(np.mean(rates))
     driven = _excitations(paths, record, records) if record.excitation is not None else None
     reports = _reports(paths, read, driven, rate, record)
     estimates: Sequence[ResponseEstimate]
@@ -345,7 +345,7 @@ def _excitations(
     if isinstance(record.excitation, int):
         return [pulses(len(u), record.excitation)[..., 0] for u, _ in records]
     name, output = [str(record.excitation)], [str(record.output)]
-    read = [read_record(path, name, output, record.sample_rate, record.time) for path in paths]
+    read = [read_record(path, name, output, dt=record.dt, time=record.time) for path in paths]
     return [data["u"].values.T for data in read]
 
 

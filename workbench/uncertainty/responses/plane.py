@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
-from workbench.heavy_types import StateSpace
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 
 

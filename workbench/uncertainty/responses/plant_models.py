@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit
@@ -42,7 +42,7 @@ def measured_plants(
         tried = []
         for count in range(max(order, 1), max(order, min(HIGHEST_ORDER, omega.size // 4)) + 1):
             fit = ResponseFit(
-                omega, values, count, weight, zeros=count - 1, unstable_poles=unstable_poles
+                omega, values, count, weight=weight, zeros=count - 1, unstable_poles=unstable_poles
             )
             every = [*relocated_fits(fit, context), vector_fits(fit, context)[0]]
             tried += [(float(np.sqrt(np.mean(fit.errors(one) ** 2))), one) for one in every]

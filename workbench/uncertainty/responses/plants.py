@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.identification.record_tests.report import RecordReport, together
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, is_real, need_numbers
@@ -38,8 +38,8 @@ class Responses:
 
     Parameters
     ----------
-    omega, frequency
-        Frequencies (F,), increasing and positive: ``omega`` in rad/s or ``frequency`` in Hz.
+    omega, frequency_hz
+        Frequencies (F,), increasing and positive: ``omega`` in rad/s or ``frequency_hz`` in Hz.
     values
         Complex responses (F, N); finite and nonzero where present.
     present
@@ -99,12 +99,12 @@ class Responses:
 
     def __init__(
         self,
+        *,
         omega: Any = None,
         values: Any = None,
         present: Any = None,
         plants: Any = None,
-        *,
-        frequency: Any = None,
+        frequency_hz: Any = None,
         dt: float = 0.0,
         unit: str = "1",
         assumption: str = "",
@@ -116,7 +116,7 @@ class Responses:
         ratios: Ratios | None = None,
         reports: Mapping[str, RecordReport] | None = None,
     ) -> None:
-        omega = as_omega(omega, frequency)
+        omega = as_omega(omega, frequency_hz)
         need_below_nyquist(omega, dt)
         if values is None:
             raise InputError(
@@ -178,6 +178,7 @@ class Responses:
     def from_frd(
         cls,
         systems: Sequence[FrequencyResponseData],
+        *,
         input: Channel = None,
         output: Channel = None,
         **names: Any,
@@ -208,9 +209,9 @@ class Responses:
     def from_estimates(
         cls,
         estimates: Sequence[ResponseEstimate],
+        *,
         input: int = 0,
         output: int = 0,
-        *,
         spread: float | None = None,
         resonance_shift: float | None = None,
         **names: Any,
@@ -245,7 +246,7 @@ class Responses:
         input: str | None = None,
         output: str | None = None,
         time: str | None = None,
-        sample_rate: float | None = None,
+        dt: float | None = None,
         frequency: str | None = None,
         response: str | tuple[str, str] | None = None,
         excitation: str | int | None = None,
@@ -261,7 +262,7 @@ class Responses:
         For records, name the ``input``, the ``output`` and the ``time`` (or give the sampling
         frequency). The response and its variance are then estimated: from whole periods if the
         input has many, and otherwise by local models (`local_response`). For frequency responses,
-        name the ``frequency`` and the ``response`` (or its two parts, or magnitude and phase).
+        name the ``frequency_hz`` and the ``response`` (or its two parts, or magnitude and phase).
         ``read`` reports how the files were read. Files in other units are converted to the units of
         the first one. The response of a record is that from samples to samples. It includes the
         delay of the converters, and also the hold, unless ``hold`` removes it.
@@ -300,7 +301,7 @@ class Responses:
             names belong neither to a record nor to a response; or a test forbids the use of a
             record.
         """
-        record = measured.RecordNames(input, output, time, sample_rate, excitation, assume)
+        record = measured.RecordNames(input, output, time, dt, excitation, assume)
         return cls(
             **measured.from_files(
                 files, record, frequency, response, most, hold, spread, resonance_shift, names
@@ -314,8 +315,8 @@ class Responses:
             noise = f"corners of {100 * self.confidence:g} % regions"
         lines = [
             f"Responses [{self.unit}] of {len(self.plants)} plants ({', '.join(names)})",
-            f"  at {self.omega.size} frequencies from {self.frequency[0]:.4g} to "
-            f"{self.frequency[-1]:.4g} Hz, {noise}",
+            f"  at {self.omega.size} frequencies from {self.frequency_hz[0]:.4g} to "
+            f"{self.frequency_hz[-1]:.4g} Hz, {noise}",
         ]
         return "\n".join(lines + [f"  {self.read}"] * bool(self.read))
 
@@ -323,7 +324,7 @@ class Responses:
         """Bode plot of the responses of all plants."""
         values = np.where(self.present, self.values, np.nan)
         curves = dict(zip(self.plants, values.T, strict=True))
-        return figures.bode_plot(self.frequency, curves, self.unit, f"{len(curves)} plants")
+        return figures.bode_plot(self.frequency_hz, curves, self.unit, f"{len(curves)} plants")
 
     @property
     def known_plants(self) -> dict[str, Rational]:
@@ -357,7 +358,7 @@ class Responses:
             )
 
     @property
-    def frequency(self) -> RealArray:
+    def frequency_hz(self) -> RealArray:
         """Frequencies (F,) [Hz]."""
         return self.omega / (2 * np.pi)
 
@@ -382,17 +383,18 @@ class Responses:
             return self
         return self.at(np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int)))
 
-    def within(self, low: float, high: float) -> Responses:
-        """The same plants at the frequencies from `low` to `high` [Hz].
+    def within(self, low_hz: float, high_hz: float) -> Responses:
+        """The same plants at the frequencies from `low_hz` to `high_hz` [Hz].
 
         Raises InputError if fewer than two frequencies remain.
         """
-        need_numbers(low=low, high=high)
-        chosen = np.flatnonzero((self.frequency >= low) & (self.frequency <= high))
+        need_numbers(low_hz=low_hz, high_hz=high_hz)
+        chosen = np.flatnonzero((self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz))
         if chosen.size < 2:
             raise InputError(
-                f"{chosen.size} frequencies lie from {low:g} to {high:g} Hz; two are needed of "
-                f"those from {self.frequency[0]:.6g} to {self.frequency[-1]:.6g} Hz"
+                f"{chosen.size} frequencies lie from {low_hz:g} to {high_hz:g} Hz; two are "
+                "needed of "
+                f"those from {self.frequency_hz[0]:.6g} to {self.frequency_hz[-1]:.6g} Hz"
             )
         return self.at(chosen)
 
@@ -429,7 +431,9 @@ class Responses:
         --------
         >>> import numpy as np
         >>> from workbench.uncertainty import Responses
-        >>> known = Responses(np.array([1.0, 2.0]), np.full((2, 2), 3.0 + 0j), variance=0.0016)
+        >>> known = Responses(
+        ...     omega=np.array([1.0, 2.0]), values=np.full((2, 2), 3.0 + 0j), variance=0.0016
+        ... )
         >>> np.sqrt(known.linear_within(0.01).variance[0]).round(4).tolist()
         [0.05, 0.05]
         """
@@ -481,7 +485,10 @@ class Responses:
         return xr.DataArray(
             self.points,
             dims=("frequency", "plant"),
-            coords={"frequency": ("frequency", self.frequency, axis), "plant": list(self.plants)},
+            coords={
+                "frequency": ("frequency", self.frequency_hz, axis),
+                "plant": list(self.plants),
+            },
             attrs={"units": self.unit, "long_name": "response"},
         )
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.input_checks import is_real
@@ -76,7 +76,7 @@ def _with_ends(responses: Responses, confidence: float) -> Responses:
     endless = (responses.present & ~np.isfinite(region_radius(responses, confidence))).any(axis=1)
     if not endless.any():
         return responses
-    at = responses.frequency[endless]
+    at = responses.frequency_hz[endless]
     told = (
         f"at {endless.sum()} of {endless.size} frequencies, from {at[0]:.6g} to {at[-1]:.6g} Hz, a "
         f"{100 * confidence:g} % region has no end, since the excitation is hardly seen in the "
@@ -94,7 +94,7 @@ def _warn_of_noise(responses: Responses, radius: RealArray) -> None:
     """
     hidden = (responses.present & (radius >= np.abs(responses.values))).any(axis=1)
     if hidden.any():
-        at = responses.frequency[hidden]
+        at = responses.frequency_hz[hidden]
         warnings.warn(
             f"at {hidden.sum()} of {hidden.size} frequencies, from {at[0]:.6g} to {at[-1]:.6g} Hz, "
             "the noise hides a plant: its region holds zero, and relative sets must be larger than "

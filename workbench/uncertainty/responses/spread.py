@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import is_real
 

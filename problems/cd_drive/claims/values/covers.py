@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from workbench import Run
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.geometry import narrowest_stadium
 from workbench.geometry.thesis import Medians, thesis_circle, thesis_stadium
 

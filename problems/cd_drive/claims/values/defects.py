@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 
 from workbench import Run
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray
 
 from ...drive.tables import drives
 from ...laboratory.bench_setup import PERIOD

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import (
     Study,
     array,
@@ -90,7 +90,7 @@ class Ageing(Study):
     end = dim("low", "high")
     draw = dim(lambda self: range(self.draws))
 
-    @array((softening, draw))
+    @array(dims=(softening, draw))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, len(SOFTENINGS), self.draws)
 
@@ -105,14 +105,14 @@ class Ageing(Study):
             found.append([*own, *(start.found(one) for one in context.track(others, "starts"))])
         return found
 
-    found = array((softening, draw, parameter), "", "as found")(
+    found = array(dims=(softening, draw, parameter), unit="", meaning="as found")(
         lambda starts: [[(one.k1, one.b1) for one in row] for row in starts]
     )
-    half_width = array((softening, draw, parameter), "1", "of the 99 % interval, relative")(
-        lambda starts: [[(one.k1_off, one.b1_off) for one in row] for row in starts]
-    )
+    half_width = array(
+        dims=(softening, draw, parameter), unit="1", meaning="of the 99 % interval, relative"
+    )(lambda starts: [[(one.k1_off, one.b1_off) for one in row] for row in starts])
 
-    @array((softening, parameter))
+    @array(dims=(softening, parameter))
     def truth(self) -> list[list[float]]:
         """Of the nominal drive at the end of its life."""
         benches = [Laboratory(self.axis, "nominal", suspension=one) for one in SOFTENINGS]
@@ -132,7 +132,11 @@ class Ageing(Study):
             every.append([plant_of(self.axis, one) for one in models])
         return every
 
-    @array((softening, "set", parameter, end), "", "ranges of the sets that are uncertain")
+    @array(
+        dims=(softening, "set", parameter, end),
+        unit="",
+        meaning="ranges of the sets that are uncertain",
+    )
     def ranges(self, starts: list[list[Suspension]]) -> list[Any]:
         """Of a life, and as found."""
         told = []
@@ -158,7 +162,11 @@ class Ageing(Study):
         found = [[peak_of(plant, K) for plant in plants] for K in context.track(pool, "peaks")]
         return np.reshape(found, (len(pool), len(SOFTENINGS), len(SETS), 2))
 
-    @array((softening, plants, judged, bound), "1", "certified bounds on the peak of mu")
+    @array(
+        dims=(softening, plants, judged, bound),
+        unit="1",
+        meaning="certified bounds on the peak of mu",
+    )
     def peak(self, judged_all: RealArray) -> RealArray:
         """A set's controller is the one of the pool with the least peak on that set.
 
@@ -175,30 +183,31 @@ class Ageing(Study):
     # --- checks -------------------------------------------------------------------------------
 
     covered_ = check(
-        "intervals of {parameter}",
-        "1 - p of so few starts whose 99 % interval holds the truth, any softening",
-        lambda answer: 1.0 - coverage_p(_held(answer), CONFIDENCE),
+        title="intervals of {parameter}",
+        statement="1 - p of so few starts whose 99 % interval holds the truth, any softening",
+        value=lambda answer: 1.0 - coverage_p(_held(answer), CONFIDENCE),
         each="parameter",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
     bounds = check(
-        "bounds",
-        "largest lower over upper bound of a peak, less 1",
-        lambda peak: (peak.sel(bound="lower") / peak.sel(bound="upper") - 1).max(),
+        title="bounds",
+        statement="largest lower over upper bound of a peak, less 1",
+        value=lambda peak: (peak.sel(bound="lower") / peak.sel(bound="upper") - 1).max(),
         at_most=0.0,
     )
     smaller = check(
-        "smaller sets",
-        "lower bound on a smaller set over the upper one on a larger set, less 1",
-        lambda peak: (
+        title="smaller sets",
+        statement="lower bound on a smaller set over the upper one on a larger set, less 1",
+        value=lambda peak: (
             peak.sel(bound="lower", judged="found") / peak.sel(bound="upper", judged="life") - 1
         ).max(),
         at_most=PEAK_TOLERANCE,
     )
     best = check(
-        "chosen for it",
-        "peak of the controller chosen for a set over the least of the others on it, less 1",
-        lambda peak: _beaten(peak),
+        title="chosen for it",
+        statement="peak of the controller chosen for a set over the least of the others on it, "
+        "less 1",
+        value=lambda peak: _beaten(peak),
         at_most=PEAK_TOLERANCE,
     )
 
@@ -226,7 +235,8 @@ class Ageing(Study):
         return told
 
     covered = metric(
-        "covered_{parameter}", lambda answer: _held(answer).mean(["draw", "softening"])
+        template="covered_{parameter}",
+        value=lambda answer: _held(answer).mean(["draw", "softening"]),
     )
 
     @table

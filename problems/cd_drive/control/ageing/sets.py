@@ -9,8 +9,8 @@ from functools import partial
 from typing import Literal
 
 from workbench import solve
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.mu import performance_peak
 from workbench.solvers import Options
 from workbench.synthesis import MuSynthesis
@@ -102,7 +102,7 @@ def designed(axis: Axis, plant: GeneralisedPlant, design: Design, options: Optio
     import control
 
     start = control.ss(controller(axis)) if design == "fixed" else None
-    solution = solve(MuSynthesis(plant, start=start), design, options=options)
+    solution = solve(MuSynthesis(plant, start=start), method=design, options=options)
     if solution.answer is None:
         raise SolverError(f"{design} gave no controller: {solution.message}")
     K: StateSpace = solution.answer.K
@@ -111,5 +111,5 @@ def designed(axis: Axis, plant: GeneralisedPlant, design: Design, options: Optio
 
 def peak_of(plant: GeneralisedPlant, K: StateSpace) -> tuple[float, float]:
     """Certified bounds on the peak of mu; infinite where the nominal loop is unstable."""
-    found = performance_peak(plant, K, PEAK_TOLERANCE)
+    found = performance_peak(plant, K, tolerance=PEAK_TOLERANCE)
     return (float("inf"), float("inf")) if found is None else (found.lower, found.upper)

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Peak, PeakChecker, Sweep, performance_peak, performance_sweep
 from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
 from workbench.synthesis import (
@@ -139,14 +139,17 @@ class Controllers(Study):
             used |= {name: next(runs).answer.K for name in designs}
             for (name, K), (channel, signals) in product(used.items(), CHANNELS.items()):
                 performance, exogenous = signals
-                found[model, name, channel] = whole.channel(performance, exogenous), K
+                found[model, name, channel] = (
+                    whole.channel(performance=performance, exogenous=exogenous),
+                    K,
+                )
         return found
 
     @answers
     def loop_peaks(self, loops: Loops, context: Context) -> dict[Case, Peak | None]:
         """Peaks of robust performance; None where the nominal loop is unstable."""
         cases = context.track(list(loops), "peaks")
-        return {case: performance_peak(*loops[case], PEAK_TOLERANCE) for case in cases}
+        return {case: performance_peak(*loops[case], tolerance=PEAK_TOLERANCE) for case in cases}
 
     @loop_peaks.checkers
     def of_the_loops(self, loops: Loops) -> dict[Case, PeakChecker]:
@@ -177,7 +180,7 @@ class Controllers(Study):
             model: LargestLeastMuChecker(self.weights(m)) for m, model in enumerate(MODELS) if m
         }
 
-    @array((*over, bound), "1", "certified bounds of the supremum of mu")
+    @array(dims=(*over, bound), unit="1", meaning="certified bounds of the supremum of mu")
     def peak(self, loop_peaks: dict[Case, Peak | None]) -> RealArray:
         """NaN where a design is not made for a model or is unstable."""
         found = np.full((len(MODELS), len(CONTROLLERS), len(CHANNELS), 2), np.nan)
@@ -186,7 +189,7 @@ class Controllers(Study):
                 found[_place(case)] = one.lower, one.upper
         return found
 
-    @array((*over, bound, frequency), "1", "mu of robust performance")
+    @array(dims=(*over, bound, frequency), unit="1", meaning="mu of robust performance")
     def mu(self, curves: dict[Case, Sweep]) -> NDArray[np.float32]:
         shape = len(MODELS), len(CONTROLLERS), len(CHANNELS), 2, len(FREQUENCIES)
         found = np.full(shape, np.nan)
@@ -194,54 +197,56 @@ class Controllers(Study):
             found[_place(case)] = curve.lower, curve.upper
         return outward_single(found)
 
-    @array((model, controller), "", "states of the controller")
+    @array(dims=(model, controller), unit="", meaning="states of the controller")
     def order(self, loops: Loops) -> RealArray:
         found = np.full((len(MODELS), len(CONTROLLERS)), np.nan)
         for case, (_, K) in loops.items():
             found[_place(case)[:2]] = K.nstates
         return found
 
-    @array((model, frequency), "1", "mu that every controller leaves, both channels")
+    @array(
+        dims=(model, frequency), unit="1", meaning="mu that every controller leaves, both channels"
+    )
     def least_mu(self) -> list[RealArray]:
         omega = 2 * np.pi * FREQUENCIES
         found = (least_mu(self.weights(m)(omega)).lower for m in range(1, len(MODELS)))
         return [np.full(omega.shape, np.nan), *found]
 
     least_peak = array(
-        model,
-        "1",
-        "the largest of them",
-        lambda least: [np.nan, *(one.lower for one in least.values())],
+        dims=model,
+        unit="1",
+        meaning="the largest of them",
+        value=lambda least: [np.nan, *(one.lower for one in least.values())],
     )
     least_peak_frequency = array(
-        model,
-        "Hz",
-        "",
-        lambda least: [np.nan, *(one.omega / (2 * np.pi) for one in least.values())],
+        dims=model,
+        unit="Hz",
+        meaning="",
+        value=lambda least: [np.nan, *(one.omega / (2 * np.pi) for one in least.values())],
     )
 
     bounds = check(
-        "bounds",
-        "largest lower over upper bound of a peak, less 1",
-        lambda peak: float((peak.sel(bound="lower") / peak.sel(bound="upper")).max()) - 1,
+        title="bounds",
+        statement="largest lower over upper bound of a peak, less 1",
+        value=lambda peak: float((peak.sel(bound="lower") / peak.sel(bound="upper")).max()) - 1,
         at_most=0.0,
     )
     not_beaten = check(
-        "least mu",
-        "the least mu of any controller over a controller's peak, less 1",
-        lambda peak, least_peak: float((least_peak / _both(peak)).max()) - 1,
+        title="least mu",
+        statement="the least mu of any controller over a controller's peak, less 1",
+        value=lambda peak, least_peak: float((least_peak / _both(peak)).max()) - 1,
         at_most=PEAK_TOLERANCE,
     )
     channels = check(
-        "channels",
-        "peak of a single channel over that of both, less 1",
-        lambda peak: float((peak.sel(bound="upper") / _both(peak)).max()) - 1,
+        title="channels",
+        statement="peak of a single channel over that of both, less 1",
+        value=lambda peak: float((peak.sel(bound="upper") / _both(peak)).max()) - 1,
         at_most=2 * PEAK_TOLERANCE,
     )
     parametric = check(
-        "parametric",
-        "least peak with parametric uncertainty, which the thesis has below 1",
-        lambda peak: float(_both(peak).sel(model="parametric").min()),
+        title="parametric",
+        statement="least peak with parametric uncertainty, which the thesis has below 1",
+        value=lambda peak: float(_both(peak).sel(model="parametric").min()),
         at_most=1.0,
     )
 

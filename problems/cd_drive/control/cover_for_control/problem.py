@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
@@ -21,7 +22,6 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.storage import function, roots
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.solution import solve
 from workbench.study import Study, figure, metric, table
@@ -146,7 +146,7 @@ class CoverForControl(Study):
             plant = synthesis_plant(self.axis, one)
             found = performance_sweep(plant, used, omega)
             curves.append([found.lower, found.upper])
-            certified = performance_peak(plant, used, PEAK_TOLERANCE)
+            certified = performance_peak(plant, used, tolerance=PEAK_TOLERANCE)
             assert certified is not None  # every stage has a finite peak
             bounds.append([certified.lower, certified.upper])
             variables |= stored(f"controller{number}", used)
@@ -248,7 +248,7 @@ class CoverForControl(Study):
 
     def _designed(self, stage: DesignStage) -> DesignStage:
         """The controller of the same order that method "fixed" finds near that of a stage."""
-        solution = solve(self.program(stage.model, stage.K), "fixed")
+        solution = solve(self.program(stage.model, stage.K), method="fixed")
         if solution.certificate is None or not solution.certificate.valid:
             raise SolverError(f"no controller for the stadiums: {solution.message}")
         return DesignStage(stage.model, solution.answer.K, solution.answer.upper)
@@ -279,7 +279,7 @@ class CoverForControl(Study):
                     statement,
                     inside.worst,
                     CONTAINMENT_TOLERANCE,
-                    inside.where,
+                    where=inside.where,
                     over=self.responses.over,
                 )
             )
@@ -302,7 +302,9 @@ class CoverForControl(Study):
     peak_lower = metric(lambda peak: peak.sel(stage=LAST, bound="lower"))
     peak_in_turn = metric(lambda peak: peak.sel(stage="in turn", bound="upper"))
     peak_narrowest = metric(lambda peak: peak.sel(stage="narrowest", bound="upper"))
-    peak_controller_only = metric(lambda peak: peak.sel(stage="controller for it", bound="upper"))
+    peak_controller_only = metric(
+        template=lambda peak: peak.sel(stage="controller for it", bound="upper")
+    )
     order = metric(lambda controller3_A: len(controller3_A))
     iterations = metric(lambda step: step.size)
 

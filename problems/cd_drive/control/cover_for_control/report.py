@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from workbench import figures
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset, Figure
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure
 
 from ...drive.tables import Axis
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.synthesis import DualCertificate, highest_proven, regularised
 from workbench.synthesis.limits.loop_functions import LoopFunctions
@@ -28,7 +28,9 @@ START_FACTOR = 1.002
 def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
     """The plant of H-infinity synthesis for the nominal drive, with both channels."""
     whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
-    return regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), LEAST_NOISE)
+    return regularised(
+        whole.channel(performance=("z_p", "z_u"), exogenous="w_p").nominal(), LEAST_NOISE
+    )
 
 
 def nominal_level(uncertain: UncertainLoop, omega: RealArray) -> float:

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset, StateSpace, TransferFunction
 from workbench.certificate import EVERY_PERTURBATION, worst
-from workbench.heavy_types import Dataset, StateSpace, TransferFunction
 from workbench.mu import rank_one_mu
 from workbench.synthesis import (
     AnalyticBasis,
@@ -28,7 +28,7 @@ from ..loop_weights import BASIS
 from ..mu_pid_analysis.checks import DENSE
 from .uncertain_loop import UncertainLoop
 
-LOWEST, HIGHEST = BASIS.band
+LOWEST, HIGHEST = BASIS.band_hz
 PROOF_FREQUENCIES = 1501
 """Number of frequencies of the integral that is compared with the proven bound."""
 EDGE_RAYS, EDGE_HALVINGS = 90, 20
@@ -111,7 +111,7 @@ def five_x_checks(
         label = f"{name} bound"
         statement = "level that none reaches over one that a controller has, less 1"
         checks.append(Check(label, statement, level / reached[name] - 1, 0.0))
-        proven = DualCertificate(level, x, AnalyticBasis(poles, BASIS.band)).excess(loop)
+        proven = DualCertificate(level, x, AnalyticBasis(poles, BASIS.band_hz)).excess(loop)
         statement = (
             "no stabilising LTI controller: bound on the integral of the largest Re(T h) that the "
             "level allows, over all frequencies, tails and rounding included; zero for each T"
@@ -233,4 +233,4 @@ def _weights(
 
 def _largest(name: str, statement: str, found: dict, limit: float) -> Check:
     case = max(found, key=lambda key: found[key])
-    return Check(name, statement, float(found[case]), limit, f"at {case}")
+    return Check(name, statement, float(found[case]), limit, where=f"at {case}")

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Dataset, Figure
-from workbench.tables import markdown
+from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.tables import markdown
 
 from ...drive.tables import Axis
 

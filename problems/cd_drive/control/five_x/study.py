@@ -15,11 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, PeakChecker, performance_peak, performance_sweep
 from workbench.study import (
     Study,
@@ -142,9 +142,11 @@ class FiveX(Study):
     @part
     def plants(self) -> dict[str, GeneralisedPlant]:
         whole = generalised(self.axis, self.loop.model, SPEED)
-        return {name: whole.channel(*signals) for name, signals in CHANNELS.items()}
+        return {
+            name: whole.channel(performance=z, exogenous=w) for name, (z, w) in CHANNELS.items()
+        }
 
-    @array((), "1", "gain of equal channels")
+    @array(dims=(), unit="1", meaning="gain of equal channels")
     def adjusted_gain(self, plants: Plants) -> float:
         gain = equalising_gain(plants["disturbance"], plants["control"], controller(self.axis))
         if np.isnan(gain):
@@ -157,17 +159,17 @@ class FiveX(Study):
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
         found: dict[str, tuple[StateSpace, float]] = {}
         for method in REDUCTIONS:
-            every = approximations(self.designed.answer.K, ORDER, method, plant)
+            every = approximations(self.designed.answer.K, ORDER, method=method, plant=plant)
             direct = next(every)
             stabilises = partial(_stabilises, plants["both"])
             K = next(filter(stabilises, chain([direct], every)), direct)
-            top = performance_peak(plants["both"], K, PEAK_TOLERANCE)
+            top = performance_peak(plants["both"], K, tolerance=PEAK_TOLERANCE)
             found[method] = K, top.upper if top else np.inf
         return found
 
-    reduction_peak = array(reduction, "1", f"peak of mu at order {ORDER}, infinite: unstable")(
-        lambda reductions: [upper for _, upper in reductions.values()]
-    )
+    reduction_peak = array(
+        dims=reduction, unit="1", meaning=f"peak of mu at order {ORDER}, infinite: unstable"
+    )(lambda reductions: [upper for _, upper in reductions.values()])
 
     @system
     def ninth(self, reductions: dict[str, tuple[StateSpace, float]]) -> StateSpace:
@@ -188,7 +190,7 @@ class FiveX(Study):
     def peaks(self, loops: Loops, context: Context) -> dict[Case, Peak | None]:
         """Peaks of robust performance; None where the nominal loop is unstable."""
         cases = context.track(list(loops), "peaks")
-        return {case: performance_peak(*loops[case], PEAK_TOLERANCE) for case in cases}
+        return {case: performance_peak(*loops[case], tolerance=PEAK_TOLERANCE) for case in cases}
 
     @peaks.checkers
     def of_the_loops(self, loops: Loops) -> dict[Case, PeakChecker]:
@@ -206,22 +208,28 @@ class FiveX(Study):
         return [_curve(*loops[case], omega) if peaks[case] else unstable for case in cases]
 
     over = (controller, channel)
-    peak = array((*over, bound), "1", "certified bounds")(
+    peak = array(dims=(*over, bound), unit="1", meaning="certified bounds")(
         lambda peaks: _gathered([_numbers(one)[:2] for one in peaks.values()])
     )
-    peak_frequency = array(over, "Hz", "of the peak")(
+    peak_frequency = array(dims=over, unit="Hz", meaning="of the peak")(
         lambda peaks: _gathered([_numbers(one)[2] for one in peaks.values()])
     )
-    mu = array((*over, bound, frequency), "1", "mu of robust performance")(
+    mu = array(dims=(*over, bound, frequency), unit="1", meaning="mu of robust performance")(
         lambda curves: outward_single(_gathered(curves))
     )
 
-    @array((bounded, bound, frequency), "1", "least mu over all K at the frequency")
+    @array(
+        dims=(bounded, bound, frequency), unit="1", meaning="least mu over all K at the frequency"
+    )
     def least_mu(self, omega: RealArray) -> list[Any]:
         found = [least_mu(self.loop.weights(omega, channel)) for channel in BOUNDED]
         return [[each.lower, each.upper] for each in found]
 
-    @array(cover_frequency, "1", "least mu over all K, stadiums without fitted weights")
+    @array(
+        dims=cover_frequency,
+        unit="1",
+        meaning="least mu over all K, stadiums without fitted weights",
+    )
     def sets_least_mu(self, cover_frequency: DataArray) -> RealArray:
         narrow = shape(self.covered.data, "second")
         alone = replace(
@@ -271,24 +279,24 @@ class FiveX(Study):
         return [proof_between(self.loop.loops[name], *ends[name], context) for name in PROOFS]
 
     pole = dim(-BASIS.corners, unit="rad/s", meaning="pole of h")
-    pointwise_bound = array(bounded, "1", "mu that every controller has at one frequency")(
-        lambda pointwise: [pointwise[name].lower for name in BOUNDED]
-    )
-    pointwise_frequency = array(bounded, "Hz", "frequency of the pointwise bound")(
-        lambda pointwise: [pointwise[name].omega / (2 * np.pi) for name in BOUNDED]
-    )
+    pointwise_bound = array(
+        dims=bounded, unit="1", meaning="mu that every controller has at one frequency"
+    )(lambda pointwise: [pointwise[name].lower for name in BOUNDED])
+    pointwise_frequency = array(
+        dims=bounded, unit="Hz", meaning="frequency of the pointwise bound"
+    )(lambda pointwise: [pointwise[name].omega / (2 * np.pi) for name in BOUNDED])
     pointwise_bound_1x = arrays(
         (),
         lambda pointwise: {"pointwise_bound_1X": pointwise[AT_1X].lower},
         pointwise_bound_1X=("1", "pointwise bound of both at 1X"),
     )
-    nominal_norm = array((), "1", "norm of the H-infinity loop")(
+    nominal_norm = array(dims=(), unit="1", meaning="norm of the H-infinity loop")(
         lambda optimal: optimal["nominal"].norm
     )
-    proven_level = array(proof, "1", "level that no controller reaches")(
+    proven_level = array(dims=proof, unit="1", meaning="level that no controller reaches")(
         lambda proofs: [proof.level for proof in proofs]
     )
-    proof_coefficients = array((proof, pole), "1", "h of the proof")(
+    proof_coefficients = array(dims=(proof, pole), unit="1", meaning="h of the proof")(
         lambda proofs: [proof.coefficients for proof in proofs]
     )
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.fitting.rational import Rational
 from workbench.synthesis import LoopFunctions, LoopWeights
 from workbench.uncertainty import UncertaintyModel
@@ -46,7 +46,7 @@ class UncertainLoop:
             performance_function(self.axis, self.speed),
             Rational(NONE, NONE, control_gain(self.axis)),
             self.model.nominal.scaled(1 / gain),
-            self.model.W_c,
-            self.model.W_r,
+            circular=self.model.W_c,
+            real=self.model.W_r,
         )
         return {"nominal": whole.nominal, "dynamic": whole}

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -94,7 +94,7 @@ class GainControl(Study):
     draw = dim(lambda self: range(self.draws))
     time = dim(lambda: np.linspace(0.0, END - START, STEPS + 1), unit="s", meaning="time")
 
-    @array((drive, draw))
+    @array(dims=(drive, draw))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, 12, self.draws)
 
@@ -120,29 +120,29 @@ class GainControl(Study):
 
     # --- arrays -------------------------------------------------------------------------------
 
-    before = array(drive, "dB", "|L| at the wobble before")(
+    before = array(dims=drive, unit="dB", meaning="|L| at the wobble before")(
         lambda benches: [level_of(one) for one in benches]
     )
-    low_before = array(drive, "dB", "|L| at 100 Hz before")(
+    low_before = array(dims=drive, unit="dB", meaning="|L| at 100 Hz before")(
         lambda benches: [level_of(one, LOW) for one in benches]
     )
-    crossover_before = array(drive, "Hz", "crossover before")(
+    crossover_before = array(dims=drive, unit="Hz", meaning="crossover before")(
         lambda benches: [crossover_of(one, 0.0, GRID) for one in benches]
     )
-    after = array((arm, drive, draw), "dB", "|L| at the wobble after")(
+    after = array(dims=(arm, drive, draw), unit="dB", meaning="|L| at the wobble after")(
         lambda self, starts: self._every(starts, "level")[..., -1]
     )
-    settled = array((arm, drive, draw), "s", "time that it takes")(
+    settled = array(dims=(arm, drive, draw), unit="s", meaning="time that it takes")(
         lambda self, starts: self._every(starts, "settled")
     )
-    events = array((arm, drive, draw), "", "times that the loop was lost or regained")(
-        lambda self, starts: self._every(starts, "events")
-    )
-    level = array((arm, drive, time), "dB", "|L| at the wobble, first draw")(
+    events = array(
+        dims=(arm, drive, draw), unit="", meaning="times that the loop was lost or regained"
+    )(lambda self, starts: self._every(starts, "events"))
+    level = array(dims=(arm, drive, time), unit="dB", meaning="|L| at the wobble, first draw")(
         lambda self, starts: self._every(starts, "level")[:, :, 0].astype("f4")
     )
 
-    @array((arm, drive, draw), "Hz", "crossover after")
+    @array(dims=(arm, drive, draw), unit="Hz", meaning="crossover after")
     def crossover_after(
         self, benches: list[Laboratory], after: DataArray, before: DataArray
     ) -> RealArray:
@@ -157,7 +157,11 @@ class GainControl(Study):
             ]
         )
 
-    @array(drive, "dB", "|L| at the wobble after, without noise, on a disc that stands")
+    @array(
+        dims=drive,
+        unit="dB",
+        meaning="|L| at the wobble after, without noise, on a disc that stands",
+    )
     def quiet(self, benches: list[Laboratory]) -> list[float]:
         silent = [replace(one, noise=0.0, electronics=0.0, bits=None) for one in benches]
         return [float(started(one, ARMS["still"], 0).level[-1]) for one in silent]
@@ -165,35 +169,36 @@ class GainControl(Study):
     # --- checks -------------------------------------------------------------------------------
 
     exact = check(
-        "detection",
-        "level that the gain control leaves without noise and disc [dB]",
-        lambda quiet: abs(quiet),
+        title="detection",
+        statement="level that the gain control leaves without noise and disc [dB]",
+        value=lambda quiet: abs(quiet),
         at_most=EXACT,
     )
     kept = check(
-        "the loop holds",
-        "times that the loop was lost or regained on an ordinary disc, any draw",
-        lambda events: events.sel(arm=CLAIMED),
+        title="the loop holds",
+        statement="times that the loop was lost or regained on an ordinary disc, any draw",
+        value=lambda events: events.sel(arm=CLAIMED),
         at_most=0.0,
     )
     removed = check(
-        "differences are removed",
-        "share of draws whose spread over the drives is above a third of that before, ordinary",
-        lambda before, after: (
+        title="differences are removed",
+        statement="share of draws whose spread over the drives is above a third of that before, "
+        "ordinary",
+        value=lambda before, after: (
             1.0 - (_spread(after.sel(arm=CLAIMED)) <= REMOVED * _spread(before)).mean("draw")
         ),
         at_most=1.0 - SURE,
     )
     set_ = check(
-        "gain is set",
-        "share of starts that leave |L| more than 1 dB off, ordinary disc",
-        lambda after: 1.0 - share_of_draws(abs(after.sel(arm=CLAIMED)) <= WITHIN),
+        title="gain is set",
+        statement="share of starts that leave |L| more than 1 dB off, ordinary disc",
+        value=lambda after: 1.0 - share_of_draws(abs(after.sel(arm=CLAIMED)) <= WITHIN),
         at_most=1.0 - SURE,
     )
     soon = check(
-        "gain is set in time",
-        "share of starts that take longer than 1.5 s, ordinary disc",
-        lambda settled: 1.0 - share_of_draws(settled.sel(arm=CLAIMED) <= LATEST),
+        title="gain is set in time",
+        statement="share of starts that take longer than 1.5 s, ordinary disc",
+        value=lambda settled: 1.0 - share_of_draws(settled.sel(arm=CLAIMED) <= LATEST),
         at_most=1.0 - SURE,
     )
 
@@ -201,26 +206,36 @@ class GainControl(Study):
 
     wobble_hz = metric(lambda self: crossover(self.axis))
     spread_before = metric(lambda before: _spread(before))
-    spread_after = metric("spread_{arm}_{summary}", lambda after: over_draws(_spread(after)))
+    spread_after = metric(
+        template="spread_{arm}_{summary}", value=lambda after: over_draws(_spread(after))
+    )
     low_spread_before = metric(lambda low_before: _spread(low_before))
     low_spread_after = metric(
-        "low_spread_{arm}_{summary}",
-        lambda low_before, after, before: over_draws(_spread(low_before + after - before)),
+        template="low_spread_{arm}_{summary}",
+        value=lambda low_before, after, before: over_draws(_spread(low_before + after - before)),
     )
     crossover_spread_before = metric(lambda crossover_before: _spread(crossover_before))
     crossover_spread_after = metric(
-        "crossover_spread_{arm}_{summary}",
-        lambda crossover_after: over_draws(_spread(crossover_after)),
+        template="crossover_spread_{arm}_{summary}",
+        value=lambda crossover_after: over_draws(_spread(crossover_after)),
     )
     removed_share = metric(
-        "removed_{arm}",
-        lambda before, after: (_spread(after) <= REMOVED * _spread(before)).mean("draw"),
+        template="removed_{arm}",
+        value=lambda before, after: (_spread(after) <= REMOVED * _spread(before)).mean("draw"),
     )
-    set_share = metric("set_{arm}", lambda after: share_of_draws(abs(after) <= WITHIN, "arm"))
-    error_db = metric("error_db_{arm}_{summary}", lambda after: over_draws(after, "drive"))
-    time_s = metric("time_{arm}_{summary}", lambda settled: over_draws(settled, "drive"))
-    in_time = metric("in_time_{arm}", lambda settled: share_of_draws(settled <= LATEST, "arm"))
-    lost = metric("lost_{arm}", lambda events: share_of_draws(events > 0, "arm"))
+    set_share = metric(
+        template="set_{arm}", value=lambda after: share_of_draws(abs(after) <= WITHIN, "arm")
+    )
+    error_db = metric(
+        template="error_db_{arm}_{summary}", value=lambda after: over_draws(after, "drive")
+    )
+    time_s = metric(
+        template="time_{arm}_{summary}", value=lambda settled: over_draws(settled, "drive")
+    )
+    in_time = metric(
+        template="in_time_{arm}", value=lambda settled: share_of_draws(settled <= LATEST, "arm")
+    )
+    lost = metric("lost_{arm}", value=lambda events: share_of_draws(events > 0, "arm"))
 
     @table
     def spread(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
@@ -231,7 +246,7 @@ class GainControl(Study):
         low = answer["low_before"] + answer["after"] - answer["before"]
         for arm in ARMS:
             cells = [
-                with_interval(over_draws(_spread(one.sel(arm=arm))), form)
+                with_interval(over_draws(_spread(one.sel(arm=arm))), form=form)
                 for one, form in (
                     (answer["after"], "{:.2f}"),
                     (low, "{:.2f}"),
@@ -240,7 +255,7 @@ class GainControl(Study):
             ]
             settled, after = answer["settled"].sel(arm=arm), answer["after"].sel(arm=arm)
             cells += [
-                with_interval(over_draws(settled, "drive"), "{:.2f}"),
+                with_interval(over_draws(settled, "drive"), form="{:.2f}"),
                 f"{float((abs(after) <= WITHIN).mean()):.0%}",
                 f"{float((answer['events'].sel(arm=arm) > 0).mean()):.0%}",
             ]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.simulation import Cascade, Part, linear, wobbled_gain
 
 from ...drive.disc import Defect, Disc
@@ -92,8 +92,8 @@ def started(bench: Laboratory, arm: Arm, seed: int) -> Start:
         at, size, PERIOD, interval=(START, END), detection=DETECTION, adaptation=ADAPTATION
     )
     law = [
-        Part("gain control", gain, ["f_en"], ["fed", "gain"]),
-        Part("K", linear(controller(axis), PERIOD), ["fed"], ["u"]),
+        Part("gain control", gain, ["f_en"], tells=["fed", "gain"]),
+        Part("K", linear(controller(axis), PERIOD), ["fed"], tells=["u"]),
     ]
     record = bench.closed_loop(
         Cascade(MEASUREMENTS, law),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import from_periods
 from workbench.systems import loop_response
 
@@ -58,7 +58,7 @@ def measured(experiment: LoopExperiment, seed: int) -> Measurement:
     estimate = from_periods(experiment.frequency, w, u)
     colour = noise_colour(u - u.mean(axis=1, keepdims=True))
     colour = uniform_filter1d(colour, min(COLOUR_STEPS, len(colour)), mode="nearest")
-    radius = estimate.radius(CONFIDENCE)[:, 0, 0] * np.sqrt(colour)
+    radius = estimate.radius(confidence=CONFIDENCE)[:, 0, 0] * np.sqrt(colour)
     told = Told.drawn(experiment.bench.axis, seed)
     return Measurement(
         estimate.response[:, 0, 0],

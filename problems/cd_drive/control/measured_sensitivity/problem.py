@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -121,7 +121,7 @@ class MeasuredSensitivity(Study):
         lambda self: np.geomspace(*BAND, self.frequencies), unit="Hz", meaning="frequency"
     )
 
-    @array((drive, draw))
+    @array(dims=(drive, draw))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, 12, self.draws)
 
@@ -158,7 +158,11 @@ class MeasuredSensitivity(Study):
             "radius": self._every(records, "radius")[..., 0, :].astype("f4"),
         }
 
-    @array((model, scale, drive, frequency), "1", "|S| simulated; as told in the first draw")
+    @array(
+        dims=(model, scale, drive, frequency),
+        unit="1",
+        meaning="|S| simulated; as told in the first draw",
+    )
     def simulated(
         self, records: list[Measurement], frequency: DataArray, drive: DataArray
     ) -> RealArray:
@@ -172,7 +176,7 @@ class MeasuredSensitivity(Study):
         ]
         return np.array([told, continuous])
 
-    permitted = array(frequency, "1", "1/|W_p|")(
+    permitted = array(dims=frequency, unit="1", meaning="1/|W_p|")(
         lambda self, frequency: (
             1 / abs(loop_response(performance_weight(self.axis), frequency.values))
         )
@@ -180,12 +184,12 @@ class MeasuredSensitivity(Study):
 
     # --- all draws ----------------------------------------------------------------------------
 
-    events = array((scale, disc, drive, draw), "", "times that the loop was lost or regained")(
-        lambda self, records: self._every(records, "events")
-    )
-    saturated = array((scale, disc, drive, draw), "", "share of the samples of u at its limit")(
-        lambda self, records: self._every(records, "saturated")
-    )
+    events = array(
+        dims=(scale, disc, drive, draw), unit="", meaning="times that the loop was lost or regained"
+    )(lambda self, records: self._every(records, "events"))
+    saturated = array(
+        dims=(scale, disc, drive, draw), unit="", meaning="share of the samples of u at its limit"
+    )(lambda self, records: self._every(records, "saturated"))
 
     @part
     def good(self, records: list[Measurement]) -> Any:
@@ -193,7 +197,11 @@ class MeasuredSensitivity(Study):
         share = self._every(records, "radius") / abs(self._every(records, "S"))
         return share <= np.array(ACCURACIES).reshape(-1, *[1] * share.ndim)
 
-    @array((accuracy, scale, disc, drive, draw), "Hz", "lowest frequency from which on it is good")
+    @array(
+        dims=(accuracy, scale, disc, drive, draw),
+        unit="Hz",
+        meaning="lowest frequency from which on it is good",
+    )
     def good_from(self, good: Any, frequency: DataArray) -> RealArray:
         """NaN where not even the highest one is."""
         bad = ~good
@@ -202,7 +210,11 @@ class MeasuredSensitivity(Study):
         edge = np.append(frequency.values, np.nan)
         return edge[first]
 
-    @array((scale, disc, drive, draw), "1", "share of good measurements whose region holds S")
+    @array(
+        dims=(scale, disc, drive, draw),
+        unit="1",
+        meaning="share of good measurements whose region holds S",
+    )
     def held(
         self, records: list[Measurement], good: Any, frequency: DataArray, drive: DataArray
     ) -> RealArray:
@@ -253,21 +265,23 @@ class MeasuredSensitivity(Study):
     # --- checks -------------------------------------------------------------------------------
 
     holds = check(
-        "the loop holds",
-        "times that it was lost or regained on an ordinary disc, any draw",
-        lambda events: events.sel(disc="ordinary"),
+        title="the loop holds",
+        statement="times that it was lost or regained on an ordinary disc, any draw",
+        value=lambda events: events.sel(disc="ordinary"),
         at_most=0.0,
     )
     converter = check(
-        "saturation",
-        "share of the samples of u at the converter's limit on an ordinary disc, any draw",
-        lambda saturated: saturated.sel(disc="ordinary"),
+        title="saturation",
+        statement="share of the samples of u at the converter's limit on an ordinary disc, any "
+        "draw",
+        value=lambda saturated: saturated.sel(disc="ordinary"),
         at_most=0.0,
     )
     alike = check(
-        "similar, {scale} gain",
-        "share of records on an ordinary disc whose |S| is not similar to the model's, as told",
-        lambda answer: (1.0 - share_of_draws(_similar(answer), "scale", "disc", "model")).sel(
+        title="similar, {scale} gain",
+        statement="share of records on an ordinary disc whose |S| is not similar to the model's, "
+        "as told",
+        value=lambda answer: (1.0 - share_of_draws(_similar(answer), "scale", "disc", "model")).sel(
             disc="ordinary", model="told"
         ),
         each="scale",
@@ -277,29 +291,37 @@ class MeasuredSensitivity(Study):
     # --- what is told -------------------------------------------------------------------------
 
     similar = metric(
-        "similar_{scale}_{disc}_{model}",
-        lambda answer: share_of_draws(_similar(answer), "scale", "disc", "model"),
+        template="similar_{scale}_{disc}_{model}",
+        value=lambda answer: share_of_draws(_similar(answer), "scale", "disc", "model"),
     )
-    rms_db = metric("rms_db_{scale}_{disc}_{model}_{summary}", lambda rms: over_draws(rms, "drive"))
+    rms_db = metric(
+        template="rms_db_{scale}_{disc}_{model}_{summary}",
+        value=lambda rms: over_draws(rms, "drive"),
+    )
     most_db = metric(
-        "largest_db_{scale}_{disc}_{model}_{summary}", lambda most: over_draws(most, "drive")
+        template="largest_db_{scale}_{disc}_{model}_{summary}",
+        value=lambda most: over_draws(most, "drive"),
     )
     good_hz = metric(
-        "good_{accuracy}_from_hz_{scale}_{disc}_{summary}",
-        lambda good_from: over_draws(
+        template="good_{accuracy}_from_hz_{scale}_{disc}_{summary}",
+        value=lambda good_from: over_draws(
             good_from.assign_coords(accuracy=[f"{100 * one:.0f}_percent" for one in ACCURACIES]),
             "drive",
         ),
     )
-    lost = metric("lost_{scale}_{disc}", lambda events: (events > 0).mean(["drive", "draw"]))
-    covered = metric("covered_{scale}_{disc}", lambda held: held.mean(["drive", "draw"]))
+    lost = metric(
+        template="lost_{scale}_{disc}", value=lambda events: (events > 0).mean(["drive", "draw"])
+    )
+    covered = metric(
+        template="covered_{scale}_{disc}", value=lambda held: held.mean(["drive", "draw"])
+    )
     measured_weighted = metric(
-        "weighted_{scale}_{disc}_{summary}",
-        lambda weighted: over_draws(weighted.sel(accuracy=COMPARED), "drive"),
+        template="weighted_{scale}_{disc}_{summary}",
+        value=lambda weighted: over_draws(weighted.sel(accuracy=COMPARED), "drive"),
     )
     fails_hz = metric(
-        "fails_below_hz_{scale}_{disc}_{summary}",
-        lambda fails_below: over_draws(fails_below.sel(accuracy=ACCURACIES[-1]), "drive"),
+        template="fails_below_hz_{scale}_{disc}_{summary}",
+        value=lambda fails_below: over_draws(fails_below.sel(accuracy=ACCURACIES[-1]), "drive"),
     )
 
     @table
@@ -314,11 +336,13 @@ class MeasuredSensitivity(Study):
                 for one in MODELS:
                     cells.append(f"{float(similar.sel(at | {'model': one}).mean()):.0%}")
                     cells += [
-                        with_interval(numbers[name].sel(at | {"model": one}), "{:.2f}")
+                        with_interval(numbers[name].sel(at | {"model": one}), form="{:.2f}")
                         for name in ("rms", "most")
                     ]
                 good = numbers["good_from"].sel(at)
-                cells += [with_interval(good.sel(accuracy=one), "{:.0f}") for one in ACCURACIES]
+                cells += [
+                    with_interval(good.sel(accuracy=one), form="{:.0f}") for one in ACCURACIES
+                ]
                 lost = float((answer["events"].sel(at) > 0).mean())
                 rows.append([scale, disc.replace("_", " "), *cells, f"{lost:.0%}"])
         heads = ["gain", "disc"]

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, worst
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import ParametricModel, UncertaintyModel
@@ -57,7 +57,7 @@ def method_checks(
     poles = [rightmost_pole(task, K) for K in controllers.values()]
     right, where = worst(poles, lambda i: names[i[0]])
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
-    stable = Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, where)
+    stable = Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, where=where)
     found = [replace(stable, over="for nominal loops")]
     found += [*_order(answer), _sampled(axis, uncertain, task, controllers, answer)]
     criteria = {
@@ -92,7 +92,7 @@ def rightmost_pole(task: DesignTask, K: StateSpace) -> float:
     """Largest real part of the roots of den G den K + num G num K."""
     import control
 
-    return float(control.feedback(task.G * K, 1).poles().real.max())
+    return float(control.feedback(task.nominal * K, 1).poles().real.max())
 
 
 def _order(answer: Dataset) -> list[Check]:
@@ -113,7 +113,7 @@ def _order(answer: Dataset) -> list[Check]:
         statement = f"lower bound of {small} over the upper one of {large}, less 1"
         over = f"{EVERY_FREQUENCY}, for these controllers"
         name = f"{small} below {large}"
-        found.append(Check(name, statement, value, POLE_AND_BOUND_ROUNDING, where, over=over))
+        found.append(Check(name, statement, value, POLE_AND_BOUND_ROUNDING, where=where, over=over))
     return found
 
 
@@ -131,7 +131,7 @@ def _mean_squares(task: DesignTask, controllers: ControllersByName) -> dict[str,
 def _stacks(task: DesignTask, controllers: ControllersByName) -> dict[str, float]:
     """The largest of [W_p S; W_u K_optn K S] at frequencies."""
     omega = 2 * np.pi * HERTZ
-    G, W_p = response(task.G, omega)[:, 0, 0], response(task.W_S, omega)[:, 0, 0]
+    G, W_p = response(task.nominal, omega)[:, 0, 0], response(task.W_S, omega)[:, 0, 0]
 
     def size(K: StateSpace) -> float:
         k = response(K, omega)[:, 0, 0]
@@ -168,10 +168,10 @@ def _margin_missed(task: DesignTask, K: StateSpace) -> float:
     of normalised coprime factors.
     """
     omega = 2 * np.pi * HERTZ
-    G, k = response(task.G, omega)[:, 0, 0], response(K, omega)[:, 0, 0]
+    G, k = response(task.nominal, omega)[:, 0, 0], response(K, omega)[:, 0, 0]
     missed = []
     for gain in task.gains:
-        program = task.shaped(gain)
+        program = task.shaped(gain=gain)
         W = response(program.W1, omega)[:, 0, 0]
         size = np.sqrt((1 + abs(G * W) ** 2) * (1 + abs(k / W) ** 2))
         missed.append(1 - float((abs(1 + G * k) / size).min()) / program.epsilon_max)
@@ -202,7 +202,7 @@ def _sampled(
     value, where = worst(excess, lambda i: names[i[0]])
     statement = "gain of sampled plants over the peak of robust performance, less 1"
     over = f"for {RANDOM_PLANTS} plants of the set drawn, at {len(hertz)} frequencies"
-    return Check("sampled plants", statement, value, 0.0, where, over=over)
+    return Check("sampled plants", statement, value, 0.0, where=where, over=over)
 
 
 def _plants(axis: Axis, uncertain: UncertainModel, size: float, hertz: RealArray) -> ComplexArray:

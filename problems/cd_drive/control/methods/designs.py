@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.synthesis import DesignTask
 from workbench.uncertainty import ParametricModel, UncertaintyModel
 
@@ -40,10 +40,10 @@ def design_task(axis: Axis, uncertain: UncertaintyModel | ParametricModel) -> De
     regular = synthesis_plant(axis, uncertain)
     limit = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0)
     return DesignTask(
-        plant=generalised(axis, uncertain).channel(CHANNELS, "w_p"),
+        plant=generalised(axis, uncertain).channel(performance=CHANNELS, exogenous="w_p"),
         regular=regular,
         quadratic=regular.nominal().weighted(exogenous=[limit]),
-        G=nominal_system(axis, uncertain),
+        nominal=nominal_system(axis, uncertain),
         W_S=performance_weight(axis),
         W_KS=float(control_weight(axis).D[0, 0]) * optical_gain(axis),
         reference=control.ss(controller(axis)),

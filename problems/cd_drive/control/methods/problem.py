@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import Check, Run, problem
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import (
     Peak,
     PeakChecker,
@@ -148,7 +148,9 @@ class Methods(Study):
             judged = conditions(self.task.plant, controllers[design], tolerance=PEAK_TOLERANCE)
             for name in CONDITIONS:
                 known = getattr(judged, name.replace(" ", "_"), None)
-                found[design, name] = known or peak(*questions[design, name], PEAK_TOLERANCE)
+                found[design, name] = known or peak(
+                    *questions[design, name], tolerance=PEAK_TOLERANCE
+                )
         return found
 
     @peaks.checkers
@@ -157,28 +159,32 @@ class Methods(Study):
         return {case: PeakChecker(*question) for case, question in questions.items()}
 
     peak = array(
-        (design, condition, bound), "1", "certified bounds of the peak over all frequencies"
+        dims=(design, condition, bound),
+        unit="1",
+        meaning="certified bounds of the peak over all frequencies",
     )(lambda peaks: by_design([(each.lower, each.upper) for each in peaks.values()]))
-    peak_frequency = array((design, condition), "Hz")(
+    peak_frequency = array(dims=(design, condition), unit="Hz")(
         lambda peaks: by_design([each.omega / (2 * np.pi) for each in peaks.values()])
     )
-    pole = array(design, "rad/s", "largest real part of the nominal loop's")(
+    pole = array(dims=design, unit="rad/s", meaning="largest real part of the nominal loop's")(
         lambda self, controllers: [rightmost_pole(self.task, K) for K in controllers.values()]
     )
-    order = array(design, "1")(lambda controllers: [K.nstates for K in controllers.values()])
+    order = array(dims=design, unit="1")(
+        lambda controllers: [K.nstates for K in controllers.values()]
+    )
 
-    @array((design, bound, frequency), "1", "mu of robust performance")
+    @array(dims=(design, bound, frequency), unit="1", meaning="mu of robust performance")
     def mu(self, controllers: ControllersByName, omega: RealArray) -> NDArray[np.float32]:
         curves = (performance_sweep(self.task.plant, K, omega) for K in controllers.values())
         return outward_single([(curve.lower, curve.upper) for curve in curves])
 
-    @array((design, frequency), "1", "magnitude of the nominal sensitivity")
+    @array(dims=(design, frequency), unit="1", meaning="magnitude of the nominal sensitivity")
     def S(self, controllers: ControllersByName, omega: RealArray) -> list[RealArray]:
-        G = response(self.task.G, omega)
+        G = response(self.task.nominal, omega)
         loops = ((G * response(K, omega))[:, 0, 0] for K in controllers.values())
         return [abs(1 / (1 + L)) for L in loops]
 
-    permitted = array(frequency, "1", "1/|W_p|")(
+    permitted = array(dims=frequency, unit="1", meaning="1/|W_p|")(
         lambda self, omega: 1 / abs(response(self.task.W_S, omega)[:, 0, 0])
     )
 
@@ -200,7 +206,9 @@ class Methods(Study):
             name: robust_performance_question(replace(plant, structure=structure), K)
             for name, structure in self.structures().items()
         }
-        found["disturbance alone"] = robust_performance_question(plant.channel("z_p"), K)
+        found["disturbance alone"] = robust_performance_question(
+            plant.channel(performance="z_p"), K
+        )
         return {name: found[name] for name in CONDITIONS}
 
     @check()

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import figures
-from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.tables import Rows
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import Rows
 
 from ...drive.tables import Axis
 from .designs import FULL_ORDER

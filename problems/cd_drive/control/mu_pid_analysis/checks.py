@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import EVERY_PERTURBATION, worst
-from workbench.heavy_types import Dataset
 from workbench.mu import rank_one_mu
 from workbench.uncertainty.covers.storage import rational
 from workbench.uncertainty.parametric_models.parameters import vertices
@@ -122,4 +122,4 @@ def _sampled(axis: Axis, speed: float, answer: Dataset) -> float:
 
 def _largest(name: str, statement: str, found: dict, limit: float) -> Check:
     case = max(found, key=lambda key: found[key])
-    return Check(name, statement, float(found[case]), limit, f"at {case}")
+    return Check(name, statement, float(found[case]), limit, where=f"at {case}")

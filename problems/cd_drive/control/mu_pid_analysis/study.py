@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import Check, Run
-from workbench.arrays import RealArray, outward_single
+from workbench._core.arrays import RealArray, outward_single
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
 from workbench.geometry import smallest_area_stadium
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Peak, PeakChecker, condition_systems, conditions, performance_sweep
 from workbench.structure import Structure
 from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
@@ -79,7 +79,7 @@ class MuPidAnalysis(Study):
         """The generalised plant with the signals of one channel, or of both."""
         exogenous, performance = CHANNELS.get(channel, (None, None))
         whole = generalised(self.axis, self.model(form, gain), speed)
-        return whole.channel(performance, exogenous)
+        return whole.channel(performance=performance, exogenous=exogenous)
 
     gain, speed, form, bound = dim(GAIN_VARIANTS), dim(SPEEDS), dim(FORMS), dim("lower", "upper")
     channel, single = dim(*CHANNELS, "both"), dim(CHANNELS)
@@ -129,18 +129,20 @@ class MuPidAnalysis(Study):
         K, cases = controller(self.axis), context.track(list(loops), "curves")
         return {case: _curve(loops[case], K, omega) for case in cases}
 
-    peak = array((*cases, condition, bound), "1", "certified bounds of the supremum of mu")(
-        lambda peaks: _gathered(lambda case: _over_conditions(peaks, case)[:, :2])
-    )
-    peak_frequency = array((*cases, condition), "Hz", "frequency of the largest mu")(
-        lambda peaks: _gathered(lambda case: _over_conditions(peaks, case)[:, 2])
-    )
-    mu = array((*cases, bound, frequency), "1", "mu of robust performance")(
+    peak = array(
+        dims=(*cases, condition, bound), unit="1", meaning="certified bounds of the supremum of mu"
+    )(lambda peaks: _gathered(lambda case: _over_conditions(peaks, case)[:, :2]))
+    peak_frequency = array(
+        dims=(*cases, condition), unit="Hz", meaning="frequency of the largest mu"
+    )(lambda peaks: _gathered(lambda case: _over_conditions(peaks, case)[:, 2]))
+    mu = array(dims=(*cases, bound, frequency), unit="1", meaning="mu of robust performance")(
         lambda curves: outward_single(_gathered(curves.__getitem__))
     )
 
     @array(
-        (gain, speed, single, set, frequency), "1", "mu of robust performance, no weights fitted"
+        dims=(gain, speed, single, set, frequency),
+        unit="1",
+        meaning="mu of robust performance, no weights fitted",
     )
     def set_mu(self, omega: RealArray, context: Context) -> NDArray[np.float32]:
         """Mu of the covers' sets, each about its own nominal."""
@@ -173,11 +175,17 @@ class MuPidAnalysis(Study):
         """Plants of the single channels at 5X, with stadiums."""
         return [self.plant(GAIN_VARIANTS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS]
 
-    adjusted_gain = array((), "1", "gain at which both channels are equally bad")(  # or NaN
+    adjusted_gain = array(
+        dims=(), unit="1", meaning="gain at which both channels are equally bad"
+    )(  # or NaN
         lambda self, at_5x: equalising_gain(at_5x[0], at_5x[1], controller(self.axis))
     )
 
-    @array((single, bound, frequency), "1", "mu of robust performance at the adjusted gain")
+    @array(
+        dims=(single, bound, frequency),
+        unit="1",
+        meaning="mu of robust performance at the adjusted gain",
+    )
     def adjusted_mu(self, at_5x: Any, adjusted_gain: DataArray, omega: RealArray) -> RealArray:
         gain = float(adjusted_gain)
         if np.isnan(gain):
@@ -210,10 +218,14 @@ class MuPidAnalysis(Study):
             numbers[f"frequency_{name}_hz"] = float(peak_frequency.sel(at))
         return numbers
 
-    adjusted_gain_5x = metric("adjusted_gain_5X", lambda adjusted_gain: adjusted_gain)
+    adjusted_gain_5x = metric(
+        template="adjusted_gain_5X", value=lambda adjusted_gain: adjusted_gain
+    )
     set_peak = metric(
-        "set_peak_{set}",
-        lambda set_mu: set_mu.sel(gain="own", speed=1.0, single="disturbance").max("frequency"),
+        template="set_peak_{set}",
+        value=lambda set_mu: set_mu.sel(gain="own", speed=1.0, single="disturbance").max(
+            "frequency"
+        ),
     )
 
     @metric

@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, problem, ref
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import worst
 from workbench.geometry import (
     NarrowestStadium,
@@ -23,7 +24,6 @@ from workbench.geometry import (
     signed_distance,
     signed_distance_bounds,
 )
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
 from workbench.uncertainty.covers.storage import rational, shape
@@ -124,10 +124,10 @@ class Nyquist(Study):
         },
         **dict.fromkeys(PARTS, "1") | {"angle": "rad"},
     )
-    distance = array(along, "1", "distance of -1 from the set, negative inside")(
+    distance = array(dims=along, unit="1", meaning="distance of -1 from the set, negative inside")(
         lambda sets: [[signed_distance(CRITICAL, one) for one in row] for row in sets]
     )
-    L = array((drive, frequency), "1", "open loop")(
+    L = array(dims=(drive, frequency), unit="1", meaning="open loop")(
         lambda measured, factor: (measured.values * factor[:, None]).T
     )
 
@@ -182,7 +182,7 @@ class Nyquist(Study):
             ("bounds", "how far these are apart, relative", gap, BOUND_GAP),
         ):
             largest, where = worst(np.array(values), place)
-            found.append(Check(title, statement, largest, limit, where))
+            found.append(Check(title, statement, largest, limit, where=where))
         return found
 
     @check()

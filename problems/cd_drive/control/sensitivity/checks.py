@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench import Check
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import worst
-from workbench.heavy_types import Dataset, StateSpace
 
 from ...drive.plants import Gain, controller, responses
 from ...drive.tables import Axis, Values
@@ -53,8 +53,8 @@ def limit_checks(answer: Dataset, every: dict[str, dict[str, StateSpace]]) -> li
     sides = f"closed loops on the wrong side, at their own gain and {beside}"
     boundary = "distance of a pole from its place on the stability boundary, relative"
     return [
-        Check("stability", sides, len(wrong), 0, where),
-        Check("gain limits", boundary, distance, POLE_ROUNDING, pole),
+        Check("stability", sides, len(wrong), 0, where=where),
+        Check("gain limits", boundary, distance, POLE_ROUNDING, where=pole),
     ]
 
 
@@ -73,7 +73,7 @@ def peak_checks(answer: Dataset, axis: Axis, gain: Gain, values: Values) -> list
     found = []
     for title, statement, ratio, limit in compared:
         largest, where = worst(ratio, lambda i: str(names[i[1]]))
-        found.append(Check(title, statement, largest, limit, where))
+        found.append(Check(title, statement, largest, limit, where=where))
     return found
 
 
@@ -100,13 +100,15 @@ def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
     upward = twelve["increase"] * twelve["decrease"]  # below 1: less room upward
     room, which = worst(upward.values, lambda i: str(names[i[1]]))
     checks = [
-        Check("performance", "largest |W_p S| of twelve drives, own gain", highest, 1.0, drive),
+        Check(
+            "performance", "largest |W_p S| of twelve drives, own gain", highest, 1.0, where=drive
+        ),
         Check(
             "a third fails",
             "inverse of the smallest of twelve peaks of |W_p S|, a third of the gain",
             float(1 / least.min()),
             1.0,
-            str(least.idxmin("drive").values),
+            where=str(least.idxmin("drive").values),
         ),
         Check(
             "a third fails below 500 Hz",
@@ -114,7 +116,7 @@ def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
             numbers["third_fails_below_hz"],
             FAILS_BELOW,
         ),
-        Check("upward", "gain margin up over gain margin down, as factors", room, 1.0, which),
+        Check("upward", "gain margin up over gain margin down, as factors", room, 1.0, where=which),
     ]
     for name, said in zip(("lower", "upper"), LIMITS_HZ, strict=True):
         found = numbers[f"{name}_limit_sampled_hz"]

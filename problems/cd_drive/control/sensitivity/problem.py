@@ -17,9 +17,9 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from workbench import Check, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Peak, PeakChecker, peak
 from workbench.structure import Full, Structure
 from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table
@@ -122,10 +122,10 @@ class Sensitivity(Study):
     systems = part(lambda self: {loop: self.loops(loop) for loop in LOOPS})
     rows = part(lambda systems: [list(one.values()) for one in systems.values()])
     margin = arrays((loop, drive), lambda rows: each_margin(rows), **MARGIN_UNITS)
-    bandwidth = array((loop, drive, definition), "Hz")(
+    bandwidth = array(dims=(loop, drive, definition), unit="Hz")(
         lambda rows: [[[*bandwidths(L).values()] for L in row] for row in rows]
     )
-    L = array((loop, drive, frequency), "1")(
+    L = array(dims=(loop, drive, frequency), unit="1")(
         lambda rows, frequency: np.array(
             [[loop_response(L, frequency.values) for L in row] for row in rows], np.complex64
         )
@@ -157,21 +157,23 @@ class Sensitivity(Study):
     def peaks(self, weighted_loops: Labelled, context: Context) -> dict[Any, Peak]:
         """Certified largest |W_p S| over all frequencies, in continuous time."""
         cases = context.track(list(weighted_loops), "certified peaks")
-        return {case: peak(weighted_loops[case], ONE, PEAK_TOLERANCE) for case in cases}
+        return {case: peak(weighted_loops[case], ONE, tolerance=PEAK_TOLERANCE) for case in cases}
 
     @peaks.checkers
     def of_the_loops(self, weighted_loops: Labelled) -> dict[Any, PeakChecker]:
         """What certifies the peak of each."""
         return {case: PeakChecker(loop, ONE) for case, loop in weighted_loops.items()}
 
-    weighted = array((scale, drive, bound), "1", "largest |W_p S|")(
+    weighted = array(dims=(scale, drive, bound), unit="1", meaning="largest |W_p S|")(
         lambda peaks: by_scale([(each.lower, each.upper) for each in peaks.values()])
     )
-    weighted_hz = array((scale, drive), "Hz")(
+    weighted_hz = array(dims=(scale, drive), unit="Hz")(
         lambda peaks: by_scale([each.omega / (2 * math.pi) for each in peaks.values()])
     )
 
-    @array((scale, drive, "band", end), "Hz", "ends of bands in which |W_p S| > 1")
+    @array(
+        dims=(scale, drive, "band", end), unit="Hz", meaning="ends of bands in which |W_p S| > 1"
+    )
     def fails_hz(self, systems: Systems) -> list[list[Any]]:
         weight, loops = performance_weight(self.axis), systems["continuous"].values()
         found = [[failing(weight, L, factor) for L in loops] for factor in SCALES.values()]
@@ -179,12 +181,12 @@ class Sensitivity(Study):
         missing = [(math.nan, math.nan)]
         return [[one + missing * (most - len(one)) for one in row] for row in found]
 
-    @array(drive, "dB", "gain margin, Table A.4")
+    @array(dims=drive, unit="dB", meaning="gain margin, Table A.4")
     def measured_db(self, drive: DataArray) -> list[float]:
         measured = gain_margins() if self.axis == "focus" else {}
         return [measured.get(name, math.nan) for name in drive.values]
 
-    @array(number, "samples", "delay that explains a number of the thesis")
+    @array(dims=number, unit="samples", meaning="delay that explains a number of the thesis")
     def explaining_delay(self) -> list[float]:
         """Delays that give the mean gain margin of Table A.4, and the stated bandwidth."""
         if self.axis != "focus":
@@ -206,12 +208,18 @@ class Sensitivity(Study):
 
     # --- metrics ------------------------------------------------------------------------------
 
-    max_weighted = metric("max_weighted_S", lambda weighted: _highest(weighted, "full"))
-    max_third = metric("max_weighted_S_third", lambda weighted: _highest(weighted, "third"))
-    third_fails_below_hz = metric(
-        lambda fails_hz: twelve(fails_hz).sel(scale="third", end="high").max()
+    max_weighted = metric(
+        template="max_weighted_S", value=lambda weighted: _highest(weighted, "full")
     )
-    weight_laxer_than_red_book = metric(lambda permitted, red_book: (permitted / red_book).max())
+    max_third = metric(
+        template="max_weighted_S_third", value=lambda weighted: _highest(weighted, "third")
+    )
+    third_fails_below_hz = metric(
+        template=lambda fails_hz: twelve(fails_hz).sel(scale="third", end="high").max()
+    )
+    weight_laxer_than_red_book = metric(
+        template=lambda permitted, red_book: (permitted / red_book).max()
+    )
 
     @metric
     def at_points(self, answer: Dataset) -> dict[str, float]:
@@ -228,18 +236,21 @@ class Sensitivity(Study):
         return numbers
 
     least_gain_margin = metric(
-        "gain_margin_{loop}_db",
-        lambda increase, decrease: twelve(gain_margin_db(increase, decrease)).min("drive"),
+        template="gain_margin_{loop}_db",
+        value=lambda increase, decrease: twelve(gain_margin_db(increase, decrease)).min("drive"),
     )
-    least_phase_margin = metric("phase_margin_{loop}_deg", lambda phase: twelve(phase).min("drive"))
+    least_phase_margin = metric(
+        template="phase_margin_{loop}_deg", value=lambda phase: twelve(phase).min("drive")
+    )
     lower_limit = metric(
-        "lower_limit_{loop}_hz", lambda decrease_hz: decrease_hz.sel(drive="nominal")
+        template="lower_limit_{loop}_hz", value=lambda decrease_hz: decrease_hz.sel(drive="nominal")
     )
     upper_limit = metric(
-        "upper_limit_{loop}_hz", lambda increase_hz: increase_hz.sel(drive="nominal")
+        template="upper_limit_{loop}_hz", value=lambda increase_hz: increase_hz.sel(drive="nominal")
     )
     nominal_bandwidth = metric(
-        "bandwidth_{definition}_{loop}_hz", lambda bandwidth: bandwidth.sel(drive="nominal")
+        template="bandwidth_{definition}_{loop}_hz",
+        value=lambda bandwidth: bandwidth.sel(drive="nominal"),
     )
 
     @metric

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.tables import Rows
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import Rows
 
 from ...drive.tables import Axis
 from ..loops import SCALES

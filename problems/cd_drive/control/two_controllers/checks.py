@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, quantified, worst
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty.parametric_models.parameters import vertices
 
@@ -55,17 +55,23 @@ def two_controllers_checks(
     crossed, where = worst(bounds[..., 0] / bounds[..., 1] - 1, named)
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
     return [
-        Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, unstable),
+        Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, where=unstable),
         *quantified(
             f"at {len(HERTZ)} frequencies",
             [
-                Check("gains", "largest over the certified ones, less 1", above, 0.0, place),
-                Check("gains reached", "1 less that ratio", missed, GRID_SHORTFALL, spot),
+                Check("gains", "largest over the certified ones, less 1", above, 0.0, where=place),
+                Check("gains reached", "1 less that ratio", missed, GRID_SHORTFALL, where=spot),
             ],
         ),
-        Check("effort", "c of the controllers of the front", effort, 1.0, most),
+        Check("effort", "c of the controllers of the front", effort, 1.0, where=most),
         replace(
-            Check("sampled plants", "their gains over the worst ones, less 1", sampled, 0.0, plant),
+            Check(
+                "sampled plants",
+                "their gains over the worst ones, less 1",
+                sampled,
+                0.0,
+                where=plant,
+            ),
             over="for the vertices and random plants of the parametric set",
         ),
         replace(
@@ -74,7 +80,7 @@ def two_controllers_checks(
                 "lower over upper bound, less 1",
                 crossed,
                 POLE_AND_BOUND_ROUNDING,
-                where,
+                where=where,
             ),
             over=EVERY_PERTURBATION,
         ),
@@ -113,7 +119,7 @@ def _front(answer: Dataset) -> Check:
     better = np.minimum(a[:, None] / a, b[:, None] / b) - 1
     value, where = worst(better, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
     statement = "excess of a controller's a and b over those of another, less 1"
-    return Check("front", statement, value, LEVEL_EXCESS, where)
+    return Check("front", statement, value, LEVEL_EXCESS, where=where)
 
 
 def _bounds(answer: Dataset, certified: np.ndarray, names: list[str]) -> list[Check]:
@@ -124,7 +130,7 @@ def _bounds(answer: Dataset, certified: np.ndarray, names: list[str]) -> list[Ch
     reached = np.maximum(a[:, None], b[:, None] * shares)[allowed] / levels
     kept = [name for name, stays in zip(names, allowed, strict=True) if stays]
     beaten, where = worst(1 - reached, lambda p: f"{kept[p[0]]} at share {shares[p[1]]:.3g}")
-    return [Check("bounds", "1 less max(a, share b) over its bound", beaten, 0.0, where)]
+    return [Check("bounds", "1 less max(a, share b) over its bound", beaten, 0.0, where=where)]
 
 
 def _filters(answer: Dataset, omega: np.ndarray) -> Check:
@@ -139,4 +145,4 @@ def _filters(answer: Dataset, omega: np.ndarray) -> Check:
         excess.append(max(float(total.max()) - 1, zeta / level - 1))
     value, where = worst(excess, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
     statement = "squares of a bound's filters, and zeta over the bound, less 1"
-    return Check("filters", statement, value, POLE_AND_BOUND_ROUNDING, where)
+    return Check("filters", statement, value, POLE_AND_BOUND_ROUNDING, where=where)

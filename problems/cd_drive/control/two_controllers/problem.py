@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, WorstCaseChecker, WorstCaseGain, conditions, worst_case_gain
 from workbench.structure import Structure
 from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table
@@ -119,19 +119,21 @@ class TwoControllers(Study):
         return [self.trade_off.design(one) for one in context.track(list(share.values), "designs")]
 
     front = part(lambda designed: [K for _, K in designed])
-    sigma = array(share, "1")(lambda designed: [sigma for sigma, _ in designed])
-    K_A = array((share, "state", "state_"), "", "A of the controllers' realisations")(
-        lambda front: [K.A for K in front]
-    )
-    K_B = array((share, "state", "measurement"), "", "B of the controllers' realisations")(
-        lambda front: [K.B for K in front]
-    )
-    K_C = array((share, "control", "state"), "", "C of the controllers' realisations")(
-        lambda front: [K.C for K in front]
-    )
-    K_D = array((share, "control", "measurement"), "", "D of the controllers' realisations")(
-        lambda front: [K.D for K in front]
-    )
+    sigma = array(dims=share, unit="1")(lambda designed: [sigma for sigma, _ in designed])
+    K_A = array(
+        dims=(share, "state", "state_"), unit="", meaning="A of the controllers' realisations"
+    )(lambda front: [K.A for K in front])
+    K_B = array(
+        dims=(share, "state", "measurement"), unit="", meaning="B of the controllers' realisations"
+    )(lambda front: [K.B for K in front])
+    K_C = array(
+        dims=(share, "control", "state"), unit="", meaning="C of the controllers' realisations"
+    )(lambda front: [K.C for K in front])
+    K_D = array(
+        dims=(share, "control", "measurement"),
+        unit="",
+        meaning="D of the controllers' realisations",
+    )(lambda front: [K.D for K in front])
 
     @part
     def judged(self, front: list[StateSpace], context: Context) -> Judged:
@@ -150,18 +152,20 @@ class TwoControllers(Study):
         return np.array(nominal), np.array(bounds), worst
 
     largest = "largest gain of the nominal loop, certified"
-    nominal = array((share, channel), "1", largest)(lambda self, judged: judged[0][: self.designs])
-    reference_nominal = array((gain, channel), "1", largest)(
+    nominal = array(dims=(share, channel), unit="1", meaning=largest)(
+        lambda self, judged: judged[0][: self.designs]
+    )
+    reference_nominal = array(dims=(gain, channel), unit="1", meaning=largest)(
         lambda self, judged: judged[0][self.designs :]
     )
     over_plants = "largest gain over all plants, certified"
-    worst = array((share, uncertain, bound), "1", over_plants)(
+    worst = array(dims=(share, uncertain, bound), unit="1", meaning=over_plants)(
         lambda self, judged: judged[1][: self.designs]
     )
-    reference_worst = array((gain, uncertain, bound), "1", over_plants)(
+    reference_worst = array(dims=(gain, uncertain, bound), unit="1", meaning=over_plants)(
         lambda self, judged: judged[1][self.designs :]
     )
-    chosen = array(bandwidth, "", "which of the controllers")(
+    chosen = array(dims=bandwidth, unit="", meaning="which of the controllers")(
         lambda self, worst: self.choice(worst.values[:, :, 1])
     )
 
@@ -197,12 +201,14 @@ class TwoControllers(Study):
             found.append(self.trade_off.bound(weight, *starts))
         return found
 
-    excluded = array(share, "1", "level that max(a, share b) cannot be below")(
+    excluded = array(dims=share, unit="1", meaning="level that max(a, share b) cannot be below")(
         lambda bounds: [level for level, _ in bounds]
     )
-    filters = array((share, "filter"), "", "logarithms of the bound's corners [rad/s] and zeta")(
-        lambda bounds: [x for _, x in bounds]
-    )
+    filters = array(
+        dims=(share, "filter"),
+        unit="",
+        meaning="logarithms of the bound's corners [rad/s] and zeta",
+    )(lambda bounds: [x for _, x in bounds])
 
     # --- the two, and the reference controller ------------------------------------------------
 
@@ -227,25 +233,29 @@ class TwoControllers(Study):
     sensitivity = part(
         lambda loops, omega: np.array([1 / (1 + response(L, omega)[:, 0, 0]) for L in loops])
     )
-    S = array((case, frequency), "1")(lambda sensitivity: abs(sensitivity))
-    T = array((case, frequency), "1")(lambda sensitivity: abs(1 - sensitivity))
-    permitted = array(frequency, "1")(
+    S = array(dims=(case, frequency), unit="1")(lambda sensitivity: abs(sensitivity))
+    T = array(dims=(case, frequency), unit="1")(lambda sensitivity: abs(1 - sensitivity))
+    permitted = array(dims=frequency, unit="1")(
         lambda self, omega: 1 / abs(response(self.trade_off.W_p, omega)[:, 0, 0])
     )
-    defects = array(frequency, "1")(
+    defects = array(dims=frequency, unit="1")(
         lambda self, omega: abs(response(self.trade_off.W_sd, omega)[:, 0, 0])
     )
-    false = array(time, "1", "false displacement")(
+    false = array(dims=time, unit="1", meaning="false displacement")(
         lambda self, time: np.sin(2 * np.pi * np.minimum(time.values * VELOCITY / self.length, 1.0))
     )
-    step_error = array((case, time), "1", "error after a step of the disc, relative")(
-        lambda loops, time: 1.0 - _follows(loops, time, np.ones(INSTANTS))
-    )
-    defect_error = array((case, time), "1", "error by a surface defect, relative")(
-        lambda loops, time, false: -_follows(loops, time, false.values)
-    )
+    step_error = array(
+        dims=(case, time), unit="1", meaning="error after a step of the disc, relative"
+    )(lambda loops, time: 1.0 - _follows(loops, time, np.ones(INSTANTS)))
+    defect_error = array(
+        dims=(case, time), unit="1", meaning="error by a surface defect, relative"
+    )(lambda loops, time, false: -_follows(loops, time, false.values))
 
-    @array((case, specification, bound), "1", "peak of robust performance of z_p, certified")
+    @array(
+        dims=(case, specification, bound),
+        unit="1",
+        meaning="peak of robust performance of z_p, certified",
+    )
     def mu(self, cases: list[StateSpace]) -> list[list[tuple[float, float]]]:
         return [[(p.lower, p.upper) for p in self._robust_performance(K)] for K in cases]
 
@@ -270,24 +280,26 @@ class TwoControllers(Study):
     def _gains(self, K: StateSpace) -> list[float]:
         """a, b and c of the nominal loop."""
         nominal = self.trade_off.nominal
-        return [certified_norm(nominal.channel(z).close(K)) for z in CHANNELS]
+        return [certified_norm(nominal.channel(performance=z).close(K)) for z in CHANNELS]
 
     def uncertain_loop(self, channel: str, K: StateSpace) -> StateSpace:
         """The loop of K from w to a performance output, and of the uncertain parameters."""
-        return self.trade_off.uncertain.channel(channel, "w").close(K)
+        return self.trade_off.uncertain.channel(performance=channel, exogenous="w").close(K)
 
     def _worst(self, K: StateSpace) -> list[WorstCaseGain]:
         """Bounds of a and b over all plants."""
         return [
-            worst_case_gain(self.uncertain_loop(z, K), self.parameters, WORST_CASE_TOLERANCE)
+            worst_case_gain(
+                self.uncertain_loop(z, K), self.parameters, tolerance=WORST_CASE_TOLERANCE
+            )
             for z in UNCERTAIN
         ]
 
     def _robust_performance(self, K: StateSpace) -> list[Peak]:
         """Peaks of mu of z_p: with W_p, and with the error bearable while a defect passes."""
-        channel = self.trade_off.uncertain.channel("z_p", "w")
+        channel = self.trade_off.uncertain.channel(performance="z_p", exogenous="w")
         peaks = [
-            conditions(channel.weighted([1 / size]), K).robust_performance
+            conditions(channel.weighted(performance=[1 / size]), K).robust_performance
             for size in (1.0, self.relaxed)
         ]
         return [peak for peak in peaks if peak is not None]
@@ -296,7 +308,11 @@ class TwoControllers(Study):
     def gains_and_bounds(self, answer: Dataset) -> list[Check]:
         return two_controllers_checks(self.trade_off, self.controllers(answer), answer)
 
-    @check("worst of two", "bounds that differ from the proven ones of the two", at_most=0.0)
+    @check(
+        title="worst of two",
+        statement="bounds that differ from the proven ones of the two",
+        at_most=0.0,
+    )
     def same_bounds(self, answer: Dataset) -> float:
         kept = answer["worst"].values[answer["chosen"].values]
         return float(np.count_nonzero(kept.ravel() != answer["worst_of_two_bounds"].values))
@@ -311,9 +327,9 @@ class TwoControllers(Study):
                 numbers[f"worst_{word}_{name}"] = float(upper.sel(uncertain=channel)[one])
         return numbers
 
-    crossover = metric("crossover_{case}_hz", lambda crossover_hz: crossover_hz)
-    phase_margin = metric("phase_margin_{case}_deg", lambda phase: phase)
-    peak_of_mu = metric("mu_{case}", lambda mu: mu[:, 0, 1])
+    crossover = metric("crossover_{case}_hz", value=lambda crossover_hz: crossover_hz)
+    phase_margin = metric("phase_margin_{case}_deg", value=lambda phase: phase)
+    peak_of_mu = metric("mu_{case}", value=lambda mu: mu[:, 0, 1])
 
     @metric
     def largest_distance_from_bound(self, answer: Dataset) -> float:
@@ -322,7 +338,7 @@ class TwoControllers(Study):
         return float(ratio.max()) - 1
 
     tables_of_two = table(
-        lambda self, answer: {
+        function=lambda self, answer: {
             "front": front_table(answer),
             "two": cases_table(answer, self.relaxed),
         }

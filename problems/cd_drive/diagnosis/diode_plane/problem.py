@@ -15,9 +15,10 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, problem
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -32,7 +33,6 @@ from workbench.study import (
     table,
     with_interval,
 )
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -120,7 +120,7 @@ class DiodePlane(Study):
     feature, found = dim(FEATURES), dim(*KINDS, "missed")
     draw = dim(lambda self: range(self.draws))
 
-    @array((draw, drive))
+    @array(dims=(draw, drive))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, self.draws, len(TRAINED + HELD_OUT))
 
@@ -141,40 +141,44 @@ class DiodePlane(Study):
     shown = part(lambda self, every, context: self.detectors.shown(context.rng))
     linear = array(value=lambda shown: shown["linear"])
     points = arrays(("point", diode), lambda shown: shown, clean="", shaken="")
-    trace = array((kind, "along", diode), value=lambda shown: np.float32(shown["trace"]))
+    trace = array(dims=(kind, "along", diode), value=lambda shown: np.float32(shown["trace"]))
     blocks = arrays("block", lambda shown: shown, block_time="s", block_quality="", block_sum="")
     zooms = arrays("zoom", lambda shown: shown, zoom_time="s", zoom_quality="", zoom_binary="")
-    zoom_diodes = array(("zoom", diode), value=lambda shown: shown["zoom_diodes"])
+    zoom_diodes = array(dims=("zoom", diode), value=lambda shown: shown["zoom_diodes"])
 
     @arrays((draw, kind, detector), delay=("s", "mean over what was found"), missed="1")
     def detected(self, every: list[list[OneDrive]]) -> dict[str, Any]:
         found = [delays_and_missed(draw) for draw in every]
         return {"delay": [one[0] for one in found], "missed": [one[1] for one in found]}
 
-    @array((kind, detector), "s", "of the first draw's defects, without noise")
+    @array(dims=(kind, detector), unit="s", meaning="of the first draw's defects, without noise")
     def delay_without_noise(self, seed: DataArray) -> Any:
         first = seed.isel(draw=0)
         pairs = zip(first["drive"].values.tolist(), first.values.tolist(), strict=True)
         quiet = [self.detectors.on_drive(n, self.defects, s, noisy=False) for n, s in pairs]
         return delays_and_missed(quiet)[0]
 
-    lead = array(draw, "s", "", lambda every: [lead_of_quality(one) for one in every])
+    lead = array(
+        dims=draw, unit="s", meaning="", value=lambda every: [lead_of_quality(one) for one in every]
+    )
     false_alarms = array(
-        (draw, detector, condition),
+        dims=(draw, detector, condition),
         value=lambda every: [sum(one.false_alarms for one in row) for row in every],
     )
-    fault_free = array((), "s", "", lambda: CLEAN_TIME * len(TRAINED + HELD_OUT))
+    fault_free = array(
+        dims=(), unit="s", meaning="", value=lambda: CLEAN_TIME * len(TRAINED + HELD_OUT)
+    )
     coupling = array(
-        (draw, drive),
-        "",
-        "squared correlation of sum and error under shocks",
-        lambda every: [[one.coupling for one in row] for row in every],
+        dims=(draw, drive),
+        unit="",
+        meaning="squared correlation of sum and error under shocks",
+        value=lambda every: [[one.coupling for one in row] for row in every],
     )
     lost = array(
-        draw,
-        "",
-        "records in which the loop was lost",
-        lambda every: [sum(one.lost for one in row) for row in every],
+        dims=draw,
+        unit="",
+        meaning="records in which the loop was lost",
+        value=lambda every: [sum(one.lost for one in row) for row in every],
     )
 
     @part
@@ -185,13 +189,13 @@ class DiodePlane(Study):
         return [isolated(list(chain(*row[:cut])), list(chain(*row[cut:]))) for row in points]
 
     confusion = array(
-        (draw, kind, found), value=lambda isolation: [one["confusion"] for one in isolation]
+        dims=(draw, kind, found), value=lambda isolation: [one["confusion"] for one in isolation]
     )
-    features = array(("event", feature), value=lambda isolation: isolation[0]["features"])
-    event_kind = array("event", value=lambda isolation: isolation[0]["event_kind"])
-    cluster_mean = array((kind, feature), value=lambda isolation: isolation[0]["cluster_mean"])
+    features = array(dims=("event", feature), value=lambda isolation: isolation[0]["features"])
+    event_kind = array(dims="event", value=lambda isolation: isolation[0]["event_kind"])
+    cluster_mean = array(dims=(kind, feature), value=lambda isolation: isolation[0]["cluster_mean"])
     cluster_factor = array(
-        (kind, feature, "also"), value=lambda isolation: isolation[0]["cluster_factor"]
+        dims=(kind, feature, "also"), value=lambda isolation: isolation[0]["cluster_factor"]
     )
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
@@ -215,25 +219,33 @@ class DiodePlane(Study):
         ramp = np.clip((law.dist_max - dist) / (law.dist_max - law.dist_min), 0.0, 1.0)
         return float(abs(ramp**law.alpha - answer["zoom_quality"].values).max())
 
-    isolated = metric("isolated_{summary}", lambda confusion: over_draws(isolated_share(confusion)))
-    lost_share = metric("records_lost_per_draw", lambda lost: lost.mean("draw"))
-    leads = metric("quality_leads_binary_{summary}_us", lambda lead: over_draws(1e6 * lead))
+    isolated = metric(
+        template="isolated_{summary}", value=lambda confusion: over_draws(isolated_share(confusion))
+    )
+    lost_share = metric("records_lost_per_draw", value=lambda lost: lost.mean("draw"))
+    leads = metric(
+        template="quality_leads_binary_{summary}_us", value=lambda lead: over_draws(1e6 * lead)
+    )
     largest_coupling = metric(
-        "coupling_{summary}", lambda coupling: over_draws(coupling.max("drive"))
+        template="coupling_{summary}", value=lambda coupling: over_draws(coupling.max("drive"))
     )
     missed_mean = metric(
-        "missed_{detector}_{summary}", lambda missed: over_draws(missed.mean("kind"))
+        template="missed_{detector}_{summary}", value=lambda missed: over_draws(missed.mean("kind"))
     )
-    delay_us = metric("delay_{detector}_{kind}_{summary}_us", lambda delay: over_draws(1e6 * delay))
+    delay_us = metric(
+        template="delay_{detector}_{kind}_{summary}_us", value=lambda delay: over_draws(1e6 * delay)
+    )
     quiet_delay_us = metric(
-        "delay_{detector}_{kind}_without_noise_us",
-        lambda delay_without_noise: 1e6 * delay_without_noise,
+        template="delay_{detector}_{kind}_without_noise_us",
+        value=lambda delay_without_noise: 1e6 * delay_without_noise,
     )
     false_alarm_rate = metric(
-        "false_alarms_{detector}_{condition}_{summary}_per_s",
-        lambda false_alarms, fault_free: over_draws(false_alarms / fault_free),
+        template="false_alarms_{detector}_{condition}_{summary}_per_s",
+        value=lambda false_alarms, fault_free: over_draws(false_alarms / fault_free),
     )
-    clean_deviation = metric("clean_deviation_{diode}", lambda clean: clean.std("point"))
+    clean_deviation = metric(
+        template="clean_deviation_{diode}", value=lambda clean: clean.std("point")
+    )
 
     claims = table(lambda answer: claims_in_words(plane_claims(answer)))
 
@@ -264,7 +276,7 @@ def _crossed(values: DataArray, form: str, corner: str) -> str:
     cells = told.transpose(rows, columns, "summary")
     return markdown(
         heads,
-        [[str(row[rows].values), *(with_interval(one, form) for one in row)] for row in cells],
+        [[str(row[rows].values), *(with_interval(one, form=form) for one in row)] for row in cells],
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis import (
     UNKNOWN,
     Clusters,
@@ -127,13 +127,15 @@ class Detectors:
         drawn = [draw(list(KINDS)[k], rng, self.axis) for k in labels]
         dirty = run(bench, drawn, last)
         delays = [
-            detection(a, dirty.faults, PERIOD, LATE).delays for a in self.alarms(dirty, level)
+            detection(a, dirty.faults, PERIOD, tail=LATE).delays for a in self.alarms(dirty, level)
         ]
         dist = self.quality(dirty)[:, 1]
         seen = defect_events(dist, self.dist_min)
         points = [
             (k, features(dirty, dist, seen[i]) if i >= 0 else None)
-            for k, i in zip(labels.tolist(), matched_events(seen, dirty.faults, LATE), strict=True)
+            for k, i in zip(
+                labels.tolist(), matched_events(seen, dirty.faults, tail=LATE), strict=True
+            )
         ]
         coupling = np.corrcoef(shaken.record.sum, shaken.record.f_en)[0, 1] ** 2
         lost = sum(bool(one.record.events) for one in (still, wobbling, shaken, dirty))

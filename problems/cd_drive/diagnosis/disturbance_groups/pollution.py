@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 
 from ...drive.tables import AXES, ActuatorParameters, Axis, red_book

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -94,7 +94,7 @@ class DisturbanceGroups(Study):
     frequency = dim(lambda: np.geomspace(1.0, 1e3, 91), unit="Hz", meaning="frequency of a force")
     time = dim(lambda: np.arange(round(DURATION * RATE)) / RATE, unit="s")
 
-    @array((draw, drive))
+    @array(dims=(draw, drive))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, self.draws, 12)
 
@@ -109,7 +109,7 @@ class DisturbanceGroups(Study):
 
         return context.spread(one, list(np.ndindex(seed.shape)), "drives and draws")
 
-    @array((draw, drive, case), "m", "largest true error")
+    @array(dims=(draw, drive, case), unit="m", meaning="largest true error")
     def peak(self, met: list[Superposed], seed: DataArray) -> RealArray:
         found = np.array([abs(one.error).max(axis=1) for one in met])
         return found.reshape(*seed.shape, len(CASES))
@@ -124,13 +124,13 @@ class DisturbanceGroups(Study):
         }
 
     shown = array(
-        (case, time),
-        "m",
-        "sensed error of the first drive in the first draw",
-        lambda met: met[0].sensed.astype("f4"),
+        dims=(case, time),
+        unit="m",
+        meaning="sensed error of the first drive in the first draw",
+        value=lambda met: met[0].sensed.astype("f4"),
     )
 
-    @array((drive, frequency), "m/N", "error by a force on the lens")
+    @array(dims=(drive, frequency), unit="m/N", meaning="error by a force on the lens")
     def error_of_force(self, drive: DataArray, frequency: DataArray) -> RealArray:
         names = drive.values.tolist()
         return np.array([error_of_force(self.axis, one, frequency.values) for one in names])
@@ -142,25 +142,28 @@ class DisturbanceGroups(Study):
         """share of draws in which the error is farther than 10 % from the sum of its parts"""
         return float(share_of_draws(superposition_off > SUPERPOSED))
 
-    @check("equation 2.9", at_most=1.0 - SURE)
+    @check(title="equation 2.9", at_most=1.0 - SURE)
     def as_printed(self, equation_2_9_off: DataArray) -> float:
         """share of draws in which the sensed error is farther than 5 % from the equation"""
         return float(share_of_draws(equation_2_9_off > EQUATION))
 
-    @check("{case}", at_most=1.0 - SURE, each="case")
+    @check(title="{case}", at_most=1.0 - SURE, each="case")
     def enters(self, peak: DataArray) -> DataArray:
         """share of draws in which a group causes an error below 1 nm"""
         return share_of_draws(peak < LEAST_MOTION, "case")
 
     # --- what is told ---------------------------------------------------------------------------
 
-    peaks = metric("peak_{case}_{summary}_um", lambda peak: 1e6 * over_draws(peak, "drive"))
+    peaks = metric(
+        template="peak_{case}_{summary}_um", value=lambda peak: 1e6 * over_draws(peak, "drive")
+    )
     superpositions = metric(
-        "superposition_off_{summary}",
-        lambda superposition_off: over_draws(superposition_off, "drive"),
+        template="superposition_off_{summary}",
+        value=lambda superposition_off: over_draws(superposition_off, "drive"),
     )
     equations = metric(
-        "equation_2_9_off_{summary}", lambda equation_2_9_off: over_draws(equation_2_9_off, "drive")
+        template="equation_2_9_off_{summary}",
+        value=lambda equation_2_9_off: over_draws(equation_2_9_off, "drive"),
     )
 
     @metric
@@ -185,7 +188,7 @@ class DisturbanceGroups(Study):
     def groups(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
         """Errors of every case over draws and drives."""
         told = over_draws(1e6 * answer["peak"], "drive")
-        rows = [[case, with_interval(told.sel(case=case), "{:.4f}")] for case in CASES]
+        rows = [[case, with_interval(told.sel(case=case), form="{:.4f}")] for case in CASES]
         return ["group", "largest error [um]"], rows
 
     @figure

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultLoop
 from workbench.diagnosis.estimation.front_filters import estimation
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 
@@ -81,7 +81,7 @@ def _of_filter(
     supremum = f"certified supremum of mixed mu{limits_of(reached)}"
     again = "certified supremum over the claimed one, less 1"
     for channel in program.channels:
-        upper = program.certified(F, channel).upper
+        upper = program.certified(F, channel=channel).upper
         excess = upper / float(stored.sel(requirement=channel.name)) - 1
         over = f"{plants_of(reached)}, in the band of the requirement"
         yield Check(f"{name}: {channel.name}", supremum, upper, 1.0, over=over)
@@ -102,7 +102,7 @@ def _members(axis: Axis, loop: FaultLoop, F: StateSpace) -> dict[str, float]:
     model = loop.model
     real = 0 * omega if model.W_r is None else model.W_r.response(omega)
     circular = model.W_c.response(omega)
-    K, G = (response(part, omega)[:, 0, 0] for part in (loop.K, loop.G))
+    K, G = (response(part, omega)[:, 0, 0] for part in (loop.controller, loop.plant))
     filter_ = response(F, omega)[:, 0, 0]
     worst = {"error": 0.0, "leakage": 0.0, "gain": 0.0}
     for _ in range(MEMBERS):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import Check
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.diagnosis import Reached
-from workbench.heavy_types import Dataset
 
 LIMITS_AGREE = 1e-12
 """Relative amount by which stored limits may differ, by rounding, from the factor times those

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.diagnosis import FaultFront, FaultLoop
 from workbench.figures import label, legend_below
-from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 
@@ -95,7 +95,7 @@ def channel(loop: FaultLoop, K: StateSpace) -> Figure:
     figure, (gain, error) = figures.axes(2, 1, size=(7.4, 6.4), sharex=True)
     every = T[:, None] / front.p
     sizes = np.abs(every)
-    words, frequency = "every plant", front.frequency
+    words, frequency = "every plant", front.frequency_hz
     low, high = sizes.min(axis=1), sizes.max(axis=1)
     gain.fill_between(frequency, low, high, color=figures.SKY, alpha=0.5, label=words)
     error.plot(frequency, np.abs(1 - every).max(axis=1), color=figures.SKY, label=words)

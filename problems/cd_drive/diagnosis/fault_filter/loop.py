@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import EstimationDemands, FaultLoop
-from workbench.heavy_types import StateSpace
 from workbench.uncertainty import UncertaintyModel
 
 from ...drive.plants import ANTIALIASING
@@ -51,11 +51,17 @@ def fault_loop(
 
     filter_ = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0)
     demands = EstimationDemands(
-        FAST, SLOW, GAIN, disc_weight(axis), NOISE[axis], NOISE_BAND, LENGTH_UNIT
+        error_above_hz=FAST,
+        leakage_below_hz=SLOW,
+        gain=GAIN,
+        disturbance=disc_weight(axis),
+        noise=NOISE[axis],
+        noise_band_hz=NOISE_BAND,
+        unit=LENGTH_UNIT,
     )
     if delay is None:
         return FaultLoop(model, K, filter_, demands)
-    return FaultLoop(model, K, filter_, demands, PERIOD, delay)
+    return FaultLoop(model, K, filter_, demands, dt=PERIOD, delay_samples=delay)
 
 
 def disc_weight(axis: Axis) -> StateSpace:
@@ -74,7 +80,7 @@ def grid(loop: FaultLoop) -> RealArray:
     """Frequencies [Hz], those where the drives resonate and where requirements end among them."""
     ends = [SLOW, FAST, NOISE_BAND]
     resonances = [np.geomspace(*RESONANT, 80), np.geomspace(350.0, 700.0, 30)]
-    top = 0.999 * RATE / 2 if loop.period is not None else 1e5
+    top = 0.999 * RATE / 2 if loop.dt is not None else 1e5
     return np.unique(np.concatenate([np.geomspace(0.02, top, 220), *resonances, ends]))
 
 

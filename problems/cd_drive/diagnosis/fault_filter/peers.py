@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import FaultEstimation, FaultLoop, Requirement
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
-from workbench.heavy_types import StateSpace
 from workbench.solution import solve
 from workbench.uncertainty import GeneralisedPlant
 
@@ -48,13 +48,13 @@ def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, Sta
     program = FaultEstimation(
         _nominal(loop),
         "f_sd",
-        [
-            Requirement("error", "f_sd", defect_weight(), error),
-            Requirement("leakage", "x_cd", loop.demands.disturbance, leakage),
-            Requirement("noise", "n", ELECTRONICS, leakage),
+        requirements=[
+            Requirement("error", "f_sd", weight=defect_weight(), bound=error),
+            Requirement("leakage", "x_cd", weight=loop.demands.disturbance, bound=leakage),
+            Requirement("noise", "n", weight=ELECTRONICS, bound=leakage),
         ],
     )
-    solution = solve(program, "riccati")
+    solution = solve(program, method="riccati")
     if solution.answer is None:
         raise SolverError(f"the nominal H-infinity filter: {solution.message}")
     return {"H-infinity": solution.answer.K, "high-pass": 1 - low_pass()}

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
+from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.diagnosis import (
     FaultFront,
     FaultLoop,
@@ -29,7 +30,6 @@ from workbench.diagnosis import (
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.storage import function
-from workbench.heavy_types import Dataset, StateSpace
 from workbench.study import Study, array, dim, figure, part, system, table
 from workbench.study.declarations import identifier
 from workbench.systems.bilinear import bilinear_sampled
@@ -158,7 +158,7 @@ class FaultFilterStudy(Study):
     def fronts(self, which: str, share: float) -> list[FaultFront]:
         """The front of a loop for each of KINDS, on a share of the set."""
         loop = self.within(share)[which]
-        return [FaultFront(loop, grid(loop), kind == KINDS[0]) for kind in KINDS]
+        return [FaultFront(loop, grid(loop), nominal=kind == KINDS[0]) for kind in KINDS]
 
     kind, bound = dim(KINDS), dim("lower", "upper")
     point = dim(ERRORS, unit="1", meaning="relative error allowed")
@@ -185,7 +185,7 @@ class FaultFilterStudy(Study):
         found = []
         for loop, count in zip(self.within(reached.share).values(), COUNTS, strict=True):
             front = FaultFront(loop, grid(loop))
-            basis = LaguerreBasis(loop, LAGUERRE_POLE).response(count, front.omega)
+            basis = LaguerreBasis(loop, LAGUERRE_POLE).response(front.omega, count)
             found.append(front.least_factor(basis, *self.limits(reached)))
         return max(found)
 
@@ -206,19 +206,33 @@ class FaultFilterStudy(Study):
     reached = part(lambda chosen: chosen[0])
     designs = part(lambda chosen: chosen[1])
     demand_factor = array(
-        (), "1", "limits reached over those asked", lambda reached: reached.factor
+        dims=(),
+        unit="1",
+        meaning="limits reached over those asked",
+        value=lambda reached: reached.factor,
     )
-    set_share = array((), "1", "share of the set that is reached", lambda reached: reached.share)
+    set_share = array(
+        dims=(),
+        unit="1",
+        meaning="share of the set that is reached",
+        value=lambda reached: reached.share,
+    )
     allowed = array(
-        (), "1", "relative error reached", lambda self, reached: self.limits(reached)[0]
+        dims=(),
+        unit="1",
+        meaning="relative error reached",
+        value=lambda self, reached: self.limits(reached)[0],
     )
     leakage_allowed = array(
-        (), "m", "leakage reached", lambda self, reached: self.limits(reached)[1]
+        dims=(),
+        unit="m",
+        meaning="leakage reached",
+        value=lambda self, reached: self.limits(reached)[1],
     )
 
     # --- the front -----------------------------------------------------------------------------
 
-    @array((kind, point, quantity), "1", "front")
+    @array(dims=(kind, point, quantity), unit="1", meaning="front")
     def front(self, reached: Reached, context: Context) -> Any:
         basis = LaguerreBasis(self.loops["full"], LAGUERRE_POLE)
         fronts = self.fronts("full", reached.share)
@@ -226,13 +240,13 @@ class FaultFilterStudy(Study):
         for j, error in context.track(list(enumerate(ERRORS)), "front"):
             for i, each in enumerate(fronts):
                 try:
-                    point = each.least(basis.response(CONTINUOUS, each.omega), error)
+                    point = each.least(basis.response(each.omega, CONTINUOUS), error)
                 except SolverError:  # no filter of the basis: the front ends there
                     continue
                 front[i, j] = point.error, point.leakage, point.noise
         return front
 
-    @array(point, "m", "no filter leaks less in all")
+    @array(dims=point, unit="m", meaning="no filter leaks less in all")
     def least_total(self) -> list[float]:
         demands = self.loops["full"].demands
         return [least_total(demands, error, BOUND_CORNER) for error in ERRORS]
@@ -249,13 +263,13 @@ class FaultFilterStudy(Study):
         lambda designs, played: {"full": designs["full"].F, "discrete": played["robust"]}
     )
     peak = array(
-        (design, requirement, bound),
-        "1",
-        "certified bounds of mixed mu",
-        lambda designs: [one.answer.peaks for one in designs.values()],
+        dims=(design, requirement, bound),
+        unit="1",
+        meaning="certified bounds of mixed mu",
+        value=lambda designs: [one.answer.peaks for one in designs.values()],
     )
 
-    @array((filter, kind, quantity), "1")
+    @array(dims=(filter, kind, quantity), unit="1")
     def judged(self, filters: dict[str, StateSpace], reached: Reached) -> Any:
         fronts = self.fronts("discrete", reached.share)
         return [[each.judged(each.estimate(F)) for each in fronts] for F in filters.values()]
@@ -263,9 +277,11 @@ class FaultFilterStudy(Study):
     shape = dim(SHAPES)
     seen = part(lambda: [sampled_defect(shape) for shape in SHAPES])
     time = dim(lambda seen: seen[0][0], unit="s")
-    defect = array((shape, time), "m", "", lambda seen: [defect for _, defect in seen])
+    defect = array(
+        dims=(shape, time), unit="m", meaning="", value=lambda seen: [defect for _, defect in seen]
+    )
 
-    @array((filter, shape, "drive", time), "m")
+    @array(dims=(filter, shape, "drive", time), unit="m")
     def estimate(self, played: dict[str, StateSpace], context: Context) -> Any:
         every = [
             [estimates(self.axis, F, shape, self.delay)[2] for shape in SHAPES]

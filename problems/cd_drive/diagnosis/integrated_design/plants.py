@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
-from workbench.heavy_types import StateSpace
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation

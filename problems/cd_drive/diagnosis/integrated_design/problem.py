@@ -13,12 +13,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.solution import solve
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
 from workbench.synthesis import HinfSynthesis
@@ -106,12 +106,12 @@ class IntegratedDesign(Study):
         return {name: least(filter_plant(self.axis, K)) for name, K in laws.items()}
 
     filter = system(called="filter")(lambda beside: next(iter(beside.values())).K)
-    level = array(design, "1", "level of the estimate below which no filter was found")(
-        lambda beside: [one.least for one in beside.values()]
-    )
-    level_alone = array((), "1", "level of control below which no controller was found")(
-        lambda alone: alone.least
-    )
+    level = array(
+        dims=design, unit="1", meaning="level of the estimate below which no filter was found"
+    )(lambda beside: [one.least for one in beside.values()])
+    level_alone = array(
+        dims=(), unit="1", meaning="level of control below which no controller was found"
+    )(lambda alone: alone.least)
 
     @arrays(design, control_norm="1", carried="1")
     def norms(self, laws: dict[str, StateSpace], filter: StateSpace) -> dict[str, list[float]]:
@@ -139,14 +139,19 @@ class IntegratedDesign(Study):
         plants = [joint_plant(self.axis, share) for share in SHARES]
         return [plant.close(least(plant).K) for plant in plants]
 
-    @array((share, judged_by), "1", "certified norms of one synthesis")
+    @array(dims=(share, judged_by), unit="1", meaning="certified norms of one synthesis")
     def joint(self, together: list[StateSpace]) -> list[list[float]]:
         return [
             [channel_norm(one, [0, 1], [0, 1]), channel_norm(one, [2], [0, 1, 2]) / share]
             for one, share in zip(together, SHARES, strict=True)
         ]
 
-    spread = array((), "1", "half-range of the twelve drives' gains", lambda self: self.gains())
+    spread = array(
+        dims=(),
+        unit="1",
+        meaning="half-range of the twelve drives' gains",
+        value=lambda self: self.gains(),
+    )
 
     def gains(self) -> float:
         """Half-range of the drives' gains over their middle."""
@@ -154,7 +159,9 @@ class IntegratedDesign(Study):
         gain = total_gains(self.axis, every, [one.K_optn for one in every])
         return float((gain.max() - gain.min()) / (gain.max() + gain.min()))
 
-    @array((design, frequency, bound), "1", "least robust error over the nominal one")
+    @array(
+        dims=(design, frequency, bound), unit="1", meaning="least robust error over the nominal one"
+    )
     def robust(self, laws: dict[str, StateSpace], spread: DataArray) -> list[Any]:
         return [robust_errors(self.axis, K, float(spread)) for K in laws.values()]
 
@@ -185,28 +192,28 @@ class IntegratedDesign(Study):
             )
         return found
 
-    @check("levels", at_most=LEVELS_AGREE)
+    @check(title="levels", at_most=LEVELS_AGREE)
     def levels(self, level: DataArray) -> DataArray:
         """largest level of a filter beside a controller over the least, less 1"""
         return level.max() / level.min() - 1.0
 
-    @check("near the level", at_most=2 * LEVELS_AGREE)
+    @check(title="near the level", at_most=2 * LEVELS_AGREE)
     def near(self, carried: DataArray, level: DataArray) -> DataArray:
         """certified norm of the filter over the least level beside any controller, less 1"""
         return carried.max() / level.min() - 1.0
 
-    @check("one synthesis", at_most=1.0 + LEVELS_AGREE)
+    @check(title="one synthesis", at_most=1.0 + LEVELS_AGREE)
     def no_better(self, joint: DataArray, level: DataArray, level_alone: DataArray) -> float:
         """least level of control or estimate over the norm in one synthesis, at most"""
         control, estimate = (joint.sel(judged_by=one) for one in BOTH)
         return float(max((level_alone / control).max(), (level.min() / estimate).max()))
 
-    @check("bounds", at_most=1e-3)
+    @check(title="bounds", at_most=1e-3)
     def closed(self, robust: DataArray) -> DataArray:
         """upper over lower bound of a robust error, less 1"""
         return (robust.sel(bound="upper") / robust.sel(bound="lower") - 1.0).max()
 
-    @check("coupled", at_most=1.0 / COUPLED)
+    @check(title="coupled", at_most=1.0 / COUPLED)
     def coupled(self, robust: DataArray) -> float:
         """least robust error beside a third of the mu-PID over that beside it, at one frequency"""
         return 1.0 / float(self.coupling_of(robust)["pid_over_third"])
@@ -291,7 +298,7 @@ def least(plant: GeneralisedPlant) -> HinfController:
 
     Raises SolverError where its certificate does not hold.
     """
-    solution = solve(HinfSynthesis(plant), "riccati")
+    solution = solve(HinfSynthesis(plant), method="riccati")
     if solution.answer is None or not (solution.certificate and solution.certificate.holds):
         raise SolverError(f"H-infinity synthesis: {solution.message}")
     answer: HinfController = solution.answer

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
+from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.figures import label, legend_below
-from workbench.heavy_types import Axes, Dataset, Figure
 from workbench.study import over_draws
 
 from ...drive.red_book import ACCEPTABLE_ERROR

@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import (
     DisturbedPlant,
     Estimator,
@@ -24,7 +25,6 @@ from workbench.diagnosis import (
     placed,
     prototype_poles,
 )
-from workbench.heavy_types import StateSpace
 from workbench.simulation import hold, sampled
 
 from ...drive.actuator import specific_model
@@ -73,8 +73,8 @@ def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
     return DisturbedPlant(
         sampled(control.ss(a, b, c, 0.0), PERIOD),
         rotation,
-        colour(axis) if coloured else None,
-        sampled(gain * lens, PERIOD),
+        colour=colour(axis) if coloured else None,
+        beside=sampled(gain * lens, PERIOD),
     )
 
 
@@ -112,7 +112,7 @@ def thesis_estimator(axis: Axis, rotation: Rotation) -> Estimator:
     """
     believed = model(axis, rotation, coloured=False)
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * FAST_BANDWIDTH) * PERIOD)
-    K_obs = observer_gain(believed.plant.A, believed.plant.C[:1], poles, PERIOD)[:, 0]
+    K_obs = observer_gain(believed.plant.A, believed.plant.C[:1], poles, dt=PERIOD)[:, 0]
     L = np.concatenate([K_obs, PRINTED_K_P * [1.0, -1.0]])
     n = believed.seen
     return Estimator(believed, np.linalg.solve(believed.A[:n, :n], L))
@@ -134,7 +134,7 @@ def companion_gain(axis: Axis) -> RealArray:
     """Gain K_obs (5,) of the controllable companion form of eq. 3.18 held at 35 kHz (7.34)."""
     system = sampled(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * FAST_BANDWIDTH) * PERIOD)
-    gain = observer_gain(system.A, system.C, poles, PERIOD)[:, 0]
+    gain = observer_gain(system.A, system.C, poles, dt=PERIOD)[:, 0]
     form = companion(np.asarray(np.poly(system.A), float))
     there, here = (_reachable(A, B) for A, B in (form, (system.A, system.B)))
     size = abs(here).max(axis=1, keepdims=True)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray
 from workbench.diagnosis import Estimator, KalmanEstimator, Rotation, estimate
 from workbench.executor import Context
-from workbench.heavy_types import DataArray
 from workbench.simulation.machine import machine
 from workbench.study import Study, array, arrays, dim, independent_seeds, part
 
@@ -116,7 +116,7 @@ class EstimatorTrials(Study):
     # --- the nominal drive, draw by draw ------------------------------------------------------
 
     nominal_seed = array(
-        draw, value=lambda self, context: independent_seeds(context.rng, self.draws)
+        dims=draw, value=lambda self, context: independent_seeds(context.rng, self.draws)
     )
 
     laws = part(
@@ -147,7 +147,7 @@ class EstimatorTrials(Study):
                 "prompt_error": prompt.errors(
                     estimated(prompt, laws["thesis", "known"]).outputs[:, 1]
                 ),
-                "followed_last": [runs[n, "adapted"].frequency[-1] for n in RIVALS],
+                "followed_last": [runs[n, "adapted"].frequency_hz[-1] for n in RIVALS],
                 "nominal_events": len(trial.record.events),
                 "clean": int(clean.sum()),
                 "false_alarms": int((clean & (trial.quality < 1)).sum()),
@@ -159,15 +159,21 @@ class EstimatorTrials(Study):
         machine()  # threads that meet it at one time would each compile it
         return context.spread(met, nominal_seed.values.tolist(), "draws, nominal drive")
 
-    error = array((draw, estimator, case, phase, size), "m", "", _each("error"))
-    error_measured = array((draw, phase, size), "m", "", _each("error_measured"))
-    prompt_error = array(
-        (draw, phase, size),
-        "m",
-        "of the thesis' observer opened without delay",
-        _each("prompt_error"),
+    error = array(
+        dims=(draw, estimator, case, phase, size), unit="m", meaning="", value=_each("error")
     )
-    followed_last = array((draw, rival), "Hz", "at the end of the run", _each("followed_last"))
+    error_measured = array(
+        dims=(draw, phase, size), unit="m", meaning="", value=_each("error_measured")
+    )
+    prompt_error = array(
+        dims=(draw, phase, size),
+        unit="m",
+        meaning="of the thesis' observer opened without delay",
+        value=_each("prompt_error"),
+    )
+    followed_last = array(
+        dims=(draw, rival), unit="Hz", meaning="at the end of the run", value=_each("followed_last")
+    )
     scalars = arrays(
         draw,
         lambda on_nominal: {name: [one[name] for one in on_nominal] for name in COUNTED},
@@ -186,7 +192,11 @@ class EstimatorTrials(Study):
         """The scratch of the figures."""
         return ScratchDraw(int(nominal_seed[0]), PRINTED_ANGLE)
 
-    @array((phase, size), "m", "of the thesis' observer opened without delay, without noise")
+    @array(
+        dims=(phase, size),
+        unit="m",
+        meaning="of the thesis' observer opened without delay, without noise",
+    )
     def prompt_error_quiet(self, nominal_seed: DataArray, laws: dict[tuple[str, str], Any]) -> Any:
         scratch = self.shown_scratch(nominal_seed)
         trial = self.scratches.trial("nominal", scratch, noisy=False, prompt=True)
@@ -205,24 +215,58 @@ class EstimatorTrials(Study):
     time = dim(lambda trial: trial.record.time[KEPT], unit="s")
     early = dim(lambda trial: trial.record.time[EARLY], unit="s")
 
-    true_error = array(zoomed, "m", "", lambda trial, zoom: trial.error[zoom])
-    measured_error = array(zoomed, "m", "", lambda measured, zoom: measured[zoom])
-    quality = array(zoomed, "1", "", lambda trial, zoom: trial.quality[zoom])
+    true_error = array(
+        dims=zoomed, unit="m", meaning="", value=lambda trial, zoom: trial.error[zoom]
+    )
+    measured_error = array(
+        dims=zoomed, unit="m", meaning="", value=lambda measured, zoom: measured[zoom]
+    )
+    quality = array(
+        dims=zoomed, unit="1", meaning="", value=lambda trial, zoom: trial.quality[zoom]
+    )
     shown = (estimator, zoomed)
-    estimated_error = array(shown, "m", "", lambda known, zoom: [r.outputs[zoom, 1] for r in known])
-    effort_zoomed = array(shown, "V", "", lambda known, zoom: [r.disturbance[zoom] for r in known])
+    estimated_error = array(
+        dims=shown,
+        unit="m",
+        meaning="",
+        value=lambda known, zoom: [r.outputs[zoom, 1] for r in known],
+    )
+    effort_zoomed = array(
+        dims=shown,
+        unit="V",
+        meaning="",
+        value=lambda known, zoom: [r.disturbance[zoom] for r in known],
+    )
     courses = (estimator, time)
-    effort = array(courses, "V", "u_p", lambda known: _kept([one.disturbance for one in known]))
-    true_effort = array(time, "V", "", lambda self, time: self.true_u_p(time.values).astype("f4"))
+    effort = array(
+        dims=courses,
+        unit="V",
+        meaning="u_p",
+        value=lambda known: _kept([one.disturbance for one in known]),
+    )
+    true_effort = array(
+        dims=time,
+        unit="V",
+        meaning="",
+        value=lambda self, time: self.true_u_p(time.values).astype("f4"),
+    )
 
     adapted = part(
-        lambda trial, laws: [estimated(trial, laws[name, "adapted"]).frequency for name in RIVALS]
+        lambda trial, laws: [
+            estimated(trial, laws[name, "adapted"]).frequency_hz for name in RIVALS
+        ]
     )
     followed = array(
-        (rival, time), "Hz", "rotation frequency followed", lambda adapted: _kept(adapted)
+        dims=(rival, time),
+        unit="Hz",
+        meaning="rotation frequency followed",
+        value=lambda adapted: _kept(adapted),
     )
     followed_start = array(
-        (rival, early), "Hz", "", lambda adapted: [one[EARLY] for one in adapted]
+        dims=(rival, early),
+        unit="Hz",
+        meaning="",
+        value=lambda adapted: [one[EARLY] for one in adapted],
     )
 
     def true_u_p(self, time: RealArray) -> RealArray:
@@ -233,19 +277,21 @@ class EstimatorTrials(Study):
         effort: RealArray = (swing * np.exp(2j * np.pi * ROTATION * time)).imag
         return effort
 
-    K_obs = array("state", value=lambda self: companion_gain(self.axis))
+    K_obs = array(dims="state", value=lambda self: companion_gain(self.axis))
     K_obs_printed = array(
-        "state", value=lambda self: PRINTED_K_OBS if self.axis == "focus" else None
+        dims="state", value=lambda self: PRINTED_K_OBS if self.axis == "focus" else None
     )
 
-    @array((fixed, quality_level), "1/s", "fastest growth at a quality that stays")
+    @array(
+        dims=(fixed, quality_level), unit="1/s", meaning="fastest growth at a quality that stays"
+    )
     def growth(self) -> list[RealArray]:
         return [growth_rates(self.designed(name)) for name in FIXED]
 
     drive = dim(lambda self: [one.name for one in drives(self.axis, self.values)])
 
     seed = array(
-        (drive, draw),
+        dims=(drive, draw),
         value=lambda self, drive, context: independent_seeds(context.rng, drive.size, self.draws),
     )
 
@@ -272,15 +318,18 @@ class EstimatorTrials(Study):
         return context.spread(met, cells, "draws, all drives")
 
     drive_error = array(
-        (drive, draw, rival, phase, size),
-        "m",
-        "",
-        lambda self, on_drives: self.by_drive(on_drives, 0),
+        dims=(drive, draw, rival, phase, size),
+        unit="m",
+        meaning="",
+        value=lambda self, on_drives: self.by_drive(on_drives, 0),
     )
     drive_measured = array(
-        (drive, draw, phase, size), "m", "", lambda self, on_drives: self.by_drive(on_drives, 1)
+        dims=(drive, draw, phase, size),
+        unit="m",
+        meaning="",
+        value=lambda self, on_drives: self.by_drive(on_drives, 1),
     )
-    events = array((drive, draw), value=lambda self, on_drives: self.by_drive(on_drives, 2))
+    events = array(dims=(drive, draw), value=lambda self, on_drives: self.by_drive(on_drives, 2))
 
     def by_drive(self, on_drives: list[Any], number: int) -> Any:
         """One of the results of all drives and draws (drives, draws, ...)."""
@@ -299,5 +348,5 @@ def growth_rates(estimator: Estimator | KalmanEstimator) -> RealArray:
     estimator: one of constant gain.
     """
     assert isinstance(estimator, Estimator)
-    radii = [abs(estimator.poles(quality)).max() for quality in QUALITIES]
+    radii = [abs(estimator.poles(quality=quality)).max() for quality in QUALITIES]
     return np.log(radii) / PERIOD

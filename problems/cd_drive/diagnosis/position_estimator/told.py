@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check
-from workbench.heavy_types import DataArray, Dataset
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.study import check, figure, metric, over_draws, share_of_draws, table, with_interval
 from workbench.study.declarations import identifier
 from workbench.study.draws import SURE
-from workbench.tables import markdown
 
 from ...drive.disc import VELOCITY
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -60,53 +60,53 @@ class PositionEstimator(EstimatorTrials):
             Check("lens", x, float(off), 1e-9),
         ]
 
-    @check("K_obs", at_most=1e-3)
+    @check(title="K_obs", at_most=1e-3)
     def ackermann(self, K_obs: DataArray) -> DataArray:
         """distance from Ackermann's formula in exact arithmetic, relative"""
         return abs(K_obs / exact_companion_gain(self.axis) - 1).max()
 
-    @check("equation 7.34", at_most=GAINS_AGREE)
+    @check(title="equation 7.34", at_most=GAINS_AGREE)
     def printed(self, K_obs: DataArray, K_obs_printed: DataArray | None) -> Any:
         """largest deviation from a printed gain"""
         return None if K_obs_printed is None else abs(K_obs / K_obs_printed - 1).max()
 
-    @check("Kalman filter, after a scratch", at_most=LOST)
+    @check(title="Kalman filter, after a scratch", at_most=LOST)
     def afterwards(self, error: DataArray) -> DataArray:
         """share of draws, Kalman filter off by half of the acceptable error in the 5 ms after"""
         after = _kalman(error, "known").sel(phase="after")
         return share_of_draws(after > AFTERWARDS * ACCEPTABLE_ERROR[self.axis])
 
-    @check("scratch", at_most=LOST)
+    @check(title="scratch", at_most=LOST)
     def scratch(self, error: DataArray, error_measured: DataArray) -> DataArray:
         """share of draws, error of the Kalman filter in a scratch above 0.75 of that of f_en"""
         measured = error_measured.sel(size="largest")
         ratio = (_kalman(error, "known") / measured).sel(phase="during")
         return share_of_draws(ratio > 0.75)
 
-    @check("adapted", at_most=LOST)
+    @check(title="adapted", at_most=LOST)
     def as_known(self, error: DataArray) -> DataArray:
         """share of draws, error with the rotation followed above 1.5 times that with it known"""
         ratio = (_kalman(error, "adapted") / _kalman(error, "known")).max("phase")
         return share_of_draws(ratio > 1.5)
 
-    @check("wrong rotation", at_most=LOST)
+    @check(title="wrong rotation", at_most=LOST)
     def cured(self, error: DataArray) -> DataArray:
         """share of draws, slow observer's rms error with rotation followed above half of wrong"""
         quiet = error.sel(estimator="ITAE 300 Hz", phase="quiet", size="rms")
         return share_of_draws(quiet.sel(case="adapted") / quiet.sel(case="wrong") > 0.5)
 
-    @check("rotation", at_most=2e-3)
+    @check(title="rotation", at_most=2e-3)
     def rotation_found(self, followed_last: DataArray) -> DataArray:
         """relative error of the frequency followed, any draw"""
         return abs(followed_last / ROTATION - 1)
 
-    @check("drives, scratch", at_most=LOST)
+    @check(title="drives, scratch", at_most=LOST)
     def improved(self, drive_error: DataArray, drive_measured: DataArray) -> DataArray:
         """share of draws, error of the nominal drive's Kalman filter above 0.75 of that of f_en"""
         ratio = _in_scratch(drive_error.sel(rival="Kalman")) / _in_scratch(drive_measured)
         return share_of_draws(ratio > 0.75)
 
-    @check("drives, readable", at_most=LOST)
+    @check(title="drives, readable", at_most=LOST)
     def readable(self, drive_error: DataArray) -> DataArray:
         """share of draws, error of the nominal drive's Kalman filter in a scratch not readable"""
         error = _in_scratch(drive_error.sel(rival="Kalman"))
@@ -142,24 +142,30 @@ class PositionEstimator(EstimatorTrials):
         off = [] if K_obs_printed is None else K_obs / K_obs_printed - 1
         return {f"K_obs_{k}_deviation": one for k, one in enumerate(off, start=1)}
 
-    growths = metric("growth_{fixed}_per_s", lambda growth: growth.max("quality_level"))
+    growths = metric(
+        template="growth_{fixed}_per_s", value=lambda growth: growth.max("quality_level")
+    )
     measured_um = metric(
-        "{phase}_measured_{summary}_um",
-        lambda error_measured: over_draws(1e6 * error_measured.sel(size="largest")),
+        template="{phase}_measured_{summary}_um",
+        value=lambda error_measured: over_draws(1e6 * error_measured.sel(size="largest")),
     )
     drives_measured = metric(
-        "drives_during_measured_{summary}_um",
-        lambda drive_measured: over_draws(1e6 * _in_scratch(drive_measured), "drive"),
+        template="drives_during_measured_{summary}_um",
+        value=lambda drive_measured: over_draws(1e6 * _in_scratch(drive_measured), "drive"),
     )
     prompt_um = metric(
-        "spike_thesis_prompt_{summary}_um",
-        lambda prompt_error: over_draws(1e6 * prompt_error.sel(phase="after", size="largest")),
+        template="spike_thesis_prompt_{summary}_um",
+        value=lambda prompt_error: over_draws(
+            1e6 * prompt_error.sel(phase="after", size="largest")
+        ),
     )
     spike_thesis_prompt_without_noise_um = metric(
-        lambda prompt_error_quiet: 1e6 * prompt_error_quiet.sel(phase="after", size="largest")
+        template=lambda prompt_error_quiet: (
+            1e6 * prompt_error_quiet.sel(phase="after", size="largest")
+        )
     )
     K_p_settles_per_s = metric(
-        lambda self: -np.log(abs(self.designed("thesis").poles()).max()) / PERIOD
+        template=lambda self: -np.log(abs(self.designed("thesis").poles()).max()) / PERIOD
     )
     scratch_ms = metric(lambda self: 1e3 * self.scratches.length / VELOCITY)
 

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -86,9 +86,11 @@ class RaisedSum(Study):
     shock = dim("stood", "jumping")
     draw = dim(lambda self: range(self.draws))
     place = dim(lambda self: np.linspace(-0.5, 0.5, len(self.over_track)), unit="pitch")
-    light = array(place, "1", "light over a mirror's", lambda self: self.over_track)
+    light = array(
+        dims=place, unit="1", meaning="light over a mirror's", value=lambda self: self.over_track
+    )
 
-    @array((draw, axis, drive))
+    @array(dims=(draw, axis, drive))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, self.draws, len(AXES), 12)
 
@@ -162,12 +164,16 @@ class RaisedSum(Study):
 
     # --- what is told ---------------------------------------------------------------------------
 
-    sums = metric("sum_{kind}_{summary}", lambda raised: over_draws(raised, "axis", "drive"))
+    sums = metric(
+        template="sum_{kind}_{summary}", value=lambda raised: over_draws(raised, "axis", "drive")
+    )
     told = metric(
-        "told_by_binary_{kind}", lambda by_binary: by_binary.mean(["draw", "axis", "drive"])
+        template="told_by_binary_{kind}",
+        value=lambda by_binary: by_binary.mean(["draw", "axis", "drive"]),
     )
     told_too = metric(
-        "told_by_quality_{kind}", lambda by_quality: by_quality.mean(["draw", "axis", "drive"])
+        template="told_by_quality_{kind}",
+        value=lambda by_quality: by_quality.mean(["draw", "axis", "drive"]),
     )
 
     @metric
@@ -191,7 +197,7 @@ class RaisedSum(Study):
         for kind in DEFECTS:
             for axis in AXES:
                 one = answer.sel(kind=kind, axis=axis)
-                told = with_interval(over_draws(one["raised"].mean("drive")), "{:.2f}")
+                told = with_interval(over_draws(one["raised"].mean("drive")), form="{:.2f}")
                 shares = (f"{float(one[name].mean()):.0%}" for name in ("by_binary", "by_quality"))
                 rows.append([kind, axis, told, *shares])
         return heads, rows

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.simulation import linear, play
 
 from ...drive.photo_diodes import TRACK_PITCH

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import figures
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.figures import label, legend_below
-from workbench.heavy_types import Dataset, Figure
 from workbench.study import over_draws
 
 from .trials import at_usual_noise

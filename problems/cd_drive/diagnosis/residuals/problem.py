@@ -15,8 +15,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, problem
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -33,7 +34,6 @@ from workbench.study import (
     with_interval,
 )
 from workbench.study.draws import SUMMARY
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -119,7 +119,7 @@ class ResidualCurves(Study):
     residual, way = dim(RESIDUALS), dim(WAYS)
 
     seed = array(
-        (draw, experiment),
+        dims=(draw, experiment),
         value=lambda self, context: independent_seeds(context.rng, self.draws, len(EXPERIMENTS)),
     )
 
@@ -143,12 +143,17 @@ class ResidualCurves(Study):
         alarms=("", "blocks of the fresh run above the threshold"),
     )
     promised = array(
-        (),
-        "1",
-        "end of the interval of the false-alarm rate",
-        lambda found: found["promised"].max(),
+        dims=(),
+        unit="1",
+        meaning="end of the interval of the false-alarm rate",
+        value=lambda found: found["promised"].max(),
     )
-    blocks = array((), "", "of a run without defects", lambda: int(CLEAN_TIME * RATE) // BLOCK)
+    blocks = array(
+        dims=(),
+        unit="",
+        meaning="of a run without defects",
+        value=lambda: int(CLEAN_TIME * RATE) // BLOCK,
+    )
     condition = (statistic, depth, length)
     curves = arrays(
         (draw, noise, *condition),
@@ -158,19 +163,21 @@ class ResidualCurves(Study):
         missed="1",
     )
 
-    @array((noise, *condition, rate, summary), "1", "detection rate over the draws")
+    @array(
+        dims=(noise, *condition, rate, summary), unit="1", meaning="detection rate over the draws"
+    )
     def detection(self, found: dict[str, Any]) -> DataArray:
         import xarray as xr
 
         dims = ("draw", "noise", "statistic", "depth", "length", "rate")
         return over_draws(xr.DataArray(found["detection"], dims=dims)).astype("f4")
 
-    lost = array(draw, value=lambda found: found["lost"].sum(axis=1))
+    lost = array(dims=draw, value=lambda found: found["lost"].sum(axis=1))
     delay_without_noise = array(
-        condition,
-        "s",
-        "at the mean thresholds of the usual noise",
-        lambda self, level: self.trials.delays_without_noise(
+        dims=condition,
+        unit="s",
+        meaning="at the mean thresholds of the usual noise",
+        value=lambda self, level: self.trials.delays_without_noise(
             at_usual_noise(level).mean("draw").values
         ),
     )
@@ -185,10 +192,10 @@ class ResidualCurves(Study):
         return {"fade": found[..., 0], "fade_level": found[..., 1]}
 
     fade_without_noise = array(
-        way,
-        "1",
-        "at the mean thresholds",
-        lambda self, fade_level: lost_at_alarm_without_noise(
+        dims=way,
+        unit="1",
+        meaning="at the mean thresholds",
+        value=lambda self, fade_level: lost_at_alarm_without_noise(
             self.trials.bench(0.0), fade_level.mean("draw").values.tolist()
         ),
     )
@@ -202,12 +209,15 @@ class ResidualCurves(Study):
         return tuple(zip(*every, strict=True))
 
     fired = array(
-        (draw, fault, residual), "1", "", lambda fired_and_found: np.float32(fired_and_found[0])
+        dims=(draw, fault, residual),
+        unit="1",
+        meaning="",
+        value=lambda fired_and_found: np.float32(fired_and_found[0]),
     )
     confusion = array(
-        (draw, fault, isolated_as), value=lambda fired_and_found: np.int16(fired_and_found[1])
+        dims=(draw, fault, isolated_as), value=lambda fired_and_found: np.int16(fired_and_found[1])
     )
-    structure = array((residual, fault), value=lambda: STRUCTURE)
+    structure = array(dims=(residual, fault), value=lambda: STRUCTURE)
 
     # --- checks -------------------------------------------------------------------------------
 
@@ -225,7 +235,7 @@ class ResidualCurves(Study):
             *claim_checks(residual_claims(answer), CLAIMED),
         ]
 
-    @check("promised rate", at_most=1.0 - DOUBT)
+    @check(title="promised rate", at_most=1.0 - DOUBT)
     def kept_rate(self, alarms: DataArray, blocks: DataArray, promised: DataArray) -> DataArray:
         """one minus the probability of the false alarms on the fresh runs of all draws, at the end
         of the promised interval"""
@@ -235,18 +245,23 @@ class ResidualCurves(Study):
 
     # --- what is told -------------------------------------------------------------------------
 
-    isolated = metric("isolated_{summary}", lambda confusion: over_draws(isolated_share(confusion)))
-    light_lost = metric("light_lost_at_alarm_{way}_{summary}", lambda fade: over_draws(fade))
+    isolated = metric(
+        template="isolated_{summary}", value=lambda confusion: over_draws(isolated_share(confusion))
+    )
+    light_lost = metric(
+        template="light_lost_at_alarm_{way}_{summary}", value=lambda fade: over_draws(fade)
+    )
     light_lost_without_noise = metric(
-        "light_lost_at_alarm_{way}_without_noise", lambda fade_without_noise: fade_without_noise
+        template="light_lost_at_alarm_{way}_without_noise",
+        value=lambda fade_without_noise: fade_without_noise,
     )
     false_alarms = metric(
-        "false_alarms_{statistic}_{summary}",
-        lambda alarms, blocks: over_draws(at_usual_noise(alarms) / blocks),
+        template="false_alarms_{statistic}_{summary}",
+        value=lambda alarms, blocks: over_draws(at_usual_noise(alarms) / blocks),
     )
     areas_of_all = metric(
-        "area_{statistic}_{summary}",
-        lambda area: over_draws(at_usual_noise(area).mean(["depth", "length"])),
+        template="area_{statistic}_{summary}",
+        value=lambda area: over_draws(at_usual_noise(area).mean(["depth", "length"])),
     )
 
     @metric
@@ -262,16 +277,16 @@ class ResidualCurves(Study):
         }
 
     delays_of_deep = metric(
-        "delay_{statistic}_40pct_1mm_{summary}_us",
-        lambda delay: over_draws(1e6 * _deep(at_usual_noise(delay))),
+        template="delay_{statistic}_40pct_1mm_{summary}_us",
+        value=lambda delay: over_draws(1e6 * _deep(at_usual_noise(delay))),
     )
     delays_without_noise = metric(
-        "delay_{statistic}_40pct_1mm_without_noise_us",
-        lambda delay_without_noise: 1e6 * _deep(delay_without_noise),
+        template="delay_{statistic}_40pct_1mm_without_noise_us",
+        value=lambda delay_without_noise: 1e6 * _deep(delay_without_noise),
     )
     missed_of_deep = metric(
-        "missed_{statistic}_40pct_1mm_{summary}",
-        lambda missed: over_draws(_deep(at_usual_noise(missed))),
+        template="missed_{statistic}_40pct_1mm_{summary}",
+        value=lambda missed: over_draws(_deep(at_usual_noise(missed))),
     )
 
     claims = table(lambda answer: claims_in_words(residual_claims(answer)))
@@ -321,4 +336,4 @@ def _deep(values: DataArray) -> DataArray:
 
 def _each(rows: DataArray) -> list[str]:
     """Mean and interval of each entry in words."""
-    return [with_interval(one, "{:.2f}") for one in rows.transpose(..., "summary")]
+    return [with_interval(one, form="{:.2f}") for one in rows.transpose(..., "summary")]

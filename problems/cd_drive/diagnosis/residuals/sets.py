@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.diagnosis import confusion, cusum, isolate, quantile_threshold
 from workbench.simulation import linear, play
 from workbench.study import independent_seeds

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray
 from workbench.diagnosis import quantile_threshold, roc
-from workbench.heavy_types import DataArray
 
 from ...drive.disc import VELOCITY, Defect
 from ...drive.red_book import ACCEPTABLE_ERROR

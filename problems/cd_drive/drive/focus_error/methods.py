@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.optics import Pupil, defocus, round_pupil, share_within, spot
 
 from ..tables import DiscFormat

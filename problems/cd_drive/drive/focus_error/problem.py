@@ -15,8 +15,8 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from workbench import problem
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 
 from ..tables import disc_formats, drives
@@ -99,11 +99,11 @@ class FocusError(Study):
         disc = disc_formats()["CD"]
         return FocusSensor(disc, places, max(LINES) * disc.NA * max(DIODES))
 
-    @array((lines, diode), "m", "half the width of the diodes, at the disc")
+    @array(dims=(lines, diode), unit="m", meaning="half the width of the diodes, at the disc")
     def half_width(self, sensor: FocusSensor) -> RealArray:
         return np.outer([sensor.least_confusion(one) for one in LINES], DIODES)
 
-    @array((), "m", "distance of focal lines at which the gains are the same")
+    @array(dims=(), unit="m", meaning="distance of focal lines at which the gains are the same")
     def matched(self, sensor: FocusSensor) -> float:
         """With the widest diodes; narrower ones change the gains by a few per cent."""
         near = FocusSensor(sensor.disc, np.array([-1.0, 0.0, 1.0]) * 0.05e-6, sensor.reach)
@@ -133,7 +133,11 @@ class FocusError(Study):
         upwards = np.sign((first - second)[..., middle + 1])[..., None]
         return {"difference": upwards * (first - second), "total": first + second}
 
-    @array((scheme, shift), "m", "false focus of displaced diodes, focal lines 12 um apart")
+    @array(
+        dims=(scheme, shift),
+        unit="m",
+        meaning="false focus of displaced diodes, focal lines 12 um apart",
+    )
     def offset(self, sensor: FocusSensor, half_width: DataArray) -> RealArray:
         """Error at which the difference is 0, with diodes twice as wide as the spot."""
         a = float(half_width.sel(lines=12e-6, diode=2.0))
@@ -153,28 +157,28 @@ class FocusError(Study):
         return answer["difference"] / answer["total"]
 
     apart = array(
-        (scheme, lines, diode),
-        "m",
-        "between the extremes",
-        lambda difference: _each(extremes, difference),
+        dims=(scheme, lines, diode),
+        unit="m",
+        meaning="between the extremes",
+        value=lambda difference: _each(extremes, difference),
     )
     half = array(
-        (scheme, lines, diode),
-        "m",
-        "told by half of the extremes",
-        lambda difference: _each(half_range, difference),
+        dims=(scheme, lines, diode),
+        unit="m",
+        meaning="told by half of the extremes",
+        value=lambda difference: _each(half_range, difference),
     )
     slope = array(
-        (scheme, lines, diode),
-        "1/m",
-        "gain of the normalised difference",
-        lambda difference, total: _each(gain, difference / total),
+        dims=(scheme, lines, diode),
+        unit="1/m",
+        meaning="gain of the normalised difference",
+        value=lambda difference, total: _each(gain, difference / total),
     )
     straight = array(
-        (scheme, lines, diode),
-        "m",
-        "within 10 % of its tangent",
-        lambda difference, total: _each(linear_range, difference / total),
+        dims=(scheme, lines, diode),
+        unit="m",
+        meaning="within 10 % of its tangent",
+        value=lambda difference, total: _each(linear_range, difference / total),
     )
 
     @check(at_most=1e-9)
@@ -221,14 +225,19 @@ class FocusError(Study):
                 }
         return numbers
 
-    gains = metric("gain_{scheme}_per_um", lambda slope: 1e-6 * slope.median(["lines", "diode"]))
-    linear = metric(
-        "linear_{scheme}_um", lambda straight: 1e6 * straight.median(["lines", "diode"])
+    gains = metric(
+        template="gain_{scheme}_per_um", value=lambda slope: 1e-6 * slope.median(["lines", "diode"])
     )
-    matched_lines = metric("lines_of_same_gain_um", lambda matched: 1e6 * matched)
+    linear = metric(
+        template="linear_{scheme}_um",
+        value=lambda straight: 1e6 * straight.median(["lines", "diode"]),
+    )
+    matched_lines = metric("lines_of_same_gain_um", value=lambda matched: 1e6 * matched)
     false = metric(
-        "offset_{scheme}_um_per_um_on_the_diodes",
-        lambda offset: abs(offset / offset["shift"]).max("shift").sel(scheme=list(METHODS[:2])),
+        template="offset_{scheme}_um_per_um_on_the_diodes",
+        value=lambda offset: (
+            abs(offset / offset["shift"]).max("shift").sel(scheme=list(METHODS[:2]))
+        ),
     )
 
     @metric

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.optics import Pupil, Reading, TrackLayer, quadrants, read_layer, round_pupil
 
 from ..disc import VELOCITY
@@ -76,7 +76,9 @@ class TrackSensor:
     def reading(self, place: RealArray) -> Reading:
         """Light on the four quadrants at distances (Y,) [m] from the middle of a track."""
         pupil = _pupil()
-        return read_layer(self.layer(), pupil, place / _unit(), quadrants(pupil, self.landing))
+        return read_layer(
+            self.layer(), pupil, place / _unit(), quadrants(pupil, shift=self.landing)
+        )
 
     def light(self, place: RealArray) -> RealArray:
         """Light of all quadrants (Y,), over that of a mirror, averaged along the track."""

@@ -14,8 +14,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import problem
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, check, dim, figure, metric, table
 
 from ..photo_diodes import TRACK_PITCH
@@ -85,25 +85,31 @@ class RadialError(Study):
         found = [read(TrackSensor(depth, w, b, s, reflection)) for w, b, s in every]
         return np.reshape(found, (len(WIDTHS), len(BITS), len(STAGGERS), *np.shape(found[0])))
 
-    @array((*layers, scheme, place), "1", "normalised error; of DPD in rad")
+    @array(dims=(*layers, scheme, place), unit="1", meaning="normalised error; of DPD in rad")
     def error(self, place: DataArray) -> Any:
         read = self.over_layers(lambda one: _all(one.errors(place.values)), printed_depth())
         return np.float32(read)
 
-    @array((*layers, place), "1", "light over a mirror's")
+    @array(dims=(*layers, place), unit="1", meaning="light over a mirror's")
     def light(self, place: DataArray) -> Any:
         return self.over_layers(lambda one: one.light(place.values), printed_depth())
 
-    @array((*layers, scheme), "1/m", "slope at the track")
+    @array(dims=(*layers, scheme), unit="1/m", meaning="slope at the track")
     def slope(self) -> Any:
         return self.over_layers(_slope, printed_depth())
 
-    @array((scheme, depth), "1", "strength before normalising, over a mirror's light")
+    @array(
+        dims=(scheme, depth), unit="1", meaning="strength before normalising, over a mirror's light"
+    )
     def strength(self) -> RealArray:
         found = [TrackSensor(one, *TYPICAL).strengths() for one in DEPTHS]
         return np.array([[one[name] for one in found] for name in METHODS])
 
-    @array((scheme, depth), "m", "false error by light beside the middle of the diodes")
+    @array(
+        dims=(scheme, depth),
+        unit="m",
+        meaning="false error by light beside the middle of the diodes",
+    )
     def offset(self) -> RealArray:
         """Error of displaced light on the track over the slope of centred light."""
         found = []
@@ -114,7 +120,7 @@ class RadialError(Study):
                 found.append(_all(false)[:, 0] / slope)
         return np.transpose(found)
 
-    @array((*layers, scheme), "1/m", "slope with dark pits that have no depth")
+    @array(dims=(*layers, scheme), unit="1/m", meaning="slope with dark pits that have no depth")
     def dark_slope(self) -> Any:
         return self.over_layers(_slope, 0.0, reflection=0.3)
 

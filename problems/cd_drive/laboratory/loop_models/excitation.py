@@ -15,9 +15,9 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from workbench import solve
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.identification import Multisine, RationalModelFit, schroeder_phases
 from workbench.simulation import linear
 
@@ -121,7 +121,13 @@ def sampled_controller(axis: Axis, every: int) -> StateSpace:
     response = -controller_response(axis, frequency)
     variance = abs(CONTROLLER_ERROR * response) ** 2
     program = RationalModelFit(
-        2 * np.pi * frequency, response, variance, (CONTROLLER_ORDER,), 0, step, True
+        2 * np.pi * frequency,
+        response,
+        variance,
+        orders=(CONTROLLER_ORDER,),
+        excess=0,
+        dt=step,
+        stable=True,
     )
     law = solve(program).answer.model.lti
     fitted = law(np.exp(2j * np.pi * frequency * step), squeeze=False)[0, 0]

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench import Options, solve
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.identification import ClosedLoopFit, StateSpaceFit, closed_loop_deviations
 
 from .excitation import LoopSignals
@@ -61,22 +61,22 @@ def loop_model(
     controller: from y to -u, sampled as the signals are; method indirect needs it.
     """
     orders = (ORDERS.get(method, ORDERS["two-stage"]),)
-    common: dict[str, Any] = {"orders": orders, "direct": False, "sample_time": signals.step}
+    common: dict[str, Any] = {"orders": orders, "direct": False, "dt": signals.step}
     if method == "open-loop":
         program: StateSpaceFit = StateSpaceFit(signals.u, signals.y, assume="open loop", **common)
-        solution = solve(program, "output-error", options)
+        solution = solve(program, method="output-error", options=options)
     else:
         program = ClosedLoopFit(
             signals.u,
             signals.y,
             excitation=signals.r,
             controller=controller,
-            period=signals.period,
+            period_samples=signals.period,
             # The direct method may pass unstable models on its way from a poor start.
             poles="any" if method == "direct" else "marginal",
             **common,
         )
-        solution = solve(program, method, options)
+        solution = solve(program, method=method, options=options)
     if solution.answer is None or solution.certificate is None:
         raise SolverError(f"method {method} gave no model: {solution.message}")
     direct, found = method == "direct", solution.answer

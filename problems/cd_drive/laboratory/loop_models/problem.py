@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.tables import markdown
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
@@ -97,20 +97,20 @@ class LoopModels(Study):
             found.append(loop_model(method, *given, JUDGED, context.options))
         return found
 
-    @array(frequency, "1/V", "exact sampled response of the plant")
+    @array(dims=frequency, unit="1/V", meaning="exact sampled response of the plant")
     def truth(self) -> ComplexArray:
         return self.experiment.bench.response(JUDGED)["f_en"]
 
-    @array(frequency, "1/V", "one over the controller from f_en to u")
+    @array(dims=frequency, unit="1/V", meaning="one over the controller from f_en to u")
     def inverse(self) -> ComplexArray:
         return 1 / controller_response(self.experiment.bench.axis, JUDGED)
 
-    model = array((estimator, frequency), "1/V", "response of the model")(
+    model = array(dims=(estimator, frequency), unit="1/V", meaning="response of the model")(
         lambda models: [one.response for one in models]
     )
-    deviation = array((estimator, frequency), "1/V", "its standard deviation; open-loop: none")(
-        lambda models: [one.deviation for one in models]
-    )
+    deviation = array(
+        dims=(estimator, frequency), unit="1/V", meaning="its standard deviation; open-loop: none"
+    )(lambda models: [one.deviation for one in models])
     numbers = arrays(
         estimator,
         lambda models: {
@@ -120,25 +120,29 @@ class LoopModels(Study):
         order="", unproven="",
     )  # fmt: skip
 
-    @array(estimator, "1", "rms error relative to the exact response")
+    @array(dims=estimator, unit="1", meaning="rms error relative to the exact response")
     def error(self, model: DataArray, truth: DataArray) -> DataArray:
         return (abs(model / truth - 1) ** 2).mean("frequency") ** 0.5
 
-    @array(estimator, "1", "rms error over its stated standard deviation")
+    @array(dims=estimator, unit="1", meaning="rms error over its stated standard deviation")
     def error_over_deviation(
         self, model: DataArray, truth: DataArray, deviation: DataArray
     ) -> DataArray:
         return ((abs(model - truth) / deviation) ** 2).mean("frequency", skipna=False) ** 0.5
 
-    @array(estimator, "1", "part of the error towards minus one over the controller")
+    @array(
+        dims=estimator, unit="1", meaning="part of the error towards minus one over the controller"
+    )
     def pulled(self, model: DataArray, truth: DataArray, inverse: DataArray) -> DataArray:
         way = inverse - truth
         return ((model - truth) / way).real.mean("frequency")
 
     events = array(value=lambda record: len(record[1].events))
-    largest_error = array((), "m", "", lambda record: abs(record[1].x_cd - record[1].x).max())
+    largest_error = array(
+        dims=(), unit="m", meaning="", value=lambda record: abs(record[1].x_cd - record[1].x).max()
+    )
 
-    @array(signal, "", "share of samples")
+    @array(dims=signal, unit="", meaning="share of samples")
     def saturated(self, record: Any) -> RealArray:
         return np.array([record[1].saturation[name] for name in RECORDED])
 
@@ -158,29 +162,29 @@ class LoopModels(Study):
             Check("models", "checks of their own that fail", float(unproven.sum()), 0.0),
         ]
 
-    @check("{estimator}", each="estimator", at_most=LIMIT)
+    @check(title="{estimator}", each="estimator", at_most=LIMIT)
     def close(self, error: DataArray) -> DataArray:
         """rms relative error of the model, 100 Hz to 3 kHz"""
         return error.sel(estimator=list(HELD[self.experiment.bench.axis]))
 
-    @check("open loop", at_most=1.0)
+    @check(title="open loop", at_most=1.0)
     def biased(self, error: DataArray) -> DataArray:
         """least bias over the rms relative error by a method for open loops"""
         return LEAST_BIAS * LIMIT / error.sel(estimator="open-loop")
 
     # --- what is told -------------------------------------------------------------------------
 
-    errors = metric("error_{estimator}", lambda error: error)
+    errors = metric("error_{estimator}", value=lambda error: error)
 
     @metric
     def worst_error(self, error: DataArray) -> DataArray:
         return error.sel(estimator=list(HELD[self.experiment.bench.axis])).max()
 
     deviations = metric(
-        "error_over_deviation_{estimator}",
-        lambda error_over_deviation: error_over_deviation.sel(estimator=list(CLOSED)),
+        template="error_over_deviation_{estimator}",
+        value=lambda error_over_deviation: error_over_deviation.sel(estimator=list(CLOSED)),
     )
-    pulls = metric("pulled_{estimator}", lambda pulled: pulled)
+    pulls = metric("pulled_{estimator}", value=lambda pulled: pulled)
 
     @table
     def methods(self, answer: Dataset) -> str:

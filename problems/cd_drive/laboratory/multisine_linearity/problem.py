@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import LineDistortion
 from workbench.simulation import bootstrap_weights, percentile_interval
 from workbench.simulation.machine import machine
@@ -95,13 +95,17 @@ class MultisineLinearity(Study):
     kind, size, length, count = dim(KINDS), dim(SIZES), dim(LENGTHS), dim(EVALUATED)
     draw = dim(lambda self: range(self.draws))
 
-    @array((draw, "record"))
+    @array(dims=(draw, "record"))
     def seed(self, context: Context) -> Any:
         every = independent_seeds(context.rng, self.draws, RECORDS, len(DRIVES))
         return every[..., DRIVES.index(self.tests.laboratory.drive)]
 
-    time = array(length, "s", "of the multisine", lambda self: self.tests.times[0])
-    series_time = array(count, "s", "of all sines", lambda self: self.tests.times[1])
+    time = array(
+        dims=length, unit="s", meaning="of the multisine", value=lambda self: self.tests.times[0]
+    )
+    series_time = array(
+        dims=count, unit="s", meaning="of all sines", value=lambda self: self.tests.times[1]
+    )
 
     @part
     def played(self, seed: DataArray, context: Context) -> list[Any]:
@@ -132,22 +136,22 @@ class MultisineLinearity(Study):
         squares, p = np.moveaxis(np.array(found), 3, 0)
         return {"by_sines": squares, "by_sines_p": p}
 
-    multisine_truth = array((draw, kind), "1", "square without noise, by the multisine")(
-        lambda played: [both(truth)[0] for _, truth, _ in played]
-    )
-    sines_truth = array((size, kind), "1", "square without noise, by sines")(
+    multisine_truth = array(
+        dims=(draw, kind), unit="1", meaning="square without noise, by the multisine"
+    )(lambda played: [both(truth)[0] for _, truth, _ in played])
+    sines_truth = array(dims=(size, kind), unit="1", meaning="square without noise, by sines")(
         lambda self: [both(one)[0] for one in self.tests.sines_truth()]
     )
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("even", at_most=FOUND)
+    @check(title="even", at_most=FOUND)
     def no_even(self, answer: Dataset) -> float:
         """level of even distortion without noise, over the linear output"""
         parts = (answer["multisine_truth"], answer["sines_truth"])
         return max(float(abs(one.sel(kind="even")).max()) ** 0.5 for one in parts)
 
-    @check("bias", at_most=UNBIASED)
+    @check(title="bias", at_most=UNBIASED)
     def bias(self, answer: Dataset) -> float:
         """mean error of a square over its standard deviation, of the longest experiments"""
         errors = [self.errors(answer, "multisine").isel(length=-1)]
@@ -155,7 +159,7 @@ class MultisineLinearity(Study):
         every = [one.mean("draw") / (one.std("draw", ddof=1) / self.draws**0.5) for one in errors]
         return max(float(abs(one).max()) for one in every)
 
-    @check("false alarms", at_most=MOST_ALARMS)
+    @check(title="false alarms", at_most=MOST_ALARMS)
     def alarms(self, answer: Dataset) -> float:
         """share of the draws in which the longest experiments find even distortion"""
         every = [answer["by_multisine_p"].isel(length=-1)]
@@ -183,12 +187,12 @@ class MultisineLinearity(Study):
         return numbers
 
     found_by_multisine = metric(
-        "found_multisine_{length}_{kind}",
-        lambda by_multisine_p: (by_multisine_p < LEVEL).mean("draw"),
+        template="found_multisine_{length}_{kind}",
+        value=lambda by_multisine_p: (by_multisine_p < LEVEL).mean("draw"),
     )
     found_by_sines = metric(
-        "found_sines_{count}_{kind}",
-        lambda by_sines_p: (by_sines_p.isel(size=-1) < LEVEL).mean("draw"),
+        template="found_sines_{count}_{kind}",
+        value=lambda by_sines_p: (by_sines_p.isel(size=-1) < LEVEL).mean("draw"),
     )
 
     @metric
@@ -216,7 +220,7 @@ class MultisineLinearity(Study):
         for name, (first, second) in truths.items():
             needed = time_for(rms[1] / second, rms[0] / first, answer["time"].values)
             for words, whole in wholes.items():
-                low, high = percentile_interval(needed[1:] / whole, CONFIDENCE)
+                low, high = percentile_interval(needed[1:] / whole, confidence=CONFIDENCE)
                 key = f"{words}_{name}"
                 numbers |= {key: float(needed[0] / whole), f"{key}_low": float(low)}
                 numbers[f"{key}_high"] = float(high)
@@ -239,7 +243,7 @@ class MultisineLinearity(Study):
 
     def _told(self, squares: DataArray, p: DataArray) -> list[str]:
         cells = [
-            with_interval(over_draws(1e4 * squares.sel(kind=kind)), "{:.2f}") for kind in KINDS
+            with_interval(over_draws(1e4 * squares.sel(kind=kind)), form="{:.2f}") for kind in KINDS
         ]
         return [*cells, f"{float((p.sel(kind='odd') < LEVEL).mean()):.0%}"]
 

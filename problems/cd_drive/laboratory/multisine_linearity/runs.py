@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification import (
     LineDistortion,
     Multisine,
@@ -118,7 +118,7 @@ class DistortionTests:
         """Stepped sines of each of SIZES."""
         frequency = np.linspace(*CLOSED_BAND, SINES)
         largest = closed_loop_amplitude(self.laboratory.axis, frequency)
-        return [SteppedSine(frequency, PERIODS, size * largest, RATE) for size in SIZES]
+        return [SteppedSine(frequency, PERIODS, size * largest, 1 / RATE) for size in SIZES]
 
     def by_sines(self, seeds: list[int]) -> list[list[LineDistortion]]:
         """Distortion of f_en at each of SIZES, after each of EVALUATED periods."""
@@ -134,10 +134,13 @@ class DistortionTests:
     ) -> list[LineDistortion]:
         signal = self._error(np.concatenate([part for _, part in sweep]), bench, seed, disc)
         pieces = zip(
-            np.split(signal, np.cumsum(sweep.lengths)[:-1]), sweep.frequencies, strict=True
+            np.split(signal, np.cumsum(sweep.lengths)[:-1]), sweep.frequencies_hz, strict=True
         )
         found = np.array(
-            [sine_fit(part, RATE, frequency, HARMONICS)[:PERIODS] for part, frequency in pieces]
+            [
+                sine_fit(part, 1 / RATE, frequency, harmonics=HARMONICS)[:PERIODS]
+                for part, frequency in pieces
+            ]
         )
         return [
             harmonic_distortion(found[:, : DISCARDED + count], transients=DISCARDED)

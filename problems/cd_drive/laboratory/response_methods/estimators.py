@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import decimate
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import (
     ResponseEstimate,
     SampledRecord,
@@ -60,7 +60,7 @@ def estimates(
     # Filters in both channels leave their ratio as it is; without them few samples would alias.
     gain, driven = excited.laboratory.coil_gain, excited.played[excitation].exact[:, 1]
     u, v = (decimate(one, FEWER, ftype="fir") for one in (driven, record.v_r / gain))
-    short = SampledRecord(u, v, RATE / FEWER, "first-order", assume=OPEN)
+    short = SampledRecord(u, v, 1 / (RATE / FEWER), hold="first-order", assume=OPEN)
     rate = 2 * np.pi * RESONANCE[excited.laboratory.axis]
     start = filtered_least_squares(short, (2, 2), np.poly([-rate, -rate]))
     found = [start, refined_instruments(short, start), output_error(short, start)]

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import (
     ResponseEstimate,
     from_periods,
@@ -91,7 +91,9 @@ class Excited:
         steps = np.arange(samples) // round(SETTLING * RATE)
         time = np.arange(self.samples_each) / RATE
         band = NOISE_BAND * self.frequency[-1]
-        noise = band_limited(np.random.default_rng(NOISE_SEED), (samples, 1), 1.0, band, RATE)[:, 0]
+        noise = band_limited(np.random.default_rng(NOISE_SEED), (samples, 1), 1.0, band, 1 / RATE)[
+            :, 0
+        ]
         signals = {
             "step": np.where(steps % 2 == 0, 1.0, -1.0),
             "sines": np.concatenate([np.sin(2 * np.pi * f * time) for f in self.frequency]),
@@ -113,16 +115,18 @@ class Excited:
         if excitation == "step":
             length = round(SETTLING * RATE)
             starts = rest + length * np.arange((len(u) - rest) // length)
-            return {"step": self._alone(step_response(u, v, RATE, starts, length, self.frequency))}
+            return {
+                "step": self._alone(step_response(u, v, starts, self.frequency, 1 / RATE, length))
+            }
         if excitation == "sines":
             return {"sines": self._alone(self._by_sines(u[rest:], v[rest:]))}
         every = {}
         for name, duration in SEGMENTS.items():
             averaged = round(duration * RATE)
-            found = spectral_response(u[rest:], v[rest:], RATE, averaged, assume=OPEN)
+            found = spectral_response(u[rest:], v[rest:], 1 / RATE, averaged, assume=OPEN)
             at = np.rint(self.frequency * duration).astype(int) - 1
             own = ResponseEstimate(
-                found.frequency[at], found.response[at], found.variance[at], found.degrees
+                found.frequency_hz[at], found.response[at], found.variance[at], found.degrees
             )
             every[name] = self._alone(own)
         return every
@@ -132,7 +136,7 @@ class Excited:
         amplitudes = []
         for n, frequency in enumerate(self.frequency):
             part = slice(n * self.samples_each, (n + 1) * self.samples_each)
-            pair = sine_fit(np.stack([u[part], v[part]]), RATE, frequency)[..., 0]
+            pair = sine_fit(np.stack([u[part], v[part]]), 1 / RATE, frequency)[..., 0]
             settled = pair[:, int(np.ceil(SETTLING * frequency)) :]
             whole = settled[:, settled.shape[1] % BLOCKS :]
             amplitudes.append(whole.reshape(2, BLOCKS, -1).mean(axis=2))
@@ -143,4 +147,4 @@ class Excited:
         """The response of the coil without the known chain before it."""
         chain = self.chain[:, None, None]
         response, variance = estimate.response / chain, estimate.variance / abs(chain) ** 2
-        return ResponseEstimate(estimate.frequency, response, variance, estimate.degrees)
+        return ResponseEstimate(estimate.frequency_hz, response, variance, estimate.degrees)

@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import ResponseEstimate
 from workbench.study import (
     Study,
@@ -34,7 +35,6 @@ from workbench.study import (
     with_interval,
 )
 from workbench.study.draws import LEAST_COVERAGE_P, SURE
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values
@@ -113,14 +113,19 @@ class ResponseMethods(Study):
     draw = dim(lambda self: range(self.draws))
     fits = (noise, draw, excitation, estimator)
 
-    @array((noise, draw))
+    @array(dims=(noise, draw))
     def seed(self, context: Context) -> Any:
         every = independent_seeds(context.rng, self.draws, len(NOISES), len(DRIVES))
         return every[..., DRIVES.index(self.excited.laboratory.drive)].T
 
-    truth = array(frequency, "V/V", "v_r/u without noise", lambda self: self.excited.sweep.exact())
+    truth = array(
+        dims=frequency,
+        unit="V/V",
+        meaning="v_r/u without noise",
+        value=lambda self: self.excited.sweep.exact(),
+    )
 
-    @array(parameter)
+    @array(dims=parameter)
     def known(self, truth: DataArray) -> RealArray:
         """R [ohm], Bl [N/A], k [N/m], b [N s/m] of the lumped fit to the noise-free response"""
         one = self.excited.sweep
@@ -174,7 +179,7 @@ class ResponseMethods(Study):
         missed = every["distance"] > 1.0  # never, where there is no region
         return {"fit_error": error.astype("f4"), "fit_missed": missed.astype("i1")}
 
-    @array((*fits, parameter), "1", "relative errors of the parameters")
+    @array(dims=(*fits, parameter), unit="1", meaning="relative errors of the parameters")
     def parameter_error(self, every: dict[str, RealArray], known: DataArray) -> RealArray:
         return (every["parameters"] / known.values - 1.0).astype("f4")
 
@@ -185,26 +190,26 @@ class ResponseMethods(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("{response}", at_most=1.0 - SURE, each="response")
+    @check(title="{response}", at_most=1.0 - SURE, each="response")
     def response_found(self, error: DataArray) -> DataArray:
         """share of the quiet draws in which the rms error of the response exceeds 1 %"""
         judged = rms(error).sel(noise="quiet", response=["step", "sines", LONGEST])
         return share_of_draws(judged > RESPONSE_TOLERANCE, "response")
 
-    @check("instruments, {excitation}", at_most=1.0 - SURE, each="excitation")
+    @check(title="instruments, {excitation}", at_most=1.0 - SURE, each="excitation")
     def instruments_nearer(self, fit_error: DataArray) -> DataArray:
         """share of the noisy draws in which least squares are nearer than instruments"""
         by = rms(fit_error).sel(noise="noisy")
         nearer = by.sel(estimator="least_squares") < by.sel(estimator="instruments")
         return share_of_draws(nearer, "excitation")
 
-    @check("prediction errors", at_most=ALIKE)
+    @check(title="prediction errors", at_most=ALIKE)
     def alike(self, fit_error: DataArray) -> DataArray:
         """relative difference of the rms errors by instruments and by prediction errors"""
         by = rms(fit_error)
         return abs(by.sel(estimator="prediction_errors") / by.sel(estimator="instruments") - 1)
 
-    @check("regions", at_most=1.0 - LEAST_COVERAGE_P)
+    @check(title="regions", at_most=1.0 - LEAST_COVERAGE_P)
     def regions(self, answer: Dataset) -> float:
         """1 - p of so few draws in which a 99 % region holds the response at the resonance
 
@@ -219,20 +224,25 @@ class ResponseMethods(Study):
     # --- what is told -------------------------------------------------------------------------
 
     errors_without_model = metric(
-        "error_{noise}_{response}_{summary}", lambda error: over_draws(rms(error))
+        template="error_{noise}_{response}_{summary}", value=lambda error: over_draws(rms(error))
     )
     errors_of_fits = metric(
-        "error_{noise}_{excitation}_{estimator}_{summary}",
-        lambda fit_error: over_draws(rms(fit_error)),
+        template="error_{noise}_{excitation}_{estimator}_{summary}",
+        value=lambda fit_error: over_draws(rms(fit_error)),
     )
     errors_of_parameters = metric(
-        "error_{noise}_{excitation}_{estimator}_{parameter}",
-        lambda parameter_error: np.sqrt((parameter_error**2).mean("draw")),
+        template="error_{noise}_{excitation}_{estimator}_{parameter}",
+        value=lambda parameter_error: np.sqrt((parameter_error**2).mean("draw")),
     )
-    outside = metric("missed_{noise}_{response}", lambda missed: missed.mean(("draw", "frequency")))
+    outside = metric(
+        template="missed_{noise}_{response}",
+        value=lambda missed: missed.mean(("draw", "frequency")),
+    )
     outside_of_fits = metric(
-        "missed_{noise}_{excitation}_{estimator}",
-        lambda fit_missed: fit_missed.sel(estimator=list(BY_RECORD)).mean(("draw", "frequency")),
+        template="missed_{noise}_{excitation}_{estimator}",
+        value=lambda fit_missed: fit_missed.sel(estimator=list(BY_RECORD)).mean(
+            ("draw", "frequency")
+        ),
     )
     waiting = metric(lambda self: self.excited.waiting)
 
@@ -268,13 +278,13 @@ class ResponseMethods(Study):
             for name in RESPONSES:
                 at = {"noise": noise, "response": name}
                 missed = float(answer["missed"].sel(at).mean())
-                told = with_interval(100 * found.sel(at), "{:.3g}")
+                told = with_interval(100 * found.sel(at), form="{:.3g}")
                 plain.append([name.replace("_", " "), noise, told, f"{missed:.1%}"])
             for name in EXCITATIONS:
                 for estimator in ESTIMATORS:
                     at = {"noise": noise, "excitation": name, "estimator": estimator}
                     missed = float(answer["fit_missed"].sel(at).mean())
-                    told = with_interval(100 * of_fits.sel(at), "{:.3g}")
+                    told = with_interval(100 * of_fits.sel(at), form="{:.3g}")
                     share = f"{missed:.1%}" if estimator in BY_RECORD else ""
                     models.append([name, estimator.replace("_", " "), noise, told, share])
         return {

@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import IdentificationWarning
 from workbench.simulation.machine import machine
 from workbench.study import (
@@ -122,7 +122,7 @@ class UnlikeArms(Study):
     )
     draw = dim(lambda self: range(self.draws))
 
-    @array(draw)
+    @array(dims=draw)
     def seed(self, context: Context) -> Any:
         return experiment_seeds(context.rng, "closed-loop", self.drive, self.draws)
 
@@ -196,16 +196,18 @@ class UnlikeArms(Study):
 
     # --- what the arms show -------------------------------------------------------------------
 
-    order_of_bench = array(bench, "", "order of the bench's model")(
+    order_of_bench = array(dims=bench, unit="", meaning="order of the bench's model")(
         lambda self: [order_of(self.laboratory(name).actuator) for name in BENCHES]
     )
-    shown = array(bench, "", "parasitic resonances that show")(
+    shown = array(dims=bench, unit="", meaning="parasitic resonances that show")(
         lambda self: [
             resonances_shown(FINE, self.laboratory(name).actuator.response(FINE))
             for name in BENCHES
         ]
     )
-    random_shown = array((deviation, count), "1", "share of random arms that show so many")(
+    random_shown = array(
+        dims=(deviation, count), unit="1", meaning="share of random arms that show so many"
+    )(
         lambda self, context: shares_shown(
             context.rng,
             self.laboratory("alike").parameters,
@@ -232,7 +234,9 @@ class UnlikeArms(Study):
             "exact": np.array([one.exact for one in own]).astype("c8"),
         }
 
-    @array((bench, order, frequency), "m/V", "|x / coil voltage| fitted, first draw")
+    @array(
+        dims=(bench, order, frequency), unit="m/V", meaning="|x / coil voltage| fitted, first draw"
+    )
     def fitted(self, fits: dict[tuple[int, int, int], LoopFit], frequency: DataArray) -> RealArray:
         every = self._every(fits, lambda one: abs(one.fitted), frequency.size)
         found: RealArray = every[:, :, 0].astype("f4")
@@ -254,59 +258,61 @@ class UnlikeArms(Study):
         names = ("chi_square_p", "neighbours_p", "unproven", "error_fitted")
         return {name: self._every(fits, lambda one, name=name: one.numbers[name]) for name in names}
 
-    fitted_shown = array((bench, order, draw), "", "parasitic resonances of the fitted model")(
+    fitted_shown = array(
+        dims=(bench, order, draw), unit="", meaning="parasitic resonances of the fitted model"
+    )(
         lambda self, fits, frequency: self._every(
             fits, lambda one: resonances_shown(frequency.values, one.fitted)
         )
     )
-    table_value = array(parameter, value=lambda self: [
+    table_value = array(dims=parameter, value=lambda self: [
         getattr(self.laboratory("alike").parameters, name) for name in FITTED
     ])  # fmt: skip
 
     # --- checks -------------------------------------------------------------------------------
 
     two = check(
-        "two resonances",
-        "how many fewer than two resonances unlike arms show",
-        lambda shown: 2.0 - shown.sel(bench=["halves", "four"]),
+        title="two resonances",
+        statement="how many fewer than two resonances unlike arms show",
+        value=lambda shown: 2.0 - shown.sel(bench=["halves", "four"]),
         at_most=0.0,
     )
     orders = check(
-        "order",
-        "difference of the order of the bench's model from that of so many arms",
-        lambda order_of_bench: abs(
+        title="order",
+        statement="difference of the order of the bench's model from that of so many arms",
+        value=lambda order_of_bench: abs(
             order_of_bench - order_of_bench.copy(data=[2 * one + 2 for one in BENCHES.values()])
         ),
         at_most=0.0,
     )
     proven = check(
-        "fits of the right order",
-        "checks of a fit of order 4 or 6 that fail, all draws",
-        lambda unproven: _right(unproven).sel(bench=PROVEN).sum(),
+        title="fits of the right order",
+        statement="checks of a fit of order 4 or 6 that fail, all draws",
+        value=lambda unproven: _right(unproven).sel(bench=PROVEN).sum(),
         at_most=0.0,
     )
     coverage = check(
-        "coverage, right order, {bench}",
-        "1 - p of so few draws whose 99 % intervals hold the truth, worst parameter",
-        lambda answer: 1.0 - coverage_p(_right(_held(answer)).sel(bench=PROVEN), CONFIDENCE),
+        title="coverage, right order, {bench}",
+        statement="1 - p of so few draws whose 99 % intervals hold the truth, worst parameter",
+        value=lambda answer: 1.0 - coverage_p(_right(_held(answer)).sel(bench=PROVEN), CONFIDENCE),
         each="bench",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
     accepted = check(
-        "the right order is accepted, {bench}",
-        "1 - p of so many draws in which a test of the fit rejects it",
-        lambda answer: 1.0 - coverage_p(_right(_accepted(answer)), (1.0 - LEAST_P) ** 2),
+        title="the right order is accepted, {bench}",
+        statement="1 - p of so many draws in which a test of the fit rejects it",
+        value=lambda answer: 1.0 - coverage_p(_right(_accepted(answer)), (1.0 - LEAST_P) ** 2),
         each="bench",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
 
-    @check("order 4 is rejected, {bench}", at_most=1.0 - SURE, each="bench")
+    @check(title="order 4 is rejected, {bench}", at_most=1.0 - SURE, each="bench")
     def rejected(self, answer: Dataset) -> DataArray:
         """share of draws in which no test of the fit rejects order 4"""
         low = _accepted(answer).sel(order=4, bench=["halves", "four"])
         return share_of_draws(low, "bench")
 
-    @check("intervals of order 4, {bench}", at_most=LEAST_COVERAGE_P, each="bench")
+    @check(title="intervals of order 4, {bench}", at_most=LEAST_COVERAGE_P, each="bench")
     def misleading(self, answer: Dataset) -> DataArray:
         """p of so few draws whose 99 % intervals hold the truth, for m2 or k2, worse of both"""
         low = _held(answer).sel(order=4, bench=["halves", "four"], parameter=list(PARASITIC))
@@ -314,8 +320,8 @@ class UnlikeArms(Study):
 
     # --- what is told -------------------------------------------------------------------------
 
-    orders_told = metric("order_{bench}", lambda order_of_bench: order_of_bench)
-    shown_told = metric("shown_{bench}", lambda shown: shown)
+    orders_told = metric("order_{bench}", value=lambda order_of_bench: order_of_bench)
+    shown_told = metric("shown_{bench}", value=lambda shown: shown)
 
     @metric
     def by_order(self, answer: Dataset) -> dict[str, float]:
@@ -345,8 +351,8 @@ class UnlikeArms(Study):
         return found
 
     random_arms = metric(
-        "random_{count}_shown_{deviation}",
-        lambda random_shown: random_shown.assign_coords(
+        template="random_{count}_shown_{deviation}",
+        value=lambda random_shown: random_shown.assign_coords(
             deviation=[f"{100 * one:.0f}_percent" for one in DEVIATIONS]
         ),
     )

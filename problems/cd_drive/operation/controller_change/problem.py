@@ -10,11 +10,11 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
+from workbench.arrays import RealArray
+from workbench.heavy_types import DataArray, Dataset
 
 from workbench import problem
-from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -99,7 +99,8 @@ class ControllerChange(Study):
     draw = dim(lambda self: range(self.draws))
 
     seed = array(
-        (drive, draw), value=lambda self, context: independent_seeds(context.rng, 12, self.draws)
+        dims=(drive, draw),
+        value=lambda self, context: independent_seeds(context.rng, 12, self.draws),
     )
 
     @part
@@ -130,18 +131,18 @@ class ControllerChange(Study):
         lost=("1", "whether focus or track is lost"),
     )
     per_volt = array(
-        drive,
-        "m/V",
-        "largest error per volt of a step, linear loop",
-        lambda self, drive: [linear_step(self.axis, str(one)) for one in drive.values],
+        dims=drive,
+        unit="m/V",
+        meaning="largest error per volt of a step, linear loop",
+        value=lambda self, drive: [linear_step(self.axis, str(one)) for one in drive.values],
     )
 
-    @array(drive, "m/V", "the same of a small step, simulated without noise")
+    @array(dims=drive, unit="m/V", meaning="the same of a small step, simulated without noise")
     def small_step(self, drive: DataArray) -> list[float]:
         names = [str(one) for one in drive.values]
         return [simulated_step(self.axis, one, SMALL, 0, **QUIET) / SMALL for one in names]
 
-    @array((step, drive, draw), "m", "largest error after a step of the command")
+    @array(dims=(step, drive, draw), unit="m", meaning="largest error after a step of the command")
     def stepped(self, seed: DataArray) -> Any:
         found = [
             [
@@ -172,18 +173,18 @@ class ControllerChange(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("without a bump", at_most=1.0 - SURE)
+    @check(title="without a bump", at_most=1.0 - SURE)
     def held(self, lost: DataArray) -> float:
         """share of changes without a bump that lose the loop"""
         return float(lost.sel(way=BUMPLESS).mean())
 
-    @check("less error", at_most=1.0)
+    @check(title="less error", at_most=1.0)
     def less(self, largest: DataArray) -> DataArray:
         """mean largest error after a change without a bump over that of the other ways"""
         mean = largest.mean(["share", "angle", "drive", "draw"])
         return mean.sel(way=BUMPLESS) / mean.sel(way=list(WAYS[:2]))
 
-    @check("linear", at_most=0.02)
+    @check(title="linear", at_most=0.02)
     def linear(self, small_step: DataArray, per_volt: DataArray) -> DataArray:
         """relative difference of a small simulated step's error from that of the linear loop"""
         return abs(small_step / per_volt - 1.0)
@@ -227,7 +228,7 @@ class ControllerChange(Study):
         for way in WAYS:
             for share in SHARES:
                 one = answer.sel(way=way, share=share)
-                told = with_interval(share_interval(one["lost"] > 0.0), "{:.3f}")
+                told = with_interval(share_interval(one["lost"] > 0.0), form="{:.3f}")
                 sizes = [f"{1e6 * float(one[name].median()):.3g}" for name in ("before", "largest")]
                 rows.append([way, f"{share:g}", told, *sizes])
         return ["new controller", "disc / Red Book", "lost", "before [um]", "after [um]"], rows

@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-
 from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.heavy_types import TransferFunction
+
 from workbench.simulation import (
     Cascade,
     Controller,
@@ -115,7 +115,7 @@ class Change:
 def taken_at(time: float) -> Controller:
     """Part that tells 0 before a time [s] and 1 from then on."""
     parameters = np.array([round(time / PERIOD)], float)
-    return Controller(_taken_at, np.zeros(1), parameters, period=PERIOD)
+    return Controller(_taken_at, np.zeros(1), parameters, dt=PERIOD)
 
 
 def linear_step(axis: Axis, drive: str) -> float:

@@ -10,11 +10,11 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
+from workbench.arrays import RealArray
+from workbench.heavy_types import DataArray, Dataset
 
 from workbench import problem
-from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -109,7 +109,8 @@ class StartUpStudy(Study):
     # --- simulations --------------------------------------------------------------------------
 
     seed = array(
-        (drive, draw), value=lambda self, context: independent_seeds(context.rng, 12, self.draws)
+        dims=(drive, draw),
+        value=lambda self, context: independent_seeds(context.rng, 12, self.draws),
     )
 
     @part
@@ -167,7 +168,11 @@ class StartUpStudy(Study):
         quiet_overshoot=("m", "largest error, without noise"),
     )
 
-    @array(steady, "m", "largest error of the first drive, optics followed twice as finely")
+    @array(
+        dims=steady,
+        unit="m",
+        meaning="largest error of the first drive, optics followed twice as finely",
+    )
     def half_step(self, seed: DataArray) -> list[float]:
         name, number = str(seed["drive"].values[0]), int(seed[0, 0])
         starts = [StartUp(OWN, speed, 0.0) for speed in STEADY]
@@ -179,16 +184,16 @@ class StartUpStudy(Study):
         meaning="time from the closing of the loop",
     )
     tick = dim(lambda one_start: range(len(one_start[0])))
-    shown_time = array(tick, "s", value=lambda one_start: one_start[0])
+    shown_time = array(dims=tick, unit="s", value=lambda one_start: one_start[0])
     whole = arrays(
         tick,
-        lambda one_start: dict(zip(("whole_lens", "whole_sum"), one_start[1:3], strict=True)),
+        value=lambda one_start: dict(zip(("whole_lens", "whole_sum"), one_start[1:3], strict=True)),
         whole_lens=("m", "lens, from the layer"),
         whole_sum=("1", "sum over that of the layer"),
     )
     zoomed = arrays(
         time,
-        lambda one_start: dict(
+        value=lambda one_start: dict(
             zip(("zoom_error", "zoom_read", "zoom_u"), one_start[3], strict=True)
         ),
         zoom_error=("m", "true error"),
@@ -216,24 +221,24 @@ class StartUpStudy(Study):
         one = outcome.sel(law=OWN, speed=list(SPEEDS[:2]), share=0.0)
         return float((one != CAPTURED).mean())
 
-    @check("surface", at_most=0.0)
+    @check(title="surface", at_most=0.0)
     def no_surface(self, outcome: DataArray) -> float:
         """starts by half of the drive's own light that end on the surface or in the dark"""
         one = outcome.sel(law=OWN)
         wrong = [OUTCOMES.index(name) for name in ("surface", "dark")]
         return float(one.isin(wrong).sum())
 
-    @check("linear bound", at_most=0.05)
+    @check(title="linear bound", at_most=0.05)
     def linear(self, answer: Dataset) -> DataArray:
         """relative excess of a simulated overshoot without noise over that of the linear loop"""
         return answer["quiet_overshoot"] / (answer["per_speed"] * answer["quiet_relative"]) - 1.0
 
-    @check("escape", at_most=0.0)
+    @check(title="escape", at_most=0.0)
     def escaped(self, relative: DataArray, overshoot: DataArray, escape: DataArray) -> float:
         """starts that pass the layer faster than any voltage brakes, and stay in the s-curve"""
         return float(((abs(relative) > escape) & (overshoot < S_CURVE_PEAK)).sum())
 
-    @check("half the step", at_most=1e-3)
+    @check(title="half the step", at_most=1e-3)
     def replayed(self, half_step: DataArray, quiet_overshoot: DataArray) -> DataArray:
         """relative change of an overshoot when the optics are followed twice as finely"""
         return abs(half_step / quiet_overshoot.isel(drive=0) - 1.0)
@@ -295,7 +300,9 @@ class StartUpStudy(Study):
         for law in LAWS:
             for share in SHARES:
                 one = captured.sel(law=law, share=share)
-                told = [with_interval(share_interval(one.sel(speed=v)), "{:.2f}") for v in SPEEDS]
+                told = [
+                    with_interval(share_interval(one.sel(speed=v)), form="{:.2f}") for v in SPEEDS
+                ]
                 rows.append([law, f"{share:g}", *told])
         return ["threshold", "disc / Red Book", *(f"{1e3 * v:g} mm/s" for v in SPEEDS)], rows
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-
 from workbench.arrays import RealArray
 from workbench.compiled import kernel
+
 from workbench.simulation import Cascade, Controller, Part, blend, linear, total
 
 from ...drive.actuator import SERIES_RESISTANCE
@@ -65,13 +65,15 @@ class Jump:
         counted = max(1, int(COUNTED * self.tracks))
         parameters = [self.start / PERIOD, self.tracks, self.volts, middle]
         parameters += [holding_voltage(self.tracks), counted, LAG]
-        return Controller(_counted, np.zeros(8), np.array(parameters), 3, 2, PERIOD)
+        return Controller(
+            _counted, np.zeros(8), np.array(parameters), outputs=3, reads=2, dt=PERIOD
+        )
 
     def played(self, pulse: ArrayLike) -> Controller:
         """Part that reads the error, plays a pulse [V] (N,), and tells the same."""
         head = [self.start / PERIOD, holding_voltage(self.tracks)]
         parameters = np.concatenate([head, np.asarray(pulse, float)])
-        return Controller(_played, np.zeros(2), parameters, 3, 1, PERIOD)
+        return Controller(_played, np.zeros(2), parameters, outputs=3, reads=1, dt=PERIOD)
 
     def clocked(self) -> RealArray:
         """Pulse (N,) of the nominal lens as a free mass: kick and brake of equal length."""
@@ -84,10 +86,10 @@ class Jump:
     def cascade(law: Controller) -> Cascade:
         """The reference controller with a law's pulse."""
         parts = [
-            Part("jump", law, ["f_en", "sum"], ["closed", "pulse", "held"]),
-            Part("seen", blend(), ["closed", "f_en", "held"]),
-            Part("K", linear(controller("radial"), PERIOD), ["seen"], ["u_k"]),
-            Part("u", total(), ["u_k", "pulse"]),
+            Part("jump", law, given=["f_en", "sum"], tells=["closed", "pulse", "held"]),
+            Part("seen", blend(), given=["closed", "f_en", "held"]),
+            Part("K", linear(controller("radial"), PERIOD), given=["seen"], tells=["u_k"]),
+            Part("u", total(), given=["u_k", "pulse"]),
         ]
         return Cascade(MEASUREMENTS, parts)
 

@@ -10,11 +10,11 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
+from workbench.arrays import RealArray
+from workbench.heavy_types import DataArray, Dataset
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -112,29 +112,31 @@ class TrackJump(Study):
         return context.spread(lambda one: one.fastest(), cases, "fastest jumps")
 
     samples = array(
-        (volts, tracks),
-        "1",
-        "of the fastest jump",
-        lambda solved: np.reshape([len(pulse) for pulse, _ in solved], (len(VOLTS), len(TRACKS))),
+        dims=(volts, tracks),
+        unit="1",
+        meaning="of the fastest jump",
+        value=lambda solved: np.reshape(
+            [len(pulse) for pulse, _ in solved], (len(VOLTS), len(TRACKS))
+        ),
     )
     tick = dim(lambda solved: range(max(len(pulse) for pulse, _ in solved)))
     pulse = array(
-        (volts, tracks, tick),
-        "V",
-        "of the fastest jump, 0 after its end",
-        lambda solved: _padded([pulse for pulse, _ in solved]),
+        dims=(volts, tracks, tick),
+        unit="V",
+        meaning="of the fastest jump, 0 after its end",
+        value=lambda solved: _padded([pulse for pulse, _ in solved]),
     )
     direction = array(
-        (volts, tracks, component),
-        "1",
-        "in which a jump of a sample less falls short",
-        lambda solved: np.reshape([one for _, one in solved], (len(VOLTS), len(TRACKS), -1)),
+        dims=(volts, tracks, component),
+        unit="1",
+        meaning="in which a jump of a sample less falls short",
+        value=lambda solved: np.reshape([one for _, one in solved], (len(VOLTS), len(TRACKS), -1)),
     )
     free_mass = array(
-        (volts, tracks),
-        "1",
-        "samples of kick and brake of a free mass",
-        lambda: [
+        dims=(volts, tracks),
+        unit="1",
+        meaning="samples of kick and brake of a free mass",
+        value=lambda: [
             [2 * np.sqrt(n * TRACK_PITCH / acceleration(one)) / PERIOD for n in TRACKS]
             for one in VOLTS
         ],
@@ -143,7 +145,8 @@ class TrackJump(Study):
     # --- simulations --------------------------------------------------------------------------
 
     seed = array(
-        (drive, draw), value=lambda self, context: independent_seeds(context.rng, 12, self.draws)
+        dims=(drive, draw),
+        value=lambda self, context: independent_seeds(context.rng, 12, self.draws),
     )
 
     @part
@@ -211,7 +214,7 @@ class TrackJump(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("fastest", at_most=1e-3)
+    @check(title="fastest", at_most=1e-3)
     def reaches(self, pulse: DataArray, samples: DataArray) -> DataArray:
         """distance [tracks, tracks/ms] of the end of the fastest jump from rest on the new track"""
         found = [
@@ -225,7 +228,7 @@ class TrackJump(Study):
         ]
         return samples.copy(data=found)
 
-    @check("none is faster", at_most=0.0)
+    @check(title="none is faster", at_most=0.0)
     def least(self, samples: DataArray, direction: DataArray) -> DataArray:
         """reach of a pulse of a sample less in the separating direction over the target, less 1"""
         found = [
@@ -237,12 +240,12 @@ class TrackJump(Study):
         ]
         return samples.astype(float).copy(data=found)
 
-    @check("limit", at_most=1e-9)
+    @check(title="limit", at_most=1e-9)
     def limited(self, pulse: DataArray) -> DataArray:
         """relative excess of a pulse over its limit"""
         return abs(pulse).max(["tick", "tracks"]) / pulse["volts"] - 1.0
 
-    @check("one track", at_most=1.0 - SURE)
+    @check(title="one track", at_most=1.0 - SURE)
     def lands(self, off: DataArray, held: DataArray) -> float:
         """share of counted jumps across one track by 3 V, on centred discs, that land elsewhere"""
         here = {"law": COUNTED, "tracks": 1, "volts": VOLTS[0], "share": 0.0}
@@ -297,7 +300,7 @@ class TrackJump(Study):
             for volts in VOLTS:
                 for share in SHARES:
                     one = share_interval(landed.sel(law=law, volts=volts, share=share), "tracks")
-                    told = [with_interval(one.sel(tracks=n), "{:.2f}") for n in TRACKS]
+                    told = [with_interval(one.sel(tracks=n), form="{:.2f}") for n in TRACKS]
                     rows.append([law, f"{volts:g}", f"{share:g}", *told])
         return ["law", "pulse [V]", "disc / Red Book", *(f"{n} tracks" for n in TRACKS)], rows
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import figures
-from workbench.heavy_types import Dataset, Figure
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.study import over_draws
 
 from ...drive.red_book import ACCEPTABLE_ERROR

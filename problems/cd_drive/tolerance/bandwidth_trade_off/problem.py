@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -35,7 +36,6 @@ from workbench.study import (
 )
 from workbench.study.draws import SURE
 from workbench.synthesis import discretised
-from workbench.tables import markdown
 
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.shared_parameters import TABLES
@@ -98,7 +98,7 @@ class BandwidthTradeOff(Study):
     draw = dim(lambda self: range(self.draws))
     cases = (share, length, draw)
 
-    @array(cases)
+    @array(dims=cases)
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, len(SHARES), len(LENGTHS), self.draws)
 
@@ -135,13 +135,13 @@ class BandwidthTradeOff(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("third gain on the disc", at_most=1.0 - SURE)
+    @check(title="third gain on the disc", at_most=1.0 - SURE)
     def disc_worse(self, disc: DataArray) -> float:
         """share of draws in which a third of the gain leaves no larger error of a turning disc"""
         turning = disc.sel(share=[one for one in SHARES if one])
         return float(share_of_draws(turning.sel(controller=THIRD) <= turning.sel(controller=FULL)))
 
-    @check("{controller} in a scratch", at_most=1.0 - SURE, each="controller")
+    @check(title="{controller} in a scratch", at_most=1.0 - SURE, each="controller")
     def scratch_less(self, scratch: DataArray) -> DataArray:
         """share of draws in which a scratch of 1 mm moves its lens no less than at full gain"""
         one = self.held(scratch).sel(length=1e-3)
@@ -185,7 +185,7 @@ class BandwidthTradeOff(Study):
         return share_of_draws(less, "controller", "share", "length")
 
     def told(self, values: DataArray) -> str:
-        return with_interval(over_draws(values), "{:.2f}")
+        return with_interval(over_draws(values), form="{:.2f}")
 
     @table
     def trade_off(self, answer: Dataset) -> dict[str, str]:
@@ -197,7 +197,8 @@ class BandwidthTradeOff(Study):
                 for law in CONTROLLERS:
                     at = {"share": share, "length": length, "controller": law}
                     told = [
-                        with_interval(over_draws(one.sel(at)), "{:.2f}") for one in micro.values()
+                        with_interval(over_draws(one.sel(at)), form="{:.2f}")
+                        for one in micro.values()
                     ]
                     verdict = "" if law == FULL else claim_of(float(shares.sel(at)))
                     lost = f"{float(answer['lost'].sel(at).mean()):.0%}"

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     balloon_size,
@@ -25,7 +26,6 @@ from workbench.simulation.ensemble_scores import (
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.synthesis import discretised
-from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -96,16 +96,16 @@ class BestGains(Study):
         every = met(self.cases, many, self.workers, context.progress, "circumstances")
         return every[..., 0].mean(axis=1), groups(many)
 
-    @array((half, case, group), "1")
+    @array(dims=(half, case, group), unit="1")
     def arm(self, scores: Scores) -> RealArray:
         """Share of time out of spec, by cause"""
         out, group = scores
         halves = (slice(None, self.scenarios // 2), slice(self.scenarios // 2, None))
         return np.array([group_means(out[:, one], group[one]) for one in halves])
 
-    balloon = array((half, case), value=lambda arm: balloon_size(arm.values))
+    balloon = array(dims=(half, case), value=lambda arm: balloon_size(arm.values))
 
-    @array(use)
+    @array(dims=use)
     def best(self, balloon: DataArray) -> list[int]:
         """Number of the best case of each use on the circumstances it is chosen on"""
         tried = balloon.sel(half=HALVES[0]).values
@@ -118,7 +118,7 @@ class BestGains(Study):
         half = self.scenarios // 2
         out, group = scores[0][:, half:], scores[1][half:]
         weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, context.rng)
-        return np.moveaxis(group_means(out[best.values], group, weight), 0, 1)
+        return np.moveaxis(group_means(out[best.values], group, weight=weight), 0, 1)
 
     told = dim("found", "low", "high")
     than = dim("alone", "reference")
@@ -135,17 +135,17 @@ class BestGains(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("loops", at_most=LARGEST_SENSITIVITY)
+    @check(title="loops", at_most=LARGEST_SENSITIVITY)
     def loops(self) -> float:
         """largest |S| of the twelve drives, with any of the gains"""
         return max(peak_sensitivity(self.axis, sampled_controller(self.axis, g)) for g in GAINS)
 
-    @check("arms", at_most=1.0)
+    @check(title="arms", at_most=1.0)
     def shares(self, arm: DataArray) -> float:
         """largest share of time"""
         return float(arm.max())
 
-    @check("a third of the gain alone", at_most=1.0)
+    @check(title="a third of the gain alone", at_most=1.0)
     def slow_alone(self, balloon: DataArray) -> float:
         """balloon of the reference controller over that of a third of its gain, both alone"""
         full, third = (Case("alone", gain).name for gain in (0.0, GAINS[0]))
@@ -157,19 +157,23 @@ class BestGains(Study):
         """Balloon of the best of each use on the circumstances that judge."""
         return answer["balloon"].sel(half=HALVES[1]).isel(case=answer["best"])
 
-    balloons = metric("balloon_{use}", lambda self, answer: self.of_best(answer))
+    balloons = metric("balloon_{use}", value=lambda self, answer: self.of_best(answer))
     best_gain = metric(
-        lambda best: {
+        template=lambda best: {
             f"best_gain_{use}": CASES[int(n)].fast for use, n in zip(USES, best, strict=True)
         }
     )
 
     shocks = metric(
-        "shocks_{use}",
-        lambda arm, best: arm.sel(half=HALVES[1], group="shocks").isel(case=best).drop_vars("case"),
+        template="shocks_{use}",
+        value=lambda arm, best: (
+            arm.sel(half=HALVES[1], group="shocks").isel(case=best).drop_vars("case")
+        ),
     )
-    differences = metric("{use}_less_{than}_{told}", lambda whole: whole)
-    in_shocks_less = metric("{use}_less_{than}_in_shocks_{told}", lambda in_shocks: in_shocks)
+    differences = metric("{use}_less_{than}_{told}", value=lambda whole: whole)
+    in_shocks_less = metric(
+        template="{use}_less_{than}_in_shocks_{told}", value=lambda in_shocks: in_shocks
+    )
 
     @table
     def compared(self, answer: Dataset) -> Any:

@@ -48,7 +48,7 @@ class MarginsDesign:
     def on_front(self, share: float, error: float, peak: float) -> list[float]:
         """Error, leakage and noise [m], and sensitivity, of a point; NaN where no filter is."""
         front = self.front(share)
-        basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(SAMPLED, front.omega)
+        basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(front.omega, SAMPLED)
         try:
             one = front.least(basis, error, peak=peak)
         except SolverError:
@@ -59,17 +59,20 @@ class MarginsDesign:
     def _least_factor(self, reached: Reached) -> float:
         """The least factor of the limits, over the filters of full order."""
         front = self.front(reached.share)
-        basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(SAMPLED, front.omega)
-        return front.least_factor(basis, *self.limits(reached))
+        basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(front.omega, SAMPLED)
+        error, leakage, peak = self.limits(reached)
+        return front.least_factor(basis, error, leakage, peak=peak)
 
     def _designed(self, reached: Reached) -> FrontFilter | None:
         """The filter of few states with the least noise within the limits; None where none is."""
-        limits, front = self.limits(reached), self.front(reached.share)
+        front = self.front(reached.share)
+        error, leakage, peak = self.limits(reached)
         basis = LaguerreBasis(front.loop, LAGUERRE_POLE)
         try:
-            point = front.least(basis.response(SAMPLED, front.omega), *limits)
+            functions = basis.response(front.omega, SAMPLED)
+            point = front.least(functions, error, leakage=leakage, peak=peak)
             full, points = basis.filter(point.coefficients), fine_grid(front.loop)
-            few = few_states(front.loop, points, full, self.order, *limits)
+            few = few_states(front.loop, points, full, self.order, error, leakage, peak=peak)
         except SolverError:  # its least leakage is larger
             return None
         return few if few.meets else None

@@ -9,12 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check
 from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultLoop, Reached
 from workbench.diagnosis.estimation.front_filters import estimation, removal_conditions
-from workbench.heavy_types import StateSpace
 from workbench.synthesis import discretised
 from workbench.synthesis.switching.single_loops import MarginsOfPlants, SingleLoops
 from workbench.systems.bilinear import bilinear_continuous
@@ -76,7 +76,7 @@ def filter_checks(
     program, continuous = estimation(loop, *limits_of_estimate), bilinear_continuous(F)
     plants, over_limits = plants_of(reached), limits_of(reached)
     for channel in program.channels:
-        upper = program.certified(continuous, channel).upper
+        upper = program.certified(continuous, channel=channel).upper
         over = f"{plants}, in the band of the requirement"
         words = f"certified supremum of mixed mu{over_limits}"
         found.append(Check(channel.name, words, upper, 1.0, over=over))

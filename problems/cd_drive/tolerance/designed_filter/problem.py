@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.diagnosis import FaultLoop, Reached
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -165,7 +165,7 @@ class DesignedFilter(Study):
     point = dim(ERRORS, unit="1", meaning="relative error allowed")
     quantity = dim("error", "leakage", "noise", "sensitivity")
 
-    @array((peak_allowed, point, quantity), "1", "front; NaN where no filter is")
+    @array(dims=(peak_allowed, point, quantity), unit="1", meaning="front; NaN where no filter is")
     def front(self, reached: Reached, context: Context) -> RealArray:
         every = context.track([(peak, error) for peak in PEAKS for error in ERRORS], "front")
         found = [self.made.on_front(reached.share, error, peak) for peak, error in every]
@@ -178,10 +178,24 @@ class DesignedFilter(Study):
 
     design = part(lambda self: self.made.best())
     reached = part(lambda design: design[0])
-    demand_factor = array((), "1", "limits reached over asked", lambda reached: reached.factor)
-    set_share = array((), "1", "share of the set that is reached", lambda reached: reached.share)
-    allowed = array((), "1", "error reached", lambda self, reached: self.made.limits(reached)[0])
-    leakage_allowed = array((), "m", "", lambda self, reached: self.made.limits(reached)[1])
+    demand_factor = array(
+        dims=(), unit="1", meaning="limits reached over asked", value=lambda reached: reached.factor
+    )
+    set_share = array(
+        dims=(),
+        unit="1",
+        meaning="share of the set that is reached",
+        value=lambda reached: reached.share,
+    )
+    allowed = array(
+        dims=(),
+        unit="1",
+        meaning="error reached",
+        value=lambda self, reached: self.made.limits(reached)[0],
+    )
+    leakage_allowed = array(
+        dims=(), unit="m", meaning="", value=lambda self, reached: self.made.limits(reached)[1]
+    )
     designed = system(called="designed")(lambda design: bilinear_sampled(design[1].F, PERIOD))
 
     def every(self, designed: StateSpace) -> dict[str, StateSpace]:
@@ -204,7 +218,11 @@ class DesignedFilter(Study):
         found = delayed_margins(self.axis, filters, self.delay)
         return {"gain_margin": found.gain_db, "phase_margin": found.phase, "growth": found.growth}
 
-    @array((filter, condition, bound), "1", "certified; infinite where the nominal is unstable")
+    @array(
+        dims=(filter, condition, bound),
+        unit="1",
+        meaning="certified; infinite where the nominal is unstable",
+    )
     def removal(self, filters: dict[str, StateSpace], context: Context) -> list[RealArray]:
         every = context.track(list(filters.values()), "certified loops")
         return [certified(self.loop, F, self.peak) for F in every]
@@ -216,8 +234,12 @@ class DesignedFilter(Study):
         F = np.array([loop_response(one, FREQUENCY) for one in filters.values()])
         return np.asarray((1 - F) * self.loop.open_loop(omega))
 
-    L_real = array((filter, frequency), "1", "", lambda responses: responses.real)
-    L_imag = array((filter, frequency), "1", "", lambda responses: responses.imag)
+    L_real = array(
+        dims=(filter, frequency), unit="1", meaning="", value=lambda responses: responses.real
+    )
+    L_imag = array(
+        dims=(filter, frequency), unit="1", meaning="", value=lambda responses: responses.imag
+    )
 
     # --- experiments --------------------------------------------------------------------------
 
@@ -225,7 +247,7 @@ class DesignedFilter(Study):
     drive = dim(lambda self: self.names)
     draw = dim(lambda self: range(self.draws))
 
-    @array((drive, draw))
+    @array(dims=(drive, draw))
     def seed(self, context: Context, drive: DataArray) -> Any:
         return independent_seeds(context.rng, drive.size, self.draws)
 
@@ -262,7 +284,7 @@ class DesignedFilter(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("excursion {case}", at_most=1.0 - SURE, each="case")
+    @check(title="excursion {case}", at_most=1.0 - SURE, each="case")
     def less(self, excursion: DataArray) -> DataArray:
         """share of draws whose reference cannot be read in which 1.2 mm cost no less with C"""
         one = excursion.sel(length=LENGTHS[0])
@@ -272,9 +294,9 @@ class DesignedFilter(Study):
         return share_of_draws(no_less.where(bad), "case").fillna(0.0)
 
     kept = check(
-        "kept {case}",
-        "draws of 1.2 mm in which focus or track is lost",
-        lambda events: share_of_draws(
+        title="kept {case}",
+        statement="draws of 1.2 mm in which focus or track is lost",
+        value=lambda events: share_of_draws(
             (events > 0).sel(length=LENGTHS[0], case=list(FILTERS[1:])), "case"
         ),
         each="case",
@@ -340,7 +362,9 @@ class DesignedFilter(Study):
 
     loops_ = table(lambda self, answer: {"loops": report.loops(answer, self.peak)})
     experiments = table(
-        lambda self, answer: {"experiments": report.experiments(answer, self.smaller(answer))}
+        function=lambda self, answer: {
+            "experiments": report.experiments(answer, self.smaller(answer))
+        }
     )
     front_ = table(lambda answer: {"front": report.front(answer)})
     figure_8_10 = figure(lambda self, answer: report.figure_8_10(answer, self.axis))

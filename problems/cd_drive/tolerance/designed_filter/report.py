@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.study import claim_of, over_draws, with_interval
-from workbench.tables import markdown
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.heavy_types import DataArray
+from workbench._core.heavy_types import DataArray
+from workbench._core.tables import Rows
 from workbench.study import claim_of, share_of_draws
-from workbench.tables import Rows
 
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES

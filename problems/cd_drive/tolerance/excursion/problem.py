@@ -13,8 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -32,7 +33,6 @@ from workbench.study import (
 )
 from workbench.study.draws import SURE
 from workbench.synthesis import discretised
-from workbench.tables import markdown
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
@@ -131,11 +131,11 @@ class Excursion(Study):
 
     draw = dim(lambda self: range(self.draws))
 
-    @array((angle, length, share, draw))
+    @array(dims=(angle, length, share, draw))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, self.angles, self.lengths, len(SHARES), self.draws)
 
-    @array((angle, length, share, draw, strategy), "m")
+    @array(dims=(angle, length, share, draw, strategy), unit="m")
     def peak(self, context: Context, seed: DataArray) -> Any:
         """Largest true error, defect and 5 ms after"""
         machine()  # threads that meet it at one time would each compile it
@@ -149,7 +149,7 @@ class Excursion(Study):
         found = context.spread(met, list(np.ndindex(seed.shape)), "defects")
         return np.reshape(found, (*seed.shape, len(STRATEGIES))).astype("f4")
 
-    @array((angle, length), "m")
+    @array(dims=(angle, length), unit="m")
     def end(self, angle: DataArray, length: DataArray) -> Any:
         """True error at the defect's end without noise, reference strategy, Red Book's disc"""
         crossing = self.crossing
@@ -178,28 +178,31 @@ class Excursion(Study):
     # --- checks -------------------------------------------------------------------------------
 
     disc = check(
-        "equation 8.1",
-        "difference from the disc [m]",
-        lambda self, standing: disc_difference(self.crossing, standing),
+        title="equation 8.1",
+        statement="difference from the disc [m]",
+        value=lambda self, standing: disc_difference(self.crossing, standing),
         at_most=1e-9,
     )
     worst_case = check(
-        "53.7 um", "relative difference", lambda: abs(_thesis() / 53.7e-6 - 1.0), at_most=1e-3
+        title="53.7 um",
+        statement="relative difference",
+        value=lambda: abs(_thesis() / 53.7e-6 - 1.0),
+        at_most=1e-3,
     )
     flight = check(
-        "lens in flight",
-        "difference from an integration",
-        lambda self, answer: flight_difference(self.crossing, answer),
+        title="lens in flight",
+        statement="difference from an integration",
+        value=lambda self, answer: flight_difference(self.crossing, answer),
         at_most=1e-6,
     )
     order = check(
-        "order",
-        "free over standing lens, worst angle and length",
-        lambda free, standing: float(abs(free).max()) / float(abs(standing).max()),
+        title="order",
+        statement="free over standing lens, worst angle and length",
+        value=lambda free, standing: float(abs(free).max()) / float(abs(standing).max()),
         at_most=0.1,
     )
 
-    @check("reference strategy", at_most=0.3)
+    @check(title="reference strategy", at_most=0.3)
     def reference(self, end: DataArray, driven: DataArray) -> float:
         """its end off the blind controller's, over the worst angle's and the swing"""
         crossing, theory = self.crossing, driven.sel(theta=end["angle"]).drop_vars("theta")
@@ -209,19 +212,19 @@ class Excursion(Study):
         return float((abs(end - theory) / scale).where(linear).max())
 
     replay = check(
-        "replay",
-        "change of a kept peak at half the step",
-        lambda self, answer: half_step_change(self.crossing, answer),
+        title="replay",
+        statement="change of a kept peak at half the step",
+        value=lambda self, answer: half_step_change(self.crossing, answer),
         at_most=0.02,
     )
 
-    @check("harder", at_most=0.05)
+    @check(title="harder", at_most=0.05)
     def reversed(self, peak: DataArray) -> float:
         """share of defects kept though lost at a smaller deviation, reference"""
         kept = self.kept(peak).sel(strategy="reference").transpose(..., "share").values
         return float((kept[..., 1:] & ~kept[..., :-1]).mean())
 
-    @check("{strategy} survives more", at_most=1.0 - SURE, each="strategy")
+    @check(title="{strategy} survives more", at_most=1.0 - SURE, each="strategy")
     def survives_more(self, peak: DataArray) -> DataArray:
         """share of draws in which it survives fewer defects of the map than the reference"""
         kept = self.kept(peak).mean(["angle", "length", "share"])
@@ -236,27 +239,29 @@ class Excursion(Study):
 
     thesis_um = metric(lambda: 1e6 * _thesis())
     theory_um = metric(
-        lambda standing, free, driven: {
+        template=lambda standing, free, driven: {
             f"{one.name}_um": 1e6 * float(abs(one).max()) for one in (standing, free, driven)
         }
     )
     survived = metric(
-        "survived_{strategy}_{summary}",
-        lambda self, peak: over_draws(self.kept(peak).mean(["angle", "length", "share"])),
+        template="survived_{strategy}_{summary}",
+        value=lambda self, peak: over_draws(self.kept(peak).mean(["angle", "length", "share"])),
     )
     survived_red_book = metric(
-        "survived_red_book_{strategy}_{summary}",
-        lambda self, peak: over_draws(self.kept(peak).sel(share=1.0).mean(["angle", "length"])),
+        template="survived_red_book_{strategy}_{summary}",
+        value=lambda self, peak: over_draws(
+            self.kept(peak).sel(share=1.0).mean(["angle", "length"])
+        ),
     )
     in_spec = metric(
-        "in_spec_red_book_{strategy}_{summary}",
-        lambda self, peak: over_draws(
+        template="in_spec_red_book_{strategy}_{summary}",
+        value=lambda self, peak: over_draws(
             (peak.sel(share=1.0) <= ACCEPTABLE_ERROR[self.crossing.axis]).mean(["angle", "length"])
         ),
     )
     worst = metric(
-        "worst_red_book_{strategy}_{summary}_um",
-        lambda peak: over_draws(1e6 * peak.sel(share=1.0).max(["angle", "length"])),
+        template="worst_red_book_{strategy}_{summary}_um",
+        value=lambda peak: over_draws(1e6 * peak.sel(share=1.0).max(["angle", "length"])),
     )
 
     def first_lost(self, peak: DataArray, length: DataArray) -> DataArray:
@@ -264,7 +269,7 @@ class Excursion(Study):
         safe = self.kept(peak).sel(share=1.0).all(["angle", "draw"])
         return 1e3 * length.where(~safe).min("length")
 
-    first_lost_mm = metric("first_lost_{strategy}_mm", first_lost)
+    first_lost_mm = metric("first_lost_{strategy}_mm", value=first_lost)
 
     @table
     def survival(self, peak: DataArray, length: DataArray) -> Any:
@@ -279,10 +284,12 @@ class Excursion(Study):
         first, rows = self.first_lost(peak, length), []
         for name in STRATEGIES:
             own = [
-                with_interval(over_draws(100.0 * one.sel(strategy=name)), "{:.1f}")
+                with_interval(over_draws(100.0 * one.sel(strategy=name)), form="{:.1f}")
                 for one in shares
             ]
-            worst = with_interval(over_draws(1e6 * red_book.max(over).sel(strategy=name)), "{:.2f}")
+            worst = with_interval(
+                over_draws(1e6 * red_book.max(over).sel(strategy=name)), form="{:.2f}"
+            )
             lost = float(first.sel(strategy=name))
             rows.append([titled(name), *own, worst, "none" if np.isnan(lost) else f"{lost:.2f}"])
         heads = ["strategy", "kept, all [%]", "kept, Red Book [%]", "in spec, Red Book [%]"]

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, StateSpace
 from workbench.simulation import Cascade
 
 from ...diagnosis.scratch_draws import ScratchDraw

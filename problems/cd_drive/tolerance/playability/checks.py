@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.heavy_types import Dataset
+from workbench._core.heavy_types import Dataset
 from workbench.systems import modulus_margin
 
 from ...drive.disc import VELOCITY

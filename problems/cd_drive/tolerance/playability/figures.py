@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Dataset, Figure
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.simulation.ensemble_scores import ARM_POWER
 
 from ..strategy_looks import COLOURS, titled

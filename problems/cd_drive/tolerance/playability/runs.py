@@ -12,10 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import Progress, Threads, spread
-from workbench.heavy_types import StateSpace
 from workbench.simulation import Cascade, in_discrete_time
 from workbench.simulation.ensemble_scores import error_scores
 from workbench.simulation.machine import machine
@@ -96,7 +96,7 @@ class Design:
         parts = [
             replace(one, controller=eye) if one.name == "detector" else one for one in made.parts
         ]
-        return Cascade(made.measurements, parts, made.previous)
+        return Cascade(made.measurements, parts, previous=made.previous)
 
 
 @dataclass(frozen=True)
@@ -137,8 +137,10 @@ def met(
     threads run, and all threads share what is compiled.
     """
     machine()  # threads that meet it at one time would each compile it
-    with Threads(workers) as pool:
-        return np.transpose(spread(task, many, pool, progress, what), (2, 1, 0, 3))
+    with Threads(workers=workers) as pool:
+        return np.transpose(
+            spread(task, many, pool, progress=progress, description=what), (2, 1, 0, 3)
+        )
 
 
 def played(

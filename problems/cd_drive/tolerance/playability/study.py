@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     CONFIDENCE,
@@ -116,7 +116,7 @@ class Playability(Study):
     end = dim("low", "high")
     measure = dim("balloon", "out")
 
-    seed = array((), value=lambda context: int(context.rng.integers(2**31)))
+    seed = array(dims=(), value=lambda context: int(context.rng.integers(2**31)))
     held_out = part(lambda self, seed: [self.drawn(axis, "held-out", int(seed)) for axis in AXES])
 
     # --- the search for a tuned strategy ------------------------------------------------------
@@ -125,21 +125,23 @@ class Playability(Study):
         lambda self, seed, context: [self.search(axis, int(seed), context) for axis in AXES]
     )
     best = array(
-        (axis, parameter),
+        dims=(axis, parameter),
         value=lambda searches: [[getattr(one[0], name) for name in PARAMETERS] for one in searches],
     )
-    tried = array((axis, "trial", parameter), value=lambda searches: [one[1] for one in searches])
+    tried = array(
+        dims=(axis, "trial", parameter), value=lambda searches: [one[1] for one in searches]
+    )
     cost = array(
-        (axis, "trial"),
-        "",
-        "size of the balloon on training discs",
-        lambda searches: [one[2] for one in searches],
+        dims=(axis, "trial"),
+        unit="",
+        meaning="size of the balloon on training discs",
+        value=lambda searches: [one[2] for one in searches],
     )
     peak = array(
-        axis,
-        "",
-        "largest |S| of the twelve drives with the tuned gain",
-        lambda searches: [
+        dims=axis,
+        unit="",
+        meaning="largest |S| of the twelve drives with the tuned gain",
+        value=lambda searches: [
             peak_sensitivity(axis, sampled_controller(axis, one[0].gain_db))
             for axis, one in zip(AXES, searches, strict=True)
         ],
@@ -160,7 +162,7 @@ class Playability(Study):
     def scores(self, runs: Any) -> dict[str, Any]:
         return {name: runs[..., n].astype(np.float32) for n, name in enumerate(SCORES)}
 
-    @array((axis, "sample"), "m", "true error of the last scenario")
+    @array(dims=(axis, "sample"), unit="m", meaning="true error of the last scenario")
     def trace(self, held_out: list[list[Circumstance]]) -> Any:
         name, drive = self.strategies[0], self.drives[0]
         designs = [self.design(axis, name) for axis in AXES]
@@ -183,18 +185,21 @@ class Playability(Study):
     def samples(self, runs: Any, grouped: Any, weight: Any) -> Any:
         """Means of the groups (axes, strategies, GROUPS), and their bootstrap samples."""
         out = runs[..., 0].mean(axis=2)
-        return [group_means(out, grouped, each) for each in (None, weight)]
+        return [group_means(out, grouped, weight=each) for each in (None, weight)]
 
-    arm = array((axis, strategy, known), value=lambda samples, present: samples[0][..., present])
+    arm = array(
+        dims=(axis, strategy, known), value=lambda samples, present: samples[0][..., present]
+    )
     arm_interval = array(
-        (end, axis, strategy, known),
+        dims=(end, axis, strategy, known),
         value=lambda samples, present: percentile_interval(np.moveaxis(samples[1], 2, -1))[
             ..., present
         ],
     )
-    balloon = array((axis, strategy), value=lambda samples: balloon_size(samples[0]))
+    balloon = array(dims=(axis, strategy), value=lambda samples: balloon_size(samples[0]))
     balloon_interval = array(
-        (end, axis, strategy), value=lambda samples: percentile_interval(balloon_size(samples[1]))
+        dims=(end, axis, strategy),
+        value=lambda samples: percentile_interval(balloon_size(samples[1])),
     )
 
     @part
@@ -203,32 +208,32 @@ class Playability(Study):
         fresh = [self.drives.index(name) for name in self.split[1]]
         pair = [self.strategies.index(self.tuned), -1]
         unseen = runs[..., 0][:, pair][:, :, fresh].mean(axis=2)
-        means = [group_means(unseen, grouped, each) for each in (None, weight)]
+        means = [group_means(unseen, grouped, weight=each) for each in (None, weight)]
         sizes = [balloon_size(each[:, 1]) - balloon_size(each[:, 0]) for each in means]
         less = unseen[:, 1] - unseen[:, 0]
         shares = less.mean(axis=-1), np.einsum("ac,wc->aw", less, weight) / len(grouped)
         return list(zip(sizes, shares, strict=True))
 
     gained = array(
-        (axis, measure),
-        "",
-        "tuned less untuned, on discs and drives it was not tuned on",
-        lambda gains: np.transpose(gains[0]),
+        dims=(axis, measure),
+        unit="",
+        meaning="tuned less untuned, on discs and drives it was not tuned on",
+        value=lambda gains: np.transpose(gains[0]),
     )
     gained_interval = array(
-        (end, axis, measure),
+        dims=(end, axis, measure),
         value=lambda gains: np.stack([percentile_interval(each) for each in gains[1]], axis=-1),
     )
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("stored traces", at_most=1e-6)
+    @check(title="stored traces", at_most=1e-6)
     def traces(self, answer: Dataset) -> float:
         """score off what the trace says"""
         first = answer.isel(strategy=0, drive=0, circumstance=-1)
         return max(trace_difference(axis, first.sel(axis=axis)) for axis in AXES)
 
-    @check("replay", at_most=0.02)
+    @check(title="replay", at_most=0.02)
     def replayed(self, answer: Dataset) -> float:
         """relative change of the rms error at half the step"""
         first, off = answer.isel(drive=0, circumstance=0), []
@@ -239,7 +244,7 @@ class Playability(Study):
                 off.append(half_step_change(one, design, self.duration, own))
         return max(off)
 
-    @check("arms", at_most=1e-6)
+    @check(title="arms", at_most=1e-6)
     def arms(self, out: DataArray, arm: DataArray) -> float:
         """off the mean of the stored runs"""
         off = 0.0
@@ -250,13 +255,13 @@ class Playability(Study):
         return off
 
     bursts = check(
-        "bursts",
-        "longest burst of a run never out of spec [m]",
-        lambda burst, out: burst.where(out == 0.0, 0.0).max(),
+        title="bursts",
+        statement="longest burst of a run never out of spec [m]",
+        value=lambda burst, out: burst.where(out == 0.0, 0.0).max(),
         at_most=0.0,
     )
 
-    @check("intervals", at_most=0.05)
+    @check(title="intervals", at_most=0.05)
     def intervals(self, balloon: DataArray, balloon_interval: DataArray) -> float:
         """size of a balloon outside its interval"""
         low, high = (balloon_interval.sel(end=end) for end in ("low", "high"))
@@ -264,19 +269,21 @@ class Playability(Study):
         return float(outside.max())
 
     training_cost = check(
-        "training",
-        "cost of the tuned less that of the untuned",
-        lambda cost: (cost.min("trial") - cost.isel(trial=0)).max(),
+        title="training",
+        statement="cost of the tuned less that of the untuned",
+        value=lambda cost: (cost.min("trial") - cost.isel(trial=0)).max(),
         at_most=0.0,
     )
     margin = check(
-        "margin",
-        "largest |S| of a continuous loop, tuned",
-        lambda best: max(continuous_peak(axis, float(best.sel(axis=axis)[0])) for axis in AXES),
+        title="margin",
+        statement="largest |S| of a continuous loop, tuned",
+        value=lambda best: max(
+            continuous_peak(axis, float(best.sel(axis=axis)[0])) for axis in AXES
+        ),
         at_most=1.05 * LARGEST_SENSITIVITY,
     )
 
-    @check("bounds", at_most=0.0)
+    @check(title="bounds", at_most=0.0)
     def bounds(self, best: DataArray) -> float:
         """parameters outside of theirs"""
         least, most = np.transpose([BOUNDS[name] for name in PARAMETERS])
@@ -285,24 +292,27 @@ class Playability(Study):
     # --- what is told -------------------------------------------------------------------------
 
     in_spec = metric(
-        "in_spec_{axis}_{strategy}",
-        lambda out: 1.0 - out.mean(["drive", "circumstance"]).astype(float),
+        template="in_spec_{axis}_{strategy}",
+        value=lambda out: 1.0 - out.mean(["drive", "circumstance"]).astype(float),
     )
     lost = metric(
-        "lost_{axis}_{strategy}", lambda losses: (losses > 0).mean(["drive", "circumstance"])
+        template="lost_{axis}_{strategy}",
+        value=lambda losses: (losses > 0).mean(["drive", "circumstance"]),
     )
     unrepaired = metric(
-        "unrepaired_{axis}_{strategy}",
-        lambda burst: (burst > REPAIRED).mean(["drive", "circumstance"]),
+        template="unrepaired_{axis}_{strategy}",
+        value=lambda burst: (burst > REPAIRED).mean(["drive", "circumstance"]),
     )
     burst_mm = metric(
-        "burst_{axis}_{strategy}_mm",
-        lambda burst: 1e3 * burst.median(["drive", "circumstance"]).astype(float),
+        template="burst_{axis}_{strategy}_mm",
+        value=lambda burst: 1e3 * burst.median(["drive", "circumstance"]).astype(float),
     )
-    balloons = metric("balloon_{axis}_{strategy}", lambda balloon: balloon)
-    tuned_peak = metric("tuned_{axis}_peak_sensitivity", lambda peak: peak)
-    tuned_gain = metric("tuned_{axis}_{measure}", lambda gained: gained)
-    tuned_interval = metric("tuned_{axis}_{measure}_{end}", lambda gained_interval: gained_interval)
+    balloons = metric("balloon_{axis}_{strategy}", value=lambda balloon: balloon)
+    tuned_peak = metric("tuned_{axis}_peak_sensitivity", value=lambda peak: peak)
+    tuned_gain = metric("tuned_{axis}_{measure}", value=lambda gained: gained)
+    tuned_interval = metric(
+        template="tuned_{axis}_{measure}_{end}", value=lambda gained_interval: gained_interval
+    )
 
     @table
     def score_table(self, answer: Dataset) -> Any:

@@ -22,10 +22,10 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import brentq
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import KalmanEstimator, Rotation
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.simulation import Cascade, Part, in_discrete_time, linear
 from workbench.systems.margins import loop_response
 from workbench.systems.realisation import realisation
@@ -124,8 +124,10 @@ class StateFeedback:
             MEASUREMENTS,
             [
                 *strategies.detector,
-                Part("estimator", estimator.controller, ["f_en", "u_last", "w_Q"], told),
-                Part("u", linear(law, PERIOD, range(n + 2)), [*states, "u_last", "u_p"]),
+                Part("estimator", estimator.controller, ["f_en", "u_last", "w_Q"], tells=told),
+                Part(
+                    "u", linear(law, PERIOD, measurements=range(n + 2)), [*states, "u_last", "u_p"]
+                ),
             ],
         )
 

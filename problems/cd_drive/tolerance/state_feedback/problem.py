@@ -14,9 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import in_discrete_time
 from workbench.simulation.machine import machine
 from workbench.study import (
@@ -37,7 +38,6 @@ from workbench.study import (
 )
 from workbench.study.draws import SURE
 from workbench.systems import loop_response
-from workbench.tables import markdown
 
 from ...diagnosis.defect_runs import ROTATION
 from ...diagnosis.scratch_draws import ScratchDraw
@@ -144,8 +144,13 @@ class StateFeedbackStudy(Study):
         """Crossover [Hz] of the reference loop, nominal drive."""
         return crossover(loop(Laboratory(self.axis, "nominal"), self.reference))
 
-    weight = array((), "um^2/V^2", "of the command", lambda law: law.weight)
-    gain = array("state", "V per state", "plant's states, command", lambda law: law.gain)
+    weight = array(dims=(), unit="um^2/V^2", meaning="of the command", value=lambda law: law.weight)
+    gain = array(
+        dims="state",
+        unit="V per state",
+        meaning="plant's states, command",
+        value=lambda law: law.gain,
+    )
 
     def controllers(self, law: StateFeedback) -> dict[str, StateSpace]:
         """f_en -> u by LOOPS."""
@@ -174,12 +179,16 @@ class StateFeedbackStudy(Study):
     def nominal(self, loops: list[list[StateSpace]]) -> Any:
         return np.array([loop_response(row[0], FREQUENCY) for row in loops])
 
-    L_real = array((loop_of, frequency), "1", "", lambda nominal: nominal.real)
-    L_imag = array((loop_of, frequency), "1", "", lambda nominal: nominal.imag)
+    L_real = array(
+        dims=(loop_of, frequency), unit="1", meaning="", value=lambda nominal: nominal.real
+    )
+    L_imag = array(
+        dims=(loop_of, frequency), unit="1", meaning="", value=lambda nominal: nominal.imag
+    )
 
     # --- experiments --------------------------------------------------------------------------
 
-    @array((drive, draw))
+    @array(dims=(drive, draw))
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, len(self.names), self.draws)
 
@@ -229,30 +238,30 @@ class StateFeedbackStudy(Study):
     # --- checks -------------------------------------------------------------------------------
 
     stable = check(
-        "stable {loop_of}",
-        "rate of the slowest motion of a drive [1/s]",
-        lambda growth: growth.max("drive"),
+        title="stable {loop_of}",
+        statement="rate of the slowest motion of a drive [1/s]",
+        value=lambda growth: growth.max("drive"),
         each="loop_of",
         at_most=0.0,
     )
 
-    @check("gain", at_most=RICCATI_RESIDUAL)
+    @check(title="gain", at_most=RICCATI_RESIDUAL)
     def optimal(self, answer: Dataset) -> float:
         """relative difference of the gain from that of its own closed loop's cost"""
         law = StateFeedback(self.axis, ROTATION, float(answer["weight"]))
         off = abs((law.gain - answer["gain"].values) * law.scale).max()
         return max(law.residual, float(off / abs(law.gain * law.scale).max()))
 
-    @check("bandwidth", at_most=SAME_CROSSOVER)
+    @check(title="bandwidth", at_most=SAME_CROSSOVER)
     def same(self, answer: Dataset) -> float:
         """relative difference of the crossover with known states from the reference loop's"""
         law = StateFeedback(self.axis, ROTATION, float(answer["weight"]))
         return abs(crossover(law.target) / self.reference_crossover - 1.0)
 
     kept = check(
-        "kept",
-        "draws of 1.2 mm in which B loses focus or track",
-        lambda events: share_of_draws((events > 0).sel(length=LENGTHS[0], case="B")),
+        title="kept",
+        statement="draws of 1.2 mm in which B loses focus or track",
+        value=lambda events: share_of_draws((events > 0).sel(length=LENGTHS[0], case="B")),
         at_most=1.0 - SURE,
     )
 

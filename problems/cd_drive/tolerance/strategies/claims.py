@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
-from workbench.heavy_types import DataArray, Dataset
+from workbench._core.heavy_types import DataArray, Dataset
+from workbench._core.tables import markdown
 from workbench.study import claim_of, over_draws, with_interval
-from workbench.tables import markdown
 
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES

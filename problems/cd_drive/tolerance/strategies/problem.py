@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
+from workbench._core.heavy_types import DataArray, StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, StateSpace
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -158,7 +158,7 @@ class StrategiesStudy(Study):
         return [self.experiment.outcome(record, scratch.angle) for record in records]
 
     seed = array(
-        (drive, draw),
+        dims=(drive, draw),
         value=lambda self, context: independent_seeds(context.rng, len(self.names), self.draws),
     )
     scratches = part(
@@ -219,19 +219,24 @@ class StrategiesStudy(Study):
         return [self.experiment.outcome(one, printed.angle).excursion for one in records]
 
     excursion_shown = array(
-        strategy,
-        "m",
-        "of the record shown",
-        lambda self, nominal, printed: self.excursions(nominal, printed),
+        dims=strategy,
+        unit="m",
+        meaning="of the record shown",
+        value=lambda self, nominal, printed: self.excursions(nominal, printed),
     )
     excursion_half_step = array(
-        strategy, "m", "", lambda self, finer, printed: self.excursions(finer, printed)
+        dims=strategy,
+        unit="m",
+        meaning="",
+        value=lambda self, finer, printed: self.excursions(finer, printed),
     )
     half_step = array(
-        strategy,
-        "m",
-        "largest difference of the lens position",
-        lambda finer, nominal: [abs(a.x - b.x).max() for a, b in zip(finer, nominal, strict=True)],
+        dims=strategy,
+        unit="m",
+        meaning="largest difference of the lens position",
+        value=lambda finer, nominal: [
+            abs(a.x - b.x).max() for a, b in zip(finer, nominal, strict=True)
+        ],
     )
 
     def on_drives(self, level: Any) -> list[float]:
@@ -240,21 +245,25 @@ class StrategiesStudy(Study):
         believed = Strategies(axis, 1.0, ROTATION)
         return [level(believed, Laboratory(axis, name, values)) for name in self.names]
 
-    repetitive_level = array(drive, "", "", lambda self: self.on_drives(repetitive_level))
-    estimated_decay = array(drive, "1/s", "", lambda self: self.on_drives(estimated_decay))
+    repetitive_level = array(
+        dims=drive, unit="", meaning="", value=lambda self: self.on_drives(repetitive_level)
+    )
+    estimated_decay = array(
+        dims=drive, unit="1/s", meaning="", value=lambda self: self.on_drives(estimated_decay)
+    )
 
     # --- signals of the nominal drive ---------------------------------------------------------
 
     envelopes = part(lambda nominal: [[envelope(_signals(r)[s]) for s in WIDE] for r in nominal])
     time = dim(lambda envelopes: envelopes[0][0][1], unit="s")
     whole = array(
-        (strategy, wide_signal, side, time),
+        dims=(strategy, wide_signal, side, time),
         value=lambda envelopes: [[one for one, _ in run] for run in envelopes],
     )
 
     zoomed = dim(lambda self: self.experiment.window_times, unit="ms")
 
-    @array((strategy, stage, signal, zoomed), meaning="u [V], f_en [1], error [m], w_Q [1]")
+    @array(dims=(strategy, stage, signal, zoomed), meaning="u [V], f_en [1], error [m], w_Q [1]")
     def zoom(self, nominal: list[Record]) -> Any:
         """Signals about a scratch before and after the strategy is engaged."""
         windows, runs = self.experiment.windows().values(), map(_signals, nominal)
@@ -270,20 +279,20 @@ class StrategiesStudy(Study):
     other = dim(STRATEGIES)
     level = dim(LEVELS, meaning="share of the reference strategy's excursion")
 
-    @array((strategy, level), "1")
+    @array(dims=(strategy, level), unit="1")
     def reduced(self, excursion: DataArray, level: DataArray) -> DataArray:
         """Share of the draws, the reference strategy's error being bad, with a smaller excursion"""
         bad = excursion.sel(strategy="reference") > ACCEPTABLE_ERROR[self.experiment.axis]
         holds = (over_reference(excursion) <= level).where(bad)
         return share_of_draws(holds, "strategy", "level")
 
-    @array((strategy, other), "1")
+    @array(dims=(strategy, other), unit="1")
     def smaller(self, excursion: DataArray) -> DataArray:
         """Share of the draws in which a strategy's excursion is below the other one's"""
         below = excursion < excursion.rename(strategy="other")
         return share_of_draws(below, "strategy", "other")
 
-    @array(strategy, "1")
+    @array(dims=strategy, unit="1")
     def readable(self, excursion: DataArray) -> DataArray:
         """Share of the draws with an excursion that can be read"""
         return share_of_draws(excursion <= ACCEPTABLE_ERROR[self.experiment.axis], "strategy")
@@ -291,60 +300,64 @@ class StrategiesStudy(Study):
     # --- checks -------------------------------------------------------------------------------
 
     less = check(
-        "excursion {strategy}",
-        "draws with a larger share of the reference strategy's excursion than claimed",
-        lambda reduced: unmet(reduced),
+        title="excursion {strategy}",
+        statement="draws with a larger share of the reference strategy's excursion than claimed",
+        value=lambda reduced: unmet(reduced),
         each="strategy",
         at_most=1.0 - SURE,
     )
     spared = check(
-        "readable {strategy}",
-        "draws with an excursion that cannot be read",
-        lambda readable: 1.0 - readable.sel(strategy=["A", "B"]),
+        title="readable {strategy}",
+        statement="draws with an excursion that cannot be read",
+        value=lambda readable: 1.0 - readable.sel(strategy=["A", "B"]),
         each="strategy",
         at_most=1.0 - SURE,
     )
     suppressed = check(
-        "periodic {strategy}",
-        f"draws with a periodic error above {PERIODIC_SHARE:g} of the reference strategy's",
-        lambda periodic: share_of_draws(
+        title="periodic {strategy}",
+        statement=f"draws with a periodic error above {PERIODIC_SHARE:g} of the reference "
+        "strategy's",
+        value=lambda periodic: share_of_draws(
             over_reference(periodic).sel(strategy=["A", "B"]) > PERIODIC_SHARE, "strategy"
         ),
         each="strategy",
         at_most=1.0 - SURE,
     )
     equal = check(
-        "periodic C",
-        f"draws with a periodic error off the reference strategy's by {PERIODIC_DIFFERENCE:.0%}",
-        lambda periodic: share_of_draws(
+        title="periodic C",
+        statement="draws with a periodic error off the reference strategy's by "
+        f"{PERIODIC_DIFFERENCE:.0%}",
+        value=lambda periodic: share_of_draws(
             abs(over_reference(periodic).sel(strategy="C") - 1.0) > PERIODIC_DIFFERENCE
         ),
         at_most=1.0 - SURE,
     )
     kept = check(
-        "kept",
-        "times that focus or track was lost or regained once a strategy had settled, all draws",
-        lambda events: events.sel(strategy=["reference", *CLAIMED]).sum(),
+        title="kept",
+        statement="times that focus or track was lost or regained once a strategy had settled, "
+        "all draws",
+        value=lambda events: events.sel(strategy=["reference", *CLAIMED]).sum(),
         at_most=0.0,
     )
     repetitive_loop = check(
-        "repetitive loop",
-        "largest |Q (1 - g T)| of strategy A, 1 is the limit of the small gain theorem",
-        lambda repetitive_level: repetitive_level,
+        title="repetitive loop",
+        statement="largest |Q (1 - g T)| of strategy A, 1 is the limit of the small gain theorem",
+        value=lambda repetitive_level: repetitive_level,
         at_most=1.0 - 1e-6,
         where="at {drive}",
     )
     estimated_loop = check(
-        "estimated loop",
-        "growth of the slowest mode of strategy B [1/s]",
-        lambda estimated_decay: -estimated_decay,
+        title="estimated loop",
+        statement="growth of the slowest mode of strategy B [1/s]",
+        value=lambda estimated_decay: -estimated_decay,
         at_most=0.0,
         where="at {drive}",
     )
     replayed = check(
-        "half the step",
-        "largest relative change of an excursion when the optics are followed twice as finely",
-        lambda excursion_half_step, excursion_shown: abs(
+        title="half the step",
+        statement="largest relative change of an excursion when the optics are followed twice as "
+        "finely",
+        value=lambda excursion_half_step, excursion_shown: abs(
             excursion_half_step / excursion_shown - 1.0
         ),
         at_most=HALF_STEP_CHANGE,
@@ -354,32 +367,39 @@ class StrategiesStudy(Study):
     # --- what is told -------------------------------------------------------------------------
 
     excursions_of_nominal = metric(
-        "excursion_{strategy}_{summary}",
-        lambda excursion: over_draws(excursion.sel(drive="nominal")),
+        template="excursion_{strategy}_{summary}",
+        value=lambda excursion: over_draws(excursion.sel(drive="nominal")),
     )
     excursions_of_drives = metric(
-        "excursion_{strategy}_drives_{summary}", lambda excursion: over_draws(excursion, "drive")
+        template="excursion_{strategy}_drives_{summary}",
+        value=lambda excursion: over_draws(excursion, "drive"),
     )
     periodics_of_nominal = metric(
-        "periodic_{strategy}_{summary}", lambda periodic: over_draws(periodic.sel(drive="nominal"))
+        template="periodic_{strategy}_{summary}",
+        value=lambda periodic: over_draws(periodic.sel(drive="nominal")),
     )
     without_noise = metric(
-        "excursion_{strategy}_without_noise", lambda quiet_excursion: quiet_excursion
+        template="excursion_{strategy}_without_noise", value=lambda quiet_excursion: quiet_excursion
     )
-    readable_share = metric("readable_{strategy}", lambda readable: readable)
+    readable_share = metric("readable_{strategy}", value=lambda readable: readable)
     A_below_B = metric(lambda smaller: smaller.sel(strategy="A", other="B"))
     all_events = metric(
-        "draws_lost_{strategy}", lambda events: share_of_draws(events > 0, "strategy")
+        template="draws_lost_{strategy}",
+        value=lambda events: share_of_draws(events > 0, "strategy"),
     )
     lost_early = metric(
-        "draws_lost_early_{strategy}",
-        lambda early_events: share_of_draws(early_events > 0, "strategy"),
+        template="draws_lost_early_{strategy}",
+        value=lambda early_events: share_of_draws(early_events > 0, "strategy"),
     )
-    worst_level = metric("repetitive_level", lambda repetitive_level: repetitive_level.max())
+    worst_level = metric(
+        template="repetitive_level", value=lambda repetitive_level: repetitive_level.max()
+    )
     estimated_decay_per_s = metric(lambda estimated_decay: estimated_decay.min())
     half_step_m = metric(lambda half_step: half_step.max())
 
-    errors = table(lambda self, excursion, periodic: error_tables(excursion, periodic, self.draws))
+    errors = table(
+        function=lambda self, excursion, periodic: error_tables(excursion, periodic, self.draws)
+    )
     claims = table(lambda answer: claims_table(answer))
 
     @figure

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.synthesis import ControllerMode, SampledPlant, SwitchedBox
 from workbench.synthesis.switching.loops import transition
@@ -64,7 +64,7 @@ def parametric_box(
         clean, defect = (transition(_late(axis, held), mode) for mode in modes)
         return clean, defect
 
-    return SwitchedBox((low, high), plant, loops, PERIOD, FIRST_CELLS, HALVED, DWELLS)
+    return SwitchedBox((low, high), plant, loops, PERIOD, FIRST_CELLS, halved=HALVED, dwells=DWELLS)
 
 
 def _continuous(axis: Axis, parameters: RealArray) -> RealArray:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from workbench import Check
-from workbench.arrays import RealArray
-from workbench.heavy_types import Dataset
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.synthesis import SwitchedLoop, closed_transition, discretised
 from workbench.synthesis.switching.boxes import LARGEST_RATIO
 
@@ -58,7 +58,7 @@ def _loops(drives: SwitchedDrives) -> Check:
         off = float(abs(expected - found).max())
         worst, where = max((worst, where), (off, f"of {name}"))
     statement = "largest distance of a switched loop's poles from those of the loop in eq. 3.18"
-    return Check("loops", statement, worst, POLE_TOLERANCE, where)
+    return Check("loops", statement, worst, POLE_TOLERANCE, where=where)
 
 
 def _sorted(poles: Any) -> Any:
@@ -82,7 +82,7 @@ def _functions(drives: SwitchedDrives, answer: Dataset, strategy: str) -> Check:
             worst, where = max((worst, where), (value, name))
     statement = "largest V at the next entry, or after a sample of the clean mode, over V before"
     over = "for every stay that is allowed, for these 12 drives"
-    return Check(f"functions, {strategy}", statement, worst, LARGEST_RATIO, where, over=over)
+    return Check(f"functions, {strategy}", statement, worst, LARGEST_RATIO, where=where, over=over)
 
 
 def _worst(loop: SwitchedLoop, P: RealArray, dwell: int, longest: int) -> float:
@@ -142,7 +142,7 @@ def _replayed(drives: SwitchedDrives, answer: Dataset) -> Check:
         again = _played(drives, loop, case, samples, distance)
         off, where = max((off, where), (abs(again / told - 1), f"of {strategy}"))
     statement = "largest error of defects played sample by sample over the stored one, less 1"
-    return Check("replay", statement, off, 0.005, where)
+    return Check("replay", statement, off, 0.005, where=where)
 
 
 def _played(
@@ -191,7 +191,7 @@ def _between(drives: SwitchedDrives, answer: Dataset) -> Check:
     statement = (
         f"largest error of one defect at {MORE_FREQUENCIES} frequencies over that stored, CD1"
     )
-    return Check("frequencies", statement, worst, 1.0 + FREQUENCY_TOLERANCE, where)
+    return Check("frequencies", statement, worst, 1.0 + FREQUENCY_TOLERANCE, where=where)
 
 
 def _cells(drives: SwitchedDrives, answer: Dataset) -> Check:
@@ -227,7 +227,7 @@ def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
         worst, where = max((worst, where), (value, f"at g, k1, k2 = {point.round(4).tolist()}"))
     statement = "largest V of random plants a sample or a defect and a dwell later over V before"
     over = "for random plants of the set"
-    return Check("plants of the set", statement, worst, LARGEST_RATIO, where, over=over)
+    return Check("plants of the set", statement, worst, LARGEST_RATIO, where=where, over=over)
 
 
 def _cycle(A_c: RealArray, A_o: RealArray, P: RealArray, dwell: int) -> float:

@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.synthesis import discretised
 from workbench.synthesis.switching.single_loops import SingleLoops
 from workbench.systems import loop_response
@@ -58,5 +58,7 @@ class LoopsAlone:
 
     def robust(self, context: Context) -> RealArray:
         """Certified mu of robust stability, see `SingleLoops.robust`."""
-        uncertain = TradeOff(self.axis, self.length).uncertain.channel(CHANNELS[:1], "w")
+        uncertain = TradeOff(self.axis, self.length).uncertain.channel(
+            performance=CHANNELS[:1], exogenous="w"
+        )
         return self.loops.robust(uncertain, context)

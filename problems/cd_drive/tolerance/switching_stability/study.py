@@ -12,10 +12,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from workbench import Check, solve
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import Study, array, arrays, dim, part, system
 from workbench.synthesis import SwitchedStability, proven_share
 from workbench.synthesis.switching.single_loops import SAMPLINGS
@@ -67,13 +67,18 @@ def _each_drive(strategy: str) -> Any:
     state = f"state_{strategy}"
     meaning = f"functions of {strategy}, V = x' P x at each mode's entry"
     over = ("drive", "mode", state, f"{state}_")
-    return array(over, "", meaning, lambda proofs: np.stack([one.P for one in proofs[strategy]]))
+    return array(
+        dims=over,
+        unit="",
+        meaning=meaning,
+        value=lambda proofs: np.stack([one.P for one in proofs[strategy]]),
+    )
 
 
 def _all_drives(strategy: str) -> Any:
     """Declare the functions of a strategy that hold for all drives at once."""
     over = ("mode", f"state_{strategy}", f"state_{strategy}_")
-    return array(over, value=lambda together: together[strategy].P if together else None)
+    return array(dims=over, value=lambda together: together[strategy].P if together else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,13 +132,17 @@ class SwitchingStability(SwitchedDrives, Study):
         }
 
     nominal = part(lambda self: self.alone.nominal(FREQUENCY))
-    L_real = array((controller, frequency), "1", "", lambda nominal: nominal.real)
-    L_imag = array((controller, frequency), "1", "", lambda nominal: nominal.imag)
+    L_real = array(
+        dims=(controller, frequency), unit="1", meaning="", value=lambda nominal: nominal.real
+    )
+    L_imag = array(
+        dims=(controller, frequency), unit="1", meaning="", value=lambda nominal: nominal.imag
+    )
     mu = array(
-        (controller, late, limit),
-        "1",
-        "mixed mu of robust stability, parametric set",
-        lambda self, context: self.alone.robust(context),
+        dims=(controller, late, limit),
+        unit="1",
+        meaning="mixed mu of robust stability, parametric set",
+        value=lambda self, context: self.alone.robust(context),
     )
 
     # --- dwell times --------------------------------------------------------------------------
@@ -159,22 +168,22 @@ class SwitchingStability(SwitchedDrives, Study):
         return {name: _proof(self.program(switched[name])) for name in tracked}
 
     dwell = array(
-        (strategy, drive),
-        "1",
-        "proven distance between defects, in samples",
-        lambda proofs: [[one.dwell for one in each] for each in proofs.values()],
+        dims=(strategy, drive),
+        unit="1",
+        meaning="proven distance between defects, in samples",
+        value=lambda proofs: [[one.dwell for one in each] for each in proofs.values()],
     )
     unstable = array(
-        (strategy, drive),
-        "1",
-        "longest distance that a periodic switching makes unstable, of every pair of stays",
-        lambda proofs: [[one.unstable for one in each] for each in proofs.values()],
+        dims=(strategy, drive),
+        unit="1",
+        meaning="longest distance that a periodic switching makes unstable, of every pair of stays",
+        value=lambda proofs: [[one.unstable for one in each] for each in proofs.values()],
     )
     dwell_common = array(
-        strategy,
-        "1",
-        "proven distance, one set of functions for all drives",
-        lambda together: [one.dwell for one in together.values()] or None,
+        dims=strategy,
+        unit="1",
+        meaning="proven distance, one set of functions for all drives",
+        value=lambda together: [one.dwell for one in together.values()] or None,
     )
     P_open, P_filter, P_lower = map(_each_drive, STRATEGIES)
     P_common_open, P_common_filter, P_common_lower = map(_all_drives, STRATEGIES)
@@ -183,19 +192,32 @@ class SwitchingStability(SwitchedDrives, Study):
 
     boxes = part(lambda self, context: proven_share(self.box, MULTIPLES[self.axis], context))
     box_share = dim(lambda boxes: boxes.multiples, unit="1", meaning="multiple of the set")
-    box_volume = array(box_share, "1", "proven volume", lambda boxes: boxes.volumes)
-    box_of_cells = array((), "1", "multiple that the cells fill", lambda boxes: boxes.multiple)
-    cell_low = array(("cell", "parameter"), "", LABEL, lambda boxes: boxes.low)
-    cell_high = array(("cell", "parameter"), "", LABEL, lambda boxes: boxes.high)
-    cell_P = array(("cell", mode, "state_box", "state_box_"), value=lambda boxes: boxes.P)
-    cell_dwell = array("cell", "", "proven distance, in samples", lambda boxes: boxes.dwell)
+    box_volume = array(
+        dims=box_share, unit="1", meaning="proven volume", value=lambda boxes: boxes.volumes
+    )
+    box_of_cells = array(
+        dims=(),
+        unit="1",
+        meaning="multiple that the cells fill",
+        value=lambda boxes: boxes.multiple,
+    )
+    cell_low = array(
+        dims=("cell", "parameter"), unit="", meaning=LABEL, value=lambda boxes: boxes.low
+    )
+    cell_high = array(
+        dims=("cell", "parameter"), unit="", meaning=LABEL, value=lambda boxes: boxes.high
+    )
+    cell_P = array(dims=("cell", mode, "state_box", "state_box_"), value=lambda boxes: boxes.P)
+    cell_dwell = array(
+        dims="cell", unit="", meaning="proven distance, in samples", value=lambda boxes: boxes.dwell
+    )
 
     # --- true errors --------------------------------------------------------------------------
 
     @array(
-        (strategy, case, length, distance),
-        "um",
-        "true error proven at the stored frequencies, all drives",
+        dims=(strategy, case, length, distance),
+        unit="um",
+        meaning="true error proven at the stored frequencies, all drives",
     )
     def bound(self, switched: Any, proofs: Any, context: Context) -> RealArray:
         found = np.zeros((len(STRATEGIES), len(CASES), self.longest, len(DISTANCES)))
@@ -207,9 +229,9 @@ class SwitchingStability(SwitchedDrives, Study):
         return found
 
     @array(
-        (strategy, case, drive, played, spaced),
-        "um",
-        "largest true error of six equal defects, worst phase",
+        dims=(strategy, case, drive, played, spaced),
+        unit="um",
+        meaning="largest true error of six equal defects, worst phase",
     )
     def simulated(
         self, switched: Any, played: DataArray, spaced: DataArray, context: Context
@@ -229,7 +251,11 @@ class SwitchingStability(SwitchedDrives, Study):
         errors = [[self.deviations(loop, case).steady_error for loop in loops] for case in CASES]
         return {"alone": [[abs(one).max() for one in each] for each in errors]}
 
-    @array((size, strategy, drive, tested), "um", "largest true error in the virtual laboratory")
+    @array(
+        dims=(size, strategy, drive, tested),
+        unit="um",
+        meaning="largest true error in the virtual laboratory",
+    )
     def laboratory(self, drive: DataArray, tested: DataArray, context: Context) -> RealArray:
         """Errors at the fastest rotation.
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.synthesis import (
     Deviations,
     Mode,
@@ -107,7 +107,10 @@ class SwitchedDrives:
             np.stack([getattr(loop, mode)[0] for loop in loops]) for mode in ("clean", "defect")
         )
         return SwitchedStability(
-            (Mode("clean", clean, None), Mode("defect", defect, 1, self.longest))
+            (
+                Mode("clean", clean, shortest_samples=None),
+                Mode("defect", defect, shortest_samples=1, longest_samples=self.longest),
+            )
         )
 
     def disc(self, case: str) -> tuple[RealArray, RealArray]:

@@ -12,9 +12,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import Cascade, Part, linear
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
@@ -93,7 +93,7 @@ class ControllerPair:
             made = Strategies(one.axis, level, one.believed, K=fast, replacement=slow)
             return made.named("K_prime")
         alone = linear(fast if case == "fast" else slow, PERIOD)
-        return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], ["u"])])
+        return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], tells=["u"])])
 
     def error(self, case: str, one: Circumstance, drive: str, refine: int = 1) -> RealArray:
         """True error [m] (N,) of the part of a run that is scored."""
@@ -148,7 +148,7 @@ class SwitchedPair(Study):
     group = dim(GROUPS)
     end = dim("low", "high")
 
-    seed = array((), value=lambda context: int(context.rng.integers(2**31)))
+    seed = array(dims=(), value=lambda context: int(context.rng.integers(2**31)))
     many = part(lambda self, seed: self.drawn(int(seed)))
 
     @arrays((case, drive, "circumstance"), **SCORE_UNITS)
@@ -162,36 +162,38 @@ class SwitchedPair(Study):
         mean, group = out.values.mean(axis=1), groups(many)
         rng = np.random.default_rng([int(seed), 1])
         weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, rng)
-        return group_means(mean, group), group_means(mean, group, weight)
+        return group_means(mean, group), group_means(mean, group, weight=weight)
 
-    arm = array((case, group), value=lambda samples: samples[0])
+    arm = array(dims=(case, group), value=lambda samples: samples[0])
     arm_interval = array(
-        (end, case, group),
+        dims=(end, case, group),
         value=lambda samples: percentile_interval(np.moveaxis(samples[1], 1, -1)),
     )
     sizes = part(lambda samples: tuple(map(balloon_size, samples)))
-    balloon = array(case, value=lambda sizes: sizes[0])
-    balloon_interval = array((end, case), value=lambda sizes: percentile_interval(sizes[1]))
+    balloon = array(dims=case, value=lambda sizes: sizes[0])
+    balloon_interval = array(dims=(end, case), value=lambda sizes: percentile_interval(sizes[1]))
     gains = part(lambda sizes: [one[-1] - one for one in sizes])
-    gained = array(case, "", "switched less this one", lambda gains: gains[0])
-    gained_interval = array((end, case), value=lambda gains: percentile_interval(gains[1]))
+    gained = array(
+        dims=case, unit="", meaning="switched less this one", value=lambda gains: gains[0]
+    )
+    gained_interval = array(dims=(end, case), value=lambda gains: percentile_interval(gains[1]))
 
     # --- checks -------------------------------------------------------------------------------
 
     fast_loop = check(
-        "fast loop",
-        "largest |S| of the twelve drives",
-        lambda self: peak_sensitivity(self.axis, self.pair.fast),
+        title="fast loop",
+        statement="largest |S| of the twelve drives",
+        value=lambda self: peak_sensitivity(self.axis, self.pair.fast),
         at_most=LARGEST_SENSITIVITY,
     )
     slow_loop = check(
-        "slow loop",
-        "largest |S| of the twelve drives",
-        lambda self: peak_sensitivity(self.axis, self.slow),
+        title="slow loop",
+        statement="largest |S| of the twelve drives",
+        value=lambda self: peak_sensitivity(self.axis, self.slow),
         at_most=lambda self: CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis] * LARGEST_SENSITIVITY,
     )
 
-    @check("replay", at_most=0.02)
+    @check(title="replay", at_most=0.02)
     def replayed(self, answer: Dataset) -> float:
         """relative change of the rms error at half the step"""
         one, worst = self.drawn(int(answer["seed"]))[0], 0.0
@@ -202,7 +204,7 @@ class SwitchedPair(Study):
                 worst = max(worst, abs(rms / float(first["deviation"]) - 1.0))
         return worst
 
-    @check("arms", at_most=1e-9)
+    @check(title="arms", at_most=1e-9)
     def means(self, out: DataArray, arm: DataArray) -> float:
         """off the mean of the stored runs"""
         every = [out.isel(circumstance=slice(n, None, len(GROUPS))) for n in range(len(GROUPS))]
@@ -211,15 +213,21 @@ class SwitchedPair(Study):
 
     # --- what is told -------------------------------------------------------------------------
 
-    sizes_of_balloons = metric("balloon_{case}", lambda balloon: balloon)
+    sizes_of_balloons = metric("balloon_{case}", value=lambda balloon: balloon)
     in_spec = metric(
-        lambda out: {f"in_spec_{case}": 1.0 - float(out.sel(case=case).mean()) for case in CASES}
+        template=lambda out: {
+            f"in_spec_{case}": 1.0 - float(out.sel(case=case).mean()) for case in CASES
+        }
     )
-    lost = metric("lost_{case}", lambda losses: (losses > 0).mean(["drive", "circumstance"]))
-    switched_less = metric("switched_less_{case}", lambda gained: gained.sel(case=["fast", "slow"]))
+    lost = metric(
+        template="lost_{case}", value=lambda losses: (losses > 0).mean(["drive", "circumstance"])
+    )
+    switched_less = metric(
+        template="switched_less_{case}", value=lambda gained: gained.sel(case=["fast", "slow"])
+    )
     less_interval = metric(
-        "switched_less_{case}_{end}",
-        lambda gained_interval: gained_interval.sel(case=["fast", "slow"]),
+        template="switched_less_{case}_{end}",
+        value=lambda gained_interval: gained_interval.sel(case=["fast", "slow"]),
     )
 
     @table

@@ -12,9 +12,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -32,7 +33,6 @@ from workbench.study import (
     table,
     with_interval,
 )
-from workbench.tables import markdown
 
 from ...diagnosis.defect_runs import ROTATION
 from ...diagnosis.scratch_draws import ScratchDraw
@@ -81,7 +81,7 @@ class WrongRotation(Study):
     wrong = dim(WRONG, meaning="error of the rotation that is told")
     draw = dim(lambda self: range(self.draws))
 
-    @array(draw)
+    @array(dims=draw)
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, self.draws)
 
@@ -117,12 +117,12 @@ class WrongRotation(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("{strategy} with the right rotation", at_most=0.25, each="strategy")
+    @check(title="{strategy} with the right rotation", at_most=0.25, each="strategy")
     def right(self, answer: Dataset) -> DataArray:
         """share of draws in which its excursion is not below the reference strategy's"""
         return 1.0 - self.below(answer).sel(wrong=0.0)
 
-    @check("{strategy} suffers", at_most=0.5, each="strategy")
+    @check(title="{strategy} suffers", at_most=0.5, each="strategy")
     def suffers(self, excursion: DataArray) -> DataArray:
         """mean excursion with the right rotation over that with one half too fast"""
         mean = excursion.mean("draw")

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench import Check
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import Dataset
 from workbench.certificate import worst
-from workbench.heavy_types import Dataset
 from workbench.uncertainty.parametric_models.model import ParametricModel
 from workbench.uncertainty.parametric_models.parameters import Parameter, samples, vertices
 
@@ -83,14 +83,14 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
             "distance from those of the plants named, which are of the set",
             claimed,
             PLANT_RESPONSE_ROUNDING,
-            claim,
+            where=claim,
         ),
         Check(
             "vertices",
             "deviation of a vertex beyond the largest",
             missed,
             PLANT_RESPONSE_ROUNDING,
-            miss,
+            where=miss,
         ),
     ]
 

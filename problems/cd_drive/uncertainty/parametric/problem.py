@@ -15,9 +15,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, arrays, dim, figure, metric, part, table
 from workbench.uncertainty.parametric_models.factorial import factorial_response
 from workbench.uncertainty.parametric_models.model import ParametricModel
@@ -95,12 +95,12 @@ class ParametricSpread(Study):
     model, stage = dim(MODELS), dim("before reduction", "after reduction")
     parameter, gain = dim(UNITS), dim(GAINS)
     drive = dim(lambda self: [one.name for one in drives(self.axis, self.values)])
-    unit = array(parameter, value=lambda: UNITS, coordinate=True)
+    unit = array(dims=parameter, value=lambda: UNITS, coordinate=True)
 
     models = part(lambda self: pulled_out(self.axis))
     sets = part(lambda self: boxes(self.axis))
 
-    @array(frequency, "units/V", "f_en / u")
+    @array(dims=frequency, unit="units/V", meaning="f_en / u")
     def nominal(self) -> ComplexArray:
         return nominal_response(self.axis, self.grid, antialiasing=False)
 
@@ -139,7 +139,7 @@ class ParametricSpread(Study):
         drawn=("1", "largest deviation, nine, at random"),
     )
 
-    @array((set, frequency, parameter), "1", "combination that deviates most")
+    @array(dims=(set, frequency, parameter), unit="1", meaning="combination that deviates most")
     def delta(self, sets: dict[str, Any], extremes: dict[str, Any]) -> list[RealArray]:
         places = zip(sets.values(), extremes["place"], strict=True)
         return [_placed(levels(box, 3)[i], box) for box, i in places]
@@ -147,14 +147,21 @@ class ParametricSpread(Study):
     climb = part(
         lambda self, sets, delta: climbed(self.axis, sets["nine"], self.grid, delta.values[0])
     )
-    sought = array(frequency, "1", "largest deviation found, nine", lambda climb: climb[0])
-    sought_delta = array((frequency, parameter), "1", "that has it", lambda climb: climb[1])
+    sought = array(
+        dims=frequency,
+        unit="1",
+        meaning="largest deviation found, nine",
+        value=lambda climb: climb[0],
+    )
+    sought_delta = array(
+        dims=(frequency, parameter), unit="1", meaning="that has it", value=lambda climb: climb[1]
+    )
 
-    @array((gain, drive, frequency), "units/V")
+    @array(dims=(gain, drive, frequency), unit="units/V")
     def drives(self) -> list[Any]:
         return [responses(self.axis, self.grid, gain, self.values, False) for gain in GAINS]
 
-    @array((drive, parameter), "1", "of the drives")
+    @array(dims=(drive, parameter), unit="1", meaning="of the drives")
     def drive_delta(self) -> RealArray:
         """Deltas of the drives (12, 9), their gains in proportion to K_optn."""
         twelve = drives(self.axis, self.values)
@@ -165,15 +172,16 @@ class ParametricSpread(Study):
         return np.stack([(own[n] / p.nominal - 1) / p.tolerance for n, p in table.items()], axis=1)
 
     nominal_value = array(
-        parameter, value=lambda self: [one.nominal for one in nominal_table(self.axis).values()]
+        dims=parameter,
+        value=lambda self: [one.nominal for one in nominal_table(self.axis).values()],
     )
 
-    @array((model, parameter), "1", "relative tolerance")
+    @array(dims=(model, parameter), unit="1", meaning="relative tolerance")
     def tolerance(self, models: dict[str, ParametricModel]) -> list[RealArray]:
         boxes = [one.parameters for one in models.values()]
         return [_placed([p.tolerance for p in box], box) for box in boxes]
 
-    @array((model, stage, parameter), "1", "repetitions")
+    @array(dims=(model, stage, parameter), unit="1", meaning="repetitions")
     def copies(self, models: dict[str, ParametricModel]) -> RealArray:
         counts = [(np.array(list(m.repetitions.values())).T, m.parameters) for m in models.values()]
         return np.array([_placed(*one) for one in counts], int)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.uncertainty.parametric_models.parameters import Parameter
 
 from ...drive.actuator import SERIES_RESISTANCE

@@ -62,14 +62,14 @@ def rows(*entries):
 
 
 def mixed(axis, W_r=W_R, form="multiplicative"):
-    return UncertaintyModel(parametric_nominal(axis), W_C, W_r, form)
+    return UncertaintyModel(parametric_nominal(axis), W_C, W_r, form=form)
 
 
 @pytest.mark.parametrize("axis", AXES)
 def test_the_closed_loop_matches_its_formulas(axis):
     problem = generalised(axis, mixed(axis))
-    assert problem.structure == Structure([Real(1, "real"), Complex(1, "complex")])
-    assert problem.structure.with_performance(2, 2).blocks[-1] == Full(2, 2, "performance")
+    assert problem.structure == Structure([Real(1, name="real"), Complex(1, name="complex")])
+    assert problem.structure.with_performance(2, 2).blocks[-1] == Full(2, 2, name="performance")
     assert problem.system.input_labels == ["u_r", "u_c", "w_p", "w_u", "u"]
     assert problem.system.output_labels == ["y_r", "y_c", "z_p", "z_u", "f_en"]
     N = problem.close(controller(axis))
@@ -112,7 +112,7 @@ def test_nominal_performance(axis, channel, both):
 def test_circles_have_the_complex_block_alone(axis):
     problem = generalised(axis, mixed(axis, None))
     N = problem.close(controller(axis))
-    assert problem.structure == Structure([Complex(1, "complex")])
+    assert problem.structure == Structure([Complex(1, name="complex")])
     assert problem.system.input_labels == ["u_c", "w_p", "w_u", "u"]
     k, h, act, s = loop(axis)
     expected = -zpk(W_C) * k * s * h * act
@@ -135,7 +135,9 @@ def test_delta_perturbs_the_plant_as_the_model_says(axis, form):
 @pytest.mark.parametrize("axis", AXES)
 def test_deltas_of_the_parameters_perturb_the_plant(axis):
     problem = generalised(axis, parametric_plant(axis))
-    assert problem.structure == Structure([Real(1, "R"), Real(1, "k1"), Real(1, "k2")])
+    assert problem.structure == Structure(
+        [Real(1, name="R"), Real(1, name="k1"), Real(1, name="k2")]
+    )
     N11, N12, N21, N22 = problem.partition(response(problem.close(controller(axis)), OMEGA))
     table = {name: entry.nominal for name, entry in nominal_table(axis).items()}
     for delta in np.random.default_rng(3).uniform(-1, 1, (4, 3)):

@@ -40,7 +40,7 @@ def test_the_synthesis_plant_adds_only_noise_to_one_disturbance_and_both_outputs
 def test_a_third_order_controller_holds_parametric_uncertainty(axis):
     program = controller_problem(axis)
     before = program.certified(program.start)
-    solution = wb.solve(program, "fixed")
+    solution = wb.solve(program, method="fixed")
     assert solution.certificate.holds, solution.certificate
     assert solution.answer.K.nstates == 3
     assert solution.answer.upper < 0.95 * before.lower

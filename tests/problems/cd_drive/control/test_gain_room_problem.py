@@ -26,8 +26,8 @@ def test_peaks_beside_the_edges_are_on_either_side_of_one(run):
     plant = generalised("focus", parametric_plant("focus")).channel("z_p", "w_p")
     ends = run.data["room"].sel(form="parametric", channel="disturbance")
     kept, lost = (float(ends.sel(end=end)) for end in ("low", "below"))
-    assert performance_peak(plant, kept * controller("focus"), 1e-4).upper < 1.0
-    assert performance_peak(plant, lost * controller("focus"), 1e-4).lower > 1.0
+    assert performance_peak(plant, kept * controller("focus"), tolerance=1e-4).upper < 1.0
+    assert performance_peak(plant, lost * controller("focus"), tolerance=1e-4).lower > 1.0
 
 
 def test_fitted_sets_have_no_room(run):

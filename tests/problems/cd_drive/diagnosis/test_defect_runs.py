@@ -75,7 +75,7 @@ def test_every_defect_is_an_event(dirty):
     one, kinds = dirty
     dist = play(diode_quality(one.level, 0.18, 0.5), measurements(one.record))[:, 1]
     seen = defect_events(dist, 0.18)
-    assert matched_events(seen, one.faults, LATE) == list(range(len(kinds)))
+    assert matched_events(seen, one.faults, tail=LATE) == list(range(len(kinds)))
     for (start, end), (a, b) in zip(one.faults, seen, strict=True):
         assert start <= a < b <= end + LATE
         log_duration, largest, fullness, _ = features(one, dist, (a, b))
@@ -89,7 +89,7 @@ def test_events_close_to_each_other_are_one():
     dist[[20, 30, 20 + 3 * APART]] = 1.0
     assert defect_events(dist, 0.2) == [(20, 31), (20 + 3 * APART, 21 + 3 * APART)]
     assert defect_events(np.zeros(5), 0.2) == []
-    assert matched_events([(40, 51)], [(0, 5), (48, 49), (60, 70)], LATE) == [-1, 0, -1]
+    assert matched_events([(40, 51)], [(0, 5), (48, 49), (60, 70)], tail=LATE) == [-1, 0, -1]
 
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])

@@ -91,26 +91,26 @@ def test_a_full_filter_has_the_response_of_its_coefficients(loops):
         x = rng.standard_normal(9)
         F = basis.filter(x)
         assert (F.poles().real < 0).all()
-        expected = basis.response(9, front.omega) @ x
+        expected = basis.response(front.omega, 9) @ x
         np.testing.assert_allclose(front.estimate(F), expected, atol=1e-9)
 
 
 @pytest.mark.cases(0)
 def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops):
     loop = loops[0]
-    fronts = [FaultFront(loop, grid(loop), nominal) for nominal in (True, False)]
+    fronts = [FaultFront(loop, grid(loop), nominal=nominal) for nominal in (True, False)]
     basis = LaguerreBasis(loop, LAGUERRE_POLE)
-    points = [each.least(basis.response(12, each.omega), 0.3) for each in fronts]
+    points = [each.least(basis.response(each.omega, 12), 0.3) for each in fronts]
     assert points[0].total < points[1].total
     assert all(point.error <= 0.3 for point in points)
-    bound = least_total(loop.demands, 0.3, BOUND_CORNER, 24)
+    bound = least_total(loop.demands, 0.3, BOUND_CORNER, coefficients=24)
     assert 0.2 * points[0].total < bound < points[0].total
 
 
 def test_a_set_too_large_for_an_error_is_named(loops):
     front = FaultFront(loops[0], grid(loops[0]))
     with pytest.raises(SolverError, match=r"no filter of this basis has a relative error of 0\.05"):
-        front.least(LaguerreBasis(loops[0], LAGUERRE_POLE).response(8, front.omega), 0.05)
+        front.least(LaguerreBasis(loops[0], LAGUERRE_POLE).response(front.omega, 8), 0.05)
 
 
 @pytest.mark.slow

@@ -131,7 +131,7 @@ def test_excitation_keeps_to_both_limits_in_the_nominal_loop(axis):
     record = LoopExperiment(quiet, GRID, disturbances=False).played(0)
     parts = np.split(record.x, round(LOOP_SETTLING * RATE) + np.cumsum([0, *sine.lengths]))[1:-1]
     swing = [
-        abs(sine_fit(part, RATE, frequency)[PERIODS // 2 :, 0]).mean()
+        abs(sine_fit(part, 1 / RATE, frequency)[PERIODS // 2 :, 0]).mean()
         for part, frequency in zip(parts, GRID, strict=True)
     ]
     np.testing.assert_allclose(swing[:1], ERROR_SWING[axis], rtol=0.03)

@@ -11,7 +11,7 @@ from workbench.plants.cd_drive.drive.disc import Defect, Disc
 from workbench.plants.cd_drive.laboratory.bench_setup import COIL_GAIN, PERIOD, RATE
 from workbench.plants.cd_drive.laboratory.experiment import MEASUREMENTS, Laboratory
 
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation import Controller, linear
 

@@ -100,7 +100,12 @@ def test_many_scenarios_through_an_executor():
     for executor in (InProcess(), ThreadPoolExecutor(2)):
         with executor:
             found = spread(
-                largest_error, many, executor, lambda *step: told.append(step), "runs", batch=2
+                largest_error,
+                many,
+                executor,
+                progress=lambda *step: told.append(step),
+                description="runs",
+                batch=2,
             )
         assert found == expected
         assert told[0] == ("runs", 0, 5)

@@ -30,7 +30,7 @@ from workbench.plants.cd_drive.tolerance.tactics import (
 )
 
 from workbench import solve
-from workbench.compiled import compiled
+from workbench._core.compiled import compiled
 from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import Cascade, Controller, Part
 from workbench.solvers import Options
@@ -265,7 +265,7 @@ def test_refusals():
     with pytest.raises(InputError, match=r"a controller of period 0\.0001 s"):
         Strategies("focus", 1.0, 5.5, F=other).named("C")
     broken = Controller(_broken, np.zeros(1), np.zeros(0))
-    cascade = Cascade(MEASUREMENTS, [Part("my strategy", broken, ["f_en"], ["u"])])
+    cascade = Cascade(MEASUREMENTS, [Part("my strategy", broken, ["f_en"], tells=["u"])])
     with pytest.raises(InputError, match=r"my strategy's output 'u' .* sample 700 of .*, 0\.02 s"):
         Laboratory().closed_loop(cascade, duration=0.1)
 

@@ -83,7 +83,7 @@ def test_poles_are_those_of_each_controller(lens, strategy):
     for pole in clean:
         assert abs(np.linalg.eigvals(one.clean[0]) - pole).min() < 1e-7
     if strategy == "open":
-        expected = [*sampled(G, PERIOD, 1.0).poles(), *discretised(K, PERIOD).poles()]
+        expected = [*sampled(G, PERIOD, delay_samples=1.0).poles(), *discretised(K, PERIOD).poles()]
     elif strategy == "filter":
         both = discretised(K, PERIOD) * discretised(F, PERIOD)
         expected = np.linalg.eigvals(closed_transition(G, both, 1.0))
@@ -104,7 +104,7 @@ def test_without_a_switch_the_error_is_that_of_the_loop(lens):
 @pytest.mark.cases(0)
 def test_bounds_hold_for_random_defects(loop):
     """Random lengths, distances, phases and false displacements, sample by sample."""
-    clean, defect = (Mode(n, A, s) for n, (A, _), s in (
+    clean, defect = (Mode(n, A, shortest_samples=s) for n, (A, _), s in (
         ("clean", loop.clean, None), ("defect", loop.defect, 1)
     ))  # fmt: skip
     P = wb.solve(SwitchedStability((clean, defect))).answer.P
@@ -133,7 +133,10 @@ def test_bounds_hold_for_random_defects(loop):
 
 @pytest.mark.cases(0)
 def test_longer_defects_and_shorter_distances_are_worse(loop):
-    clean, defect = Mode("clean", loop.clean[0], None), Mode("defect", loop.defect[0])
+    clean, defect = (
+        Mode("clean", loop.clean[0], shortest_samples=None),
+        Mode("defect", loop.defect[0]),
+    )
     P = wb.solve(SwitchedStability((clean, defect))).answer.P
     bound = deviations(loop).proven(P, np.array([50, 200, 1000]))
     assert (np.diff(bound, axis=0) >= 0).all()

@@ -22,7 +22,7 @@ FOUND = [("focus", "steps"), ("focus", "joint"), ("radial", "steps"), ("radial",
 
 
 def certified(program, method="steps"):
-    solution = wb.solve(program, method)
+    solution = wb.solve(program, method=method)
     assert solution.certificate is not None, solution.message
     assert solution.certificate.valid, solution.certificate.failures
     return solution.answer, program.metrics(solution.answer)
@@ -73,14 +73,14 @@ def test_circles_contain_the_drives(circles):
 def test_the_largest_circle_is_at_the_first_resonance(circles):
     axis, program, answer = circles
     low, high = WINDOWS[axis]["first resonance"]
-    assert low < program.responses.frequency[answer.second.radius.argmax()] < high
+    assert low < program.responses.frequency_hz[answer.second.radius.argmax()] < high
 
 
 @pytest.mark.cases(1)
 def test_a_stadium_is_never_wider_than_the_circle_about_the_same_nominal(stadiums):
     axis, program, answer = stadiums
     resonance = WINDOWS[axis]["first resonance"]
-    frequency = program.responses.frequency
+    frequency = program.responses.frequency_hz
     radius = abs(program.away(answer.model.nominal, program.points)).max(axis=1)
     assert (answer.second.radius <= radius * (1 + 1e-9)).all()
     assert (answer.third.radius >= answer.second.radius * (1 - 1e-9)).all()
@@ -113,7 +113,7 @@ def test_automatic_gain_control_removes_most_above_100_hz(axis, covered):
     radius = {}
     for gain in ("own", "agc"):
         program, answer = covered(axis, "circle", "steps", gain)
-        radius[gain] = np.median(answer.second.radius[program.responses.frequency > 100.0])
+        radius[gain] = np.median(answer.second.radius[program.responses.frequency_hz > 100.0])
     assert radius["agc"] < radius["own"] / 2
 
 
@@ -122,7 +122,7 @@ def test_responses_are_those_of_the_drives_without_the_filter():
     frequency = np.geomspace(10.0, 1000.0, 20)
     expected = responses("radial", frequency, "equal", "corrected", antialiasing=False).T
     np.testing.assert_allclose(measured.values, expected)
-    np.testing.assert_allclose(measured.frequency, frequency)
+    np.testing.assert_allclose(measured.frequency_hz, frequency)
     assert measured.plants == tuple(drive.name for drive in drives("radial"))
     assert measured.unit == "units/V"
 
@@ -191,7 +191,7 @@ def test_points_left_out_make_smaller_sets():
 @pytest.mark.slow
 def test_content_widens_the_sets_and_says_what_it_assumes():
     program = circle_cover("focus", frequencies=SMALL, content=0.95)
-    solution = wb.solve(program, "steps")
+    solution = wb.solve(program, method="steps")
     assert solution.certificate.valid
     assert "normal distribution" in solution.certificate.checks[0].statement
     assert "0.95" in solution.certificate.checks[0].statement

@@ -24,7 +24,7 @@ def family(axis):
 def nominal(axis):
     from workbench.plants.cd_drive.drive.plants import nominal_response
 
-    return nominal_response(axis, family(axis).frequency, antialiasing=False)
+    return nominal_response(axis, family(axis).frequency_hz, antialiasing=False)
 
 
 def away(axis):
@@ -48,7 +48,7 @@ def centres(axis, kind):
 
 
 def worst(program, method):
-    solution = solve(program, method)
+    solution = solve(program, method=method)
     if solution.certificate is None or not solution.certificate.valid:
         return np.inf  # SB10YD gives unstable fits now and then
     return program.metrics(solution.answer)["error_worst"]

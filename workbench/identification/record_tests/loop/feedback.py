@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.loop.feedback_findings import (
     closed_loop,

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.loop.memories import ROUNDING, Memory
 
 NOISE_SHARE = 0.01

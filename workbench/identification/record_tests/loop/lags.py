@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.record_tests.record import RecordData
 
 MOST_NUMBERS = 120_000

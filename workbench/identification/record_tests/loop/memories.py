@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import BoolArray, RealArray
+from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.loop.lags import growing, last_known, past, stretches
 from workbench.identification.record_tests.record import RecordData
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg, stats
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 CONFIDENCE = 0.95
 """Probability with which a share is below its bound."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import unchecked_kernel
+from workbench._core.compiled import unchecked_kernel
 from workbench.mu.upper.lanes.simd import (
     TILE,
     Lane,

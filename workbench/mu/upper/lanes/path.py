@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.addresses import address
-from workbench.compiled import unchecked, unchecked_kernel
+from workbench._core.addresses import address
+from workbench._core.compiled import unchecked, unchecked_kernel
 from workbench.mu.upper.lanes.algebra import (
     cholesky,
     inverse_of_factored,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.addresses import addresses
+from workbench._core.addresses import addresses
 from workbench.mu.upper.lanes.simd import LANES, Lane
 
 

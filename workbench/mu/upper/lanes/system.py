@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.compiled import unchecked_kernel
+from workbench._core.compiled import unchecked_kernel
 from workbench.mu.upper.lanes.algebra import fill_upper_half, hermitian_product, product
 from workbench.mu.upper.lanes.simd import (
     TILE,

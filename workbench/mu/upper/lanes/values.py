@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba.core import extending as _extending
 from numba.core.typing import templates as _templates
 
-from workbench.addresses import cgutils, start_of, types
+from workbench._core.addresses import cgutils, start_of, types
 from workbench.mu.upper.lanes.simd import EIGHT, LANES, load_eight, store_eight
 
 _extend: Any = _extending  # these have no annotations

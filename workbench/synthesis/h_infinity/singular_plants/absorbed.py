@@ -28,9 +28,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
 from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.synthesis.h_infinity.singular_plants.shared_poles import (

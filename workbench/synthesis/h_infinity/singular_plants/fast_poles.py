@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import LinAlgError, schur, solve_sylvester
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.systems.realisation import Matrices
 
 PAIR_ROUNDING = 1e-9

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.h_infinity.levels import state_feedback
 from workbench.synthesis.h_infinity.singular_plants.perturbed import costed
 from workbench.systems.balancing import speed, state_units

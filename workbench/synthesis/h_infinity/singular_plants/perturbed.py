@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
 from workbench.synthesis.h_infinity.levels import MIDDLE_POINT
 from workbench.synthesis.h_infinity.normalised import has_rank

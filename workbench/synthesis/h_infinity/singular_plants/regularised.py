@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError, SolverError
 from workbench.input_checks import need_positive
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError, checked

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import null_space, schur, solve_continuous_are
 
-from workbench.arrays import EPS, RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.systems.balancing import axis_rounding, balanced, integrators_first, speed
 from workbench.systems.hidden_states import ZERO_ROUNDING
 from workbench.systems.standard_plant import StandardPlant

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.linalg import null_space, solve_discrete_are
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.implementation.working_point.actuator import Actuator
 
 CONDITIONING_NOISE = 1e-4

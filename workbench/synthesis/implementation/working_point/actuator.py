@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.input_checks import as_array, as_list
 from workbench.synthesis.implementation.working_point.point import WorkingPoint, told

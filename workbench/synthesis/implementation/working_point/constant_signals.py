@@ -8,9 +8,9 @@ from fractions import Fraction
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.synthesis.implementation.working_point.point import told
 from workbench.systems.conversion import as_system

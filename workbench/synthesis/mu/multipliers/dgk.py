@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -161,7 +161,7 @@ def _rounds(
     if now.used is None:
         K = min(now.history, key=lambda each: each.peak).K
     level = np.nan
-    for tried in context.rounds(MOST_ROUNDS, "multipliers", now.tried):
+    for tried in context.rounds(MOST_ROUNDS, "multipliers", first=now.tried):
         if K is None:
             assert now.used is not None
             try:
@@ -180,7 +180,7 @@ def _rounds(
         now.before = now.used
         now.used, missed = dg_step(structure, loop, now.within, start)
         fit = float(np.expm1(missed))
-        last = Iterate(peak, level, fit, K, {"multipliers": now.used[1]})
+        last = Iterate(peak, level, fit, K, scalings={"multipliers": now.used[1]})
         reached = program.reaching(K, peak, (*now.history, last))
         if reached is not None:
             return reached

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.executor.clock import tick
 from workbench.synthesis.mu.biquads import FrequencyRange
 from workbench.synthesis.mu.multipliers import triangles

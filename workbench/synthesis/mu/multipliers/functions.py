@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.structure import Full, Structure
 from workbench.structure import Real as RealScalar
 from workbench.synthesis.mu.biquads import Biquads

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.executor.clock import tick
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.levels import level_at
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.riccati import (

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench._core.arrays import Array, RealArray
 from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_bound import ScaledBound, scaled_bound

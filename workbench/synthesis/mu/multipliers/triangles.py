@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import Array, RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, FrequencyRange
 
 

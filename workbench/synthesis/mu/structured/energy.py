@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import LinAlgError, null_space, solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h2.direct import ROUNDING, direct_term

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.errors import InputError, TimeLimitError
 from workbench.executor import Context, InProcess, spread
 from workbench.executor.clock import time_is_up
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 from workbench.synthesis.families.modal import Modal
@@ -117,7 +117,7 @@ def _search(program: MuSynthesis, context: Context, finish: Finish) -> tuple[lis
     minima = [_minimise_peak(first, x, context, target)]
     beside = partial(_minimise_peak_until, _time_at(context), target, MOST_STEPS)
     where = context.executor or InProcess()
-    further = spread(beside, others, where, context.progress, "further starts")
+    further = spread(beside, others, where, progress=context.progress, description="further starts")
     minima += [(unpacked(rounds), said) for rounds, said in further]
     best = min(range(len(minima)), key=lambda place: minima[place][0][-1].peak)
     history, said = minima[best]
@@ -135,7 +135,9 @@ def _best_after_trials(
     trial = partial(_minimise_peak_until, _time_at(context, TRIAL_SHARE), target, TRIAL_STEPS)
     where = context.executor or InProcess()
     rules = ", ".join(dict.fromkeys(start.rule for start in starts))
-    ended = spread(trial, problems, where, context.progress, f"first steps from {rules}")
+    ended = spread(
+        trial, problems, where, progress=context.progress, description=f"first steps from {rules}"
+    )
     moved = []
     for start, (rounds, _) in zip(starts, ended, strict=True):
         last = unpacked(rounds)[-1]
@@ -238,7 +240,7 @@ def _minimise_peak(
     history = unpacked(kept) if kept is not None else [problem.iterate(x, bound)]
     for number, each in enumerate(history, start=1):
         context.record(each.row(number))
-    for _ in context.rounds(steps, "fixed structure", len(history) - 1):
+    for _ in context.rounds(steps, "fixed structure", first=len(history) - 1):
         peak = history[-1].peak
         if peak <= target:
             return history, "reached the target"
@@ -273,7 +275,7 @@ def _minimise_peak_until(
     arrays.
     """
     left = None if until is None else max(until - time.time(), SHORTEST)
-    history, said = _minimise_peak(*begun, Context(Options(time_limit=left)), target, steps)
+    history, said = _minimise_peak(*begun, Context(options=Options(time_limit=left)), target, steps)
     return packed(history), said
 
 

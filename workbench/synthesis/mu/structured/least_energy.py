@@ -14,11 +14,11 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError
 
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.families.family import Family

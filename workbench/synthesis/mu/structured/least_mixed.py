@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.program import Claim, find_method, method
 from workbench.solvers import Outcome
 from workbench.synthesis.families.family import Family

@@ -58,7 +58,7 @@ def by_trust_region(program: HinfSynthesis, context: Context) -> Claim:
     size = certified_norm(program.loop(K))
     least = least_of_all(program, size) if program.gamma is None else math.nan
     level = size if program.gamma is None else program.gamma
-    return HinfController(K, size, level, least), outcome, said
+    return HinfController(K, size, level, least=least), outcome, said
 
 
 def without_perturbation(program: HinfSynthesis) -> MuSynthesis:

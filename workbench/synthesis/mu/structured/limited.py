@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import null_space
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.synthesis.families.family import Family

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 SMALLEST_SLOPE = 1e-12
 """A slope below this share of the peak counts as zero, so it gives no unit."""

@@ -121,5 +121,5 @@ def _claim(
     level = size if program.gamma is None else program.gamma
     least = least_of_all(program, size) if program.gamma is None else math.nan
     slope = stationarity(best.scaled, np.zeros(len(best.x)), context.rng)
-    answer = HinfController(K, size, level, least, reached=found.reached, slope=slope)
+    answer = HinfController(K, size, level, least=least, reached=found.reached, slope=slope)
     return answer, Outcome.SOLVED, f"searched from {found.starts} starts"

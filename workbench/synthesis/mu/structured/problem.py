@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
-from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, gradient, upper_bound
 from workbench.structure import Structure
 from workbench.synthesis.families.demands import Shippable

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.modal import Modal

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.structure import Full, Structure
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.mu.structured.energy import EnergyProblem

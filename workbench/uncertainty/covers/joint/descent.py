@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import RealArray
-from workbench.compiled import unchecked
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import unchecked
 from workbench.uncertainty.covers.joint.model_size import SizeData, model_size
 
 FALL, RISE = 1e-4, 0.9

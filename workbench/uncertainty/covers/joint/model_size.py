@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.compiled import unchecked
+from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.compiled import unchecked
 from workbench.fitting.factored_values import factored_values
 from workbench.uncertainty.covers.weights import SUFFICIENT_DAMPING
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.fitting.magnitude.program import MagnitudeFit

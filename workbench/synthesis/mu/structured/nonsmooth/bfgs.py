@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor.clock import time_is_up
 from workbench.synthesis.mu.structured.nonsmooth.hull import least_in_hull
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 
 def least_in_hull(gradients: RealArray) -> RealArray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued
 
 QUIET: dict[str, Any] = {"print_time": False, "show_eval_warnings": False}

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.certificate import Certificate, Check
 from workbench.certify.proofs.gain_boxes import box_corners, is_unstable_box, level_of_box
 from workbench.errors import InputError

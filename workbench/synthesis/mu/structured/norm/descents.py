@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.executor.clock import time_is_up
 from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued, bfgs_end, sampled_end
 from workbench.synthesis.mu.structured.nonsmooth.evolution import evolution_end

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.synthesis.families.free import FreeMatrices
 from workbench.synthesis.mu.structured.nonsmooth.bfgs import bfgs_end
 from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 from workbench.solvers import slicot_routine
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family

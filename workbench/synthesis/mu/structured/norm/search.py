@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by, time_is_up
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.free import FreeMatrices
 from workbench.synthesis.families.modal import Modal
@@ -177,7 +177,7 @@ class NormSearch:
         """A context with a part of the time left, for starts of one kind."""
         left, options = self.context.left, self.context.options
         limit = None if math.isinf(left) else max(share * left, SHORTEST)
-        return Context(replace(options, time_limit=limit), self.context.progress)
+        return Context(options=replace(options, time_limit=limit), progress=self.context.progress)
 
     def drawn(self, order: int, count: int) -> list[NormPoint]:
         """Points of random controllers of an order; fewer than `count` where few stabilise."""

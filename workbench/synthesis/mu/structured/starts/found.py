@@ -7,9 +7,9 @@ from itertools import islice
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.starts.full_order import full_order_starts

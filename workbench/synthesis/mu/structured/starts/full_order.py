@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
-from workbench.heavy_types import StateSpace
 from workbench.mu import Peak
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.h_infinity.riccati import central_of
@@ -115,7 +115,7 @@ def _dk_answer(program: MuSynthesis, context: Context) -> MuController | None:
     try:
         left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
-        own = Context(options)
+        own = Context(options=options)
         with clocked_by(own):
             # the best states to remove depend on the final order, which is lower
             answer, _, _ = iterated(program.without_demands(), own, 0.0, reduces=False)

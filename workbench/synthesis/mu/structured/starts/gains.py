@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.proofs.static_gains import GainRange, gain_ranges
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.systems.realisation import realisation
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.heavy_types import StateSpace
+from workbench._core.heavy_types import StateSpace
 from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.systems.generalised_plant import response
 

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import minimize
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, TimeLimitError
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis

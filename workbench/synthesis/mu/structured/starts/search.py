@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.families.three_terms import ThreeTerms

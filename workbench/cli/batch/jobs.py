@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import workbench
-from workbench.batch.plan import JobPlan
 from workbench.bench.project import add_problems, added_problems
+from workbench.cli.batch.plan import JobPlan
 from workbench.errors import ClusterError, WorkbenchError
 
 if TYPE_CHECKING:
@@ -99,4 +99,4 @@ def workers(jobs: int) -> Executor:
 
     if jobs == 1:
         return InProcess()
-    return Workers(jobs, threads=max(1, (os.cpu_count() or 1) // jobs))
+    return Workers(count=jobs, threads=max(1, (os.cpu_count() or 1) // jobs))

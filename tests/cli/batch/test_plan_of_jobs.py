@@ -2,8 +2,8 @@
 
 import pytest
 
-from workbench.batch import ended
-from workbench.batch.plan import JobPlan
+from workbench.cli.batch import ended
+from workbench.cli.batch.plan import JobPlan
 
 FED = '''
 """Studies that are fed with one another."""

@@ -45,7 +45,7 @@ def citation(name: str) -> str:
         No such problem.
     """
     problem = registry().find(name)
-    used = {run.method for run in workbench.results(name) if run.method}
+    used = {run.method for run in workbench.results(pattern=name) if run.method}
     if not used:
         kind = problem.kind
         own = kind.default_method if kind is not None and issubclass(kind, Program) else None
@@ -71,7 +71,9 @@ def software() -> str:
 def references() -> dict[str, str]:
     """The entries of the bibliography by their keys."""
     text = (
-        resources.files("workbench.guidance").joinpath("references.bib").read_text(encoding="utf-8")
+        resources.files("workbench.cli.guidance")
+        .joinpath("references.bib")
+        .read_text(encoding="utf-8")
     )
     entries = re.findall(r"^@.*?(?=^@|\Z)", text, re.MULTILINE | re.DOTALL)
     return {one.partition("{")[2].partition(",")[0]: one.strip() for one in entries}

@@ -65,7 +65,7 @@ def _refuse(room: str, name: str) -> NoReturn:
     told = ""
     imported = sys._getframe(2).f_code.co_name == "_handle_fromlist"
     if not (name.startswith("_") or (imported and _is_module(f"{room}.{name}"))):
-        from workbench.coming_from import guidance
+        from workbench._core.coming_from import guidance
 
         told = guidance(name)
     if told and imported:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from workbench.arrays import outward_single
+from workbench._core.arrays import outward_single
 
 
 @given(arrays(float, (3, 2, 4), elements=st.floats(allow_nan=True, allow_infinity=True)))

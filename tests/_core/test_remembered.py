@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.remembered import remembered
+from workbench._core.remembered import remembered
 
 
 def counted(megabytes):

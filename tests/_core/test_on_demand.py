@@ -58,7 +58,7 @@ def test_a_name_that_a_room_does_not_have_is_refused_as_by_python():
 def test_a_statement_runs_when_one_of_its_names_is_asked_for(tmp_path, monkeypatch):
     (tmp_path / "shelf").mkdir()
     (tmp_path / "shelf" / "__init__.py").write_text(
-        "from typing import TYPE_CHECKING\nfrom workbench.on_demand import on_demand\n"
+        "from typing import TYPE_CHECKING\nfrom workbench._core.on_demand import on_demand\n"
         "if TYPE_CHECKING:\n    from shelf.books import atlas as map, novel\n"
         "else:\n    __getattr__, __dir__ = on_demand(__name__)\n"
         '__all__ = ["map", "novel"]\n'
@@ -78,7 +78,12 @@ def test_a_room_alone_imports_nothing_else():
         "print(*(name for name in sys.modules if name.startswith('workbench')))"
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert {*told.stdout.split()} == {"workbench", "workbench.on_demand", "workbench.synthesis"}
+    assert {*told.stdout.split()} == {
+        "workbench",
+        "workbench._core",
+        "workbench._core.on_demand",
+        "workbench.synthesis",
+    }
 
 
 def test_modules_of_methods_are_named_by_their_programs():
@@ -109,7 +114,7 @@ def test_a_room_is_imported_when_it_is_asked_for():
     code = """
 import sys, workbench as wb
 assert {*filter(lambda name: name.startswith("workbench"), sys.modules)} == {
-    "workbench", "workbench.on_demand"
+    "workbench", "workbench._core", "workbench._core.on_demand"
 }
 assert "mu" in dir(wb) and "workbench.mu" not in sys.modules
 found = wb.mu.robust_stability

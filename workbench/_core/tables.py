@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.heavy_types import DataArray
+from workbench._core.heavy_types import DataArray
 
 Rows = tuple[list[str], list[list[str]]]
 """Heads and rows of a table."""

@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
+from workbench._core.heavy_types import Dataset
 from workbench.bench.cells.site import Site
 from workbench.bench.code import code_hash
 from workbench.bench.problem import Problem
@@ -19,7 +20,6 @@ from workbench.bench.run import Bound, default_bench
 from workbench.bench.sweep import SWEEP, ParameterSweep, SweptPoint, sweep_dataset
 from workbench.errors import InputError, UnknownNameError, WorkbenchError
 from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
-from workbench.heavy_types import Dataset
 from workbench.solvers import Options, Outcome
 
 
@@ -168,4 +168,4 @@ def _working(executor: Executor | None, jobs: int) -> AbstractContextManager[Exe
     """The executor for the points: the one given, which stays open, or a new one."""
     if executor is not None:
         return nullcontext(executor)
-    return InProcess() if jobs == 1 else Workers(jobs)
+    return InProcess() if jobs == 1 else Workers(count=jobs)

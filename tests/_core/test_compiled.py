@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from workbench.compiled import kernel
+from workbench._core.compiled import kernel
 
-INNER = "from workbench.compiled import compiled\n\n@compiled\ndef inner(x):\n    return {}\n"
+INNER = "from workbench._core.compiled import compiled\n\n@compiled\ndef inner(x):\n    return {}\n"
 OUTER = (
-    "from workbench.compiled import compiled\nfrom room.inner import inner\n\n"
+    "from workbench._core.compiled import compiled\nfrom room.inner import inner\n\n"
     "@compiled\ndef outer(x):\n    return inner(x) + 1\n"
 )
 CALL = (
@@ -63,7 +63,7 @@ WAITING = """
 import sys
 from pathlib import Path
 from room import outer as module
-from workbench import compiled
+from workbench._core import compiled
 Path(sys.argv[1]).touch()
 while not all(Path(f"ready{k}").exists() for k in range(2)):
     pass

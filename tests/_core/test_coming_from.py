@@ -9,8 +9,8 @@ import pytest
 from tables import each
 
 import workbench as wb
-from workbench import coming_from
-from workbench.coming_from import guidance, guides
+from workbench._core import coming_from
+from workbench._core.coming_from import guidance, guides
 
 ROWS = {
     f"{guide.page}-{number}-{(*row.names, row.call)[0]}": (guide, row)
@@ -90,7 +90,8 @@ def test_an_import_of_a_name_of_another_tool_is_answered_too():
 def test_a_module_whose_name_another_tool_has_is_imported(tmp_path, monkeypatch):
     (tmp_path / "cupboard").mkdir()
     (tmp_path / "cupboard" / "__init__.py").write_text(
-        "from workbench.on_demand import no_more_names\n__getattr__ = no_more_names(__name__)\n"
+        "from workbench._core.on_demand import no_more_names\n"
+        "__getattr__ = no_more_names(__name__)\n"
     )
     (tmp_path / "cupboard" / "step.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
@@ -108,9 +109,9 @@ import sys, workbench as wb
 for name in ("__wrapped__", "__path_hooks__", "_repr_html_", "_ipython_display_"):
     assert not hasattr(wb, name) and not hasattr(wb.structure, name)
 wb.mu.robust_stability, dir(wb)
-assert "workbench.coming_from" not in sys.modules
+assert "workbench._core.coming_from" not in sys.modules
 assert not hasattr(wb, "hinfsyn")
-assert "workbench.coming_from" in sys.modules
+assert "workbench._core.coming_from" in sys.modules
 """
     subprocess.run([sys.executable, "-c", code], check=True)
 
