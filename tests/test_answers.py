@@ -349,7 +349,7 @@ def test_a_changed_answer_has_no_certificate():
 
 
 def test_a_failing_certificate_is_printed():
-    margins = mu.loop_margins(control.tf([25], [1, 10, 10, 10]), tolerance=1e-4).classical["loop"]
+    margins = mu.loop_margins(control.tf([25], [1, 10, 10, 10])).classical["loop"]
     missed = dataclasses.replace(
         margins, phases_deg=margins.phases_deg[:0], delays=margins.delays[:0]
     )
@@ -364,7 +364,7 @@ def test_figures_of_answers():
     with pytest.raises(UnknownNameError, match="figure"):
         sweep.plot(name="nothing")
     with pytest.raises(InputError, match="no figure of a NuGap"):
-        mu.nu_gap(LAG, FAST, tolerance=1e-4).plot()
+        mu.nu_gap(LAG, FAST).plot()
 
 
 def test_bounds_of_several_matrices_are_drawn_and_those_of_one_are_not():
@@ -379,7 +379,7 @@ def test_bounds_of_several_matrices_are_drawn_and_those_of_one_are_not():
 
 
 def test_a_peak_and_a_margin_are_drawn_with_their_level():
-    for answer in (mu.peak(N, BLOCKS), mu.robust_stability(CLOSED, tolerance=1e-4)):
+    for answer in (mu.peak(N, BLOCKS), mu.robust_stability(CLOSED)):
         (panel,) = answer.plot().axes
         labels = panel.get_legend_handles_labels()[1]
         assert labels == ["upper bound", "lower bound", "at every frequency"]

@@ -31,7 +31,7 @@ def test_a_graded_matrix_without_real_eigenvalues_has_no_bound():
     assert proven_bound(balls(GRADED), structure, np.eye(4)) == 0
     assert lower_bound(GRADED, structure).value == 0
     assert upper_bound(GRADED, structure).value < 1e-3
-    interval = branch_and_bound(GRADED, structure, tolerance=0.05)
+    interval = branch_and_bound(GRADED, structure)
     assert interval.lower == 0
     assert interval.upper < 1e-3
     assert skew_bounds(GRADED, structure, []).lower == 0

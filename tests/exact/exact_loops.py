@@ -103,7 +103,7 @@ def classical_case(rng):
     loop = control.ss(A, B, C, 0.0, dt)
 
     def ask():
-        found = loop_margins(loop, tolerance=1e-4).classical["loop"]
+        found = loop_margins(loop).classical["loop"]
         claims = [
             about("gain", found.gain[1], gain),
             about("phase", found.phase_deg, degrees(phase)),
@@ -138,7 +138,7 @@ def disk_case(rng):
     loop = control.ss(A * time, B * time, C, 0.0)
 
     def ask():
-        found = loop_margins(loop, skew=skew, tolerance=1e-4)
+        found = loop_margins(loop, skew=skew)
         disk = next(iter(found.disks.values()))
         return found, [Claim("disk", disk.lower, disk.upper, truth)]
 
@@ -225,7 +225,7 @@ def gap_case(rng):
     plants = [control.ss(one.A * time, one.B * time, one.C, one.D, one.dt) for one in plants]
 
     def ask():
-        found = nu_gap(*plants, tolerance=1e-4)
+        found = nu_gap(*plants)
         return found, [Claim("gap", found.lower, found.upper, truth)]
 
     return Case(f"{name}{', units' * (time != 1.0)}", "nu_gap", ask)
@@ -243,7 +243,7 @@ def coprime_case(rng):
         truth = (1 + p_ * K_) / root((1 + p_**2) * (1 + K_**2))
 
     def ask():
-        found = coprime_margin(plant, K, tolerance=1e-4)
+        found = coprime_margin(plant, K)
         return found, [Claim("margin", found.lower, found.upper, truth)]
 
     return Case("integrator" if plant.nstates else "two gains", "coprime_margin", ask)

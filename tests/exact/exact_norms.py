@@ -275,7 +275,7 @@ def worst_of_no_set(rng):
     )
 
     def ask():
-        found = worst_case_gain(N, Structure([Complex(1)]), tolerance=1e-2)
+        found = worst_case_gain(N, Structure([Complex(1)]))
         return found, [Claim("gain", found.lower, found.upper, truth)]
 
     return Case(f"no effect, {name}{', units' * units}", "worst_case_gain", ask)

@@ -252,7 +252,9 @@ def probability_case(rng):
         name += ", sampled"  # the pole 1/2 - p lies above -1 where p < 3 / 2
 
     def ask():
-        found = guaranteed_probability(system, gain=gain, distributions=laws, width=0.02, parts=60)
+        found = guaranteed_probability(
+            system, gain=gain, distributions=laws, tolerance=0.02, parts=60
+        )
         return found, [Claim("probability", found.lower, found.upper, truth)]
 
     return Case(name, "guaranteed_probability", ask)

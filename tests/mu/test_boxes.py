@@ -91,7 +91,7 @@ def test_no_member_within_the_margin_is_unstable(seed):
 
 def test_a_set_that_is_stable_without_limit():
     k = real("k", 1, plus_minus=1)
-    found = robust_stability(ss([[-1, 0], [k, -2]], [[1], [0]], [[0, 1]], 0), tolerance=1e-4)
+    found = robust_stability(ss([[-1, 0], [k, -2]], [[1], [0]], [[0, 1]], 0))
     assert found.upper == np.inf
     assert found.worst is None
     assert found.lower > 1e5
@@ -119,13 +119,11 @@ def test_a_damping_ratio():
     """s^2 + c s + 1 has the damping c / 2; at a rate too, the lesser margin counts."""
     c = real("c", 1, plus_minus=1)
     plant = tf([1], [1, c, 1])
-    found = robust_stability(plant, damping=0.2, tolerance=1e-4)
+    found = robust_stability(plant, damping=0.2)
     assert found.lower == pytest.approx(0.6, rel=1e-3)
     assert found.upper == pytest.approx(0.6, rel=1e-6)
     assert found.worst["c"] == pytest.approx(0.4, abs=1e-6)
-    assert robust_stability(plant, damping=0.2, decay=0.4, tolerance=1e-4).upper == pytest.approx(
-        0.2, rel=1e-6
-    )
+    assert robust_stability(plant, damping=0.2, decay=0.4).upper == pytest.approx(0.2, rel=1e-6)
 
 
 def test_a_damping_ratio_of_a_loop_with_several_modes():
@@ -171,12 +169,10 @@ def test_corners_of_parts_contradict_a_false_proof(monkeypatch):
 def test_damping_needs_numbers_in_continuous_time():
     plant = tf([1], [1, 1, 1])
     with pytest.raises(InputError, match="d is dynamics"):
-        robust_stability(
-            feedback(plant * (1 + 0.5 * dynamics("d", 1, 1)), 1), damping=0.1, tolerance=1e-4
-        )
+        robust_stability(feedback(plant * (1 + 0.5 * dynamics("d", 1, 1)), 1), damping=0.1)
     a = real("a", 0.5, plus_minus=0.1)
     with pytest.raises(InputError, match=r"dt = 0.1 s"):
-        robust_stability(ss([[a]], [[1]], [[1]], 0, 0.1), damping=0.1, tolerance=1e-4)
+        robust_stability(ss([[a]], [[1]], [[1]], 0, 0.1), damping=0.1)
 
 
 def light(w):
@@ -212,7 +208,7 @@ A, B, X = real("a", 1, percent=50), real("b", 1, percent=50), real("x", 0, plus_
     ],
 )
 def test_what_is_hard(system, exact):
-    found = robust_stability(system, tolerance=1e-4)
+    found = robust_stability(system)
     assert exact * (1 - 2e-4) <= found.lower <= exact * (1 + 1e-9)
     assert found.upper == pytest.approx(exact, rel=1e-4)
     assert found.parts < 200
@@ -220,7 +216,7 @@ def test_what_is_hard(system, exact):
 
 @pytest.mark.cases(0)
 def test_poles_twelve_decades_apart():
-    found = robust_stability(stiff(A, B), tolerance=1e-4)
+    found = robust_stability(stiff(A, B))
     assert found.lower > found.upper * (1 - 2e-4)
     poles = stiff(A, B).at(**found.worst).poles()
     assert abs(poles.real).min() < 1e-9

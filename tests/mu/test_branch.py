@@ -35,7 +35,7 @@ def random(seed, structure):
 )
 def test_the_interval_closes(structure):
     M = random(0, structure)
-    interval = branch_and_bound(M, structure, upper=norms, nodes=20000, tolerance=0.05)
+    interval = branch_and_bound(M, structure, upper=norms, nodes=20000)
     assert interval.gap <= 0.05
     assert interval.lower <= interval.upper
     answer = LowerBound(np.array(interval.lower), interval.Delta)
@@ -44,7 +44,7 @@ def test_the_interval_closes(structure):
 
 def test_with_the_upper_bound_of_the_bench():
     structure = Structure([Real(1), Real(1), Complex(1)])
-    interval = branch_and_bound(random(4, structure), structure, tolerance=0.05)
+    interval = branch_and_bound(random(4, structure), structure)
     assert interval.gap <= 0.05
     assert interval.nodes <= 200
 
@@ -71,7 +71,7 @@ def test_a_small_budget_leaves_a_valid_interval():
 
 def test_without_real_blocks_there_is_nothing_to_cut():
     structure = Structure([Full(2, 2)])
-    interval = branch_and_bound(random(3, structure), structure, upper=norms, tolerance=0.05)
+    interval = branch_and_bound(random(3, structure), structure, upper=norms)
     assert interval.nodes == 1
     assert interval.gap == pytest.approx(0, abs=1e-9)
 
@@ -96,6 +96,6 @@ def test_of_a_zero_matrix():
 def test_bad_input_is_refused():
     structure = Structure([Real(2)])
     with pytest.raises(InputError, match="one matrix"):
-        branch_and_bound(np.zeros((3, 2, 2)), structure, upper=norms, tolerance=0.05)
+        branch_and_bound(np.zeros((3, 2, 2)), structure, upper=norms)
     with pytest.raises(InputError, match="positive"):
         branch_and_bound(np.eye(2), structure, upper=norms, tolerance=0)

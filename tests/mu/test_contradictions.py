@@ -104,7 +104,7 @@ def test_an_upper_bound_that_is_false_is_found_out():
         return SimpleNamespace(value=0.5 * upper_bound(M, structure).value)
 
     with pytest.raises(ContradictionError, match=r"at least 1.99.*at most 1.0") as caught:
-        branch_and_bound(M, structure, upper=half, tolerance=0.05)
+        branch_and_bound(M, structure, upper=half)
     assert caught.value.lower > caught.value.upper
 
 
@@ -121,7 +121,7 @@ def test_a_false_bound_over_frequency_or_of_a_skewed_mu_is_found_out(monkeypatch
             SkewSearch, "proven", lambda self, t: (proven(self, t)[0] / 2, *proven(self, t)[1:])
         )
         with pytest.raises(ContradictionError, match="the worst-case gain"):
-            worst_case_gain(N, structure, tolerance=1e-2)
+            worst_case_gain(N, structure)
     upper = Skew.upper
     with monkeypatch.context() as patch:
         patch.setattr(Skew, "upper", lambda self: upper(self) / 2)

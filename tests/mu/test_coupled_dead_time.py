@@ -23,7 +23,7 @@ SEEDS = 64
 @pytest.mark.parametrize("seed", thinned(range(SEEDS), 24))
 def test_random_loops_in_50_digits(seed):
     loop = loop_of(seed)
-    found = loop_margins(loop.plant, loop.controller, tolerance=1e-4)
+    found = loop_margins(loop.plant, loop.controller)
     assert found.stable == loop.is_stable()
     for k in range(2):
         unit, real_ones = loop.crossings(k)
@@ -51,7 +51,7 @@ def test_channels_of_their_own_have_the_margins_of_each():
     """Dead times of the other channel, and its poles, have no effect."""
     first, second = tf([5], [1, 1]) * late(0.3), tf([0.4, 1], [1, 0]) * late(0.1, "other")
     third = tf([4], [1, 3, 3, 1])
-    found = loop_margins(append(first, second, third), 1.0, tolerance=1e-4).classical
+    found = loop_margins(append(first, second, third), 1.0).classical
     for k, alone in enumerate((first, second, third), start=1):
         one = classical_margins(alone)
         for name in (f"input {k}", f"output {k}"):
@@ -69,7 +69,7 @@ def test_dead_time_in_an_inner_loop(T):
     """
     G, C = tf([2], [3, 1]), tf([3, 2], [1, 0])
     predictor = feedback(C, G * (1 - late(0.5, "model")))
-    found = loop_margins(G * late(T), predictor, tolerance=1e-4)
+    found = loop_margins(G * late(T), predictor)
     s = 1j * GRID
     GC = 2 / (3 * s + 1) * (3 * s + 2) / s
     L = GC * np.exp(-s * T) / (1 + GC * (1 - np.exp(-0.5 * s)))
@@ -92,10 +92,7 @@ def test_dead_time_in_an_inner_loop(T):
 def test_the_margins_are_those_of_a_pade_approximation_of_high_order():
     loop = loop_of(8)
     near = [without_dead_time(one, order=14).nominal for one in (loop.plant, loop.controller)]
-    exact, other = (
-        loop_margins(loop.plant, loop.controller, tolerance=1e-4),
-        loop_margins(*near, tolerance=1e-4),
-    )
+    exact, other = loop_margins(loop.plant, loop.controller), loop_margins(*near)
     assert exact.stable and other.stable
     for name, one in exact.classical.items():
         assert one.gain[1] == pytest.approx(other.classical[name].gain[1], rel=1e-6)
@@ -113,7 +110,7 @@ def test_a_gain_below_the_margin_decays_in_time_and_one_above_it_grows(share):
     """x' = -x + B u(t - T), simulated by Heun's method; the margin of one input's gain."""
     plant = append(tf([1], [1, 1]) * late(0.4, "a"), tf([1], [1, 1]) * late(0.7, "b"))
     K = np.array([[1.5, 0.8], [-0.6, 1.2]])
-    found = loop_margins(plant, K, tolerance=1e-4)
+    found = loop_margins(plant, K)
     gains = np.array([share * found.classical["input 1"].gain[1], 1.0])
     step, delays = 5e-3, np.array([80, 140])
     x = np.zeros((24_000, 2))
@@ -131,7 +128,7 @@ def test_a_gain_below_the_margin_decays_in_time_and_one_above_it_grows(share):
 
 def test_an_unstable_loop_of_two_channels_is_said_first_and_has_no_disks():
     loop = append(tf([5], [1, 1]) * late(0.3), tf([5], [1, 1]) * late(0.4, "b"))
-    found = loop_margins(loop, 1.0, tolerance=1e-4)
+    found = loop_margins(loop, 1.0)
     assert found.stable is False and "UNSTABLE" in repr(found)
     assert {one.modulus for one in found.classical.values()} == {0.0}
     with pytest.raises(InputError, match="unstable at the nominal with its dead time tau, b"):
@@ -154,14 +151,14 @@ def test_an_unstable_loop_of_two_channels_is_said_first_and_has_no_disks():
 )
 def test_what_has_no_exact_margins_is_refused_by_name(plant, words):
     with pytest.raises(InputError, match=words):
-        loop_margins(plant, 1.0, tolerance=1e-4)
+        loop_margins(plant, 1.0)
 
 
 @pytest.mark.cases(0)
 def test_a_direct_gain_below_1_is_borne():
     """L = 0.5 exp(-s) in one channel: it is 0.5 from -1 and may grow twofold."""
     plant = block([[0.5 * late(1.0), 0.0], [tf([1], [1, 1]), tf([1], [1, 1]) * late(0.5, "b")]])
-    found = loop_margins(plant, 1.0, tolerance=1e-4)
+    found = loop_margins(plant, 1.0)
     one = found.classical["input 1"]
     assert found.stable and one.gain[1] == pytest.approx(2.0, rel=1e-9)
     assert one.modulus == pytest.approx(0.5, rel=1e-3)
@@ -174,7 +171,7 @@ def test_a_direct_gain_below_1_is_borne():
 def test_rounding_decides_on_no_stability():
     """An undamped pole that its own loop does not reach."""
     plant = append(tf([1], [1, 0, 1]) * late(2 * math.pi), tf([1], [1, 1]) * late(0.1, "b"))
-    assert loop_margins(plant, np.diag([0.0, 1.0]), tolerance=1e-4).stable is False
+    assert loop_margins(plant, np.diag([0.0, 1.0])).stable is False
     assert late_pair(uncertain(plant), uncertain(np.diag([1e-18, 1.0]))).stable is False
 
 
@@ -186,7 +183,7 @@ def test_every_plant_of_a_set_of_two_channels():
     found, ends = loop_margins(plant, K, tolerance=0.02), []
     for value in (0.9, 1.1):
         fixed = append(tf([value], [1, 1]) * late(0.3), tf([2], [1, 2]) * late(0.2, "b"))
-        ends.append(loop_margins(fixed, K, tolerance=1e-4))
+        ends.append(loop_margins(fixed, K))
     assert found.stable
     disk, truth = found.disks["input 1"], min(one.disks["input 1"].lower for one in ends)
     assert 0.8 * truth < disk.lower <= truth * (1 + 1e-3)
@@ -198,9 +195,7 @@ def test_every_plant_of_a_set_of_two_channels():
 def test_disks_of_a_weak_loop_are_near_the_largest(gain):
     """Where L is 0 a disk is 2; factors of both channels then break the loop at once, nearly."""
     plant = append(tf([1], [1, 1]) * late(0.3), tf([1], [1, 2]) * late(0.5, "b"))
-    disk = loop_margins(plant, gain * np.array([[1.0, 0.5], [0.2, 1.0]]), tolerance=1e-4).together[
-        "inputs"
-    ]
+    disk = loop_margins(plant, gain * np.array([[1.0, 0.5], [0.2, 1.0]])).together["inputs"]
     assert 2.0 * (1 - gain) <= disk.lower <= disk.upper <= 2.0
     assert disk.holds, disk.certificate.failures
 
@@ -208,7 +203,7 @@ def test_disks_of_a_weak_loop_are_near_the_largest(gain):
 @pytest.fixture(scope="module")
 def pair():
     plant = append(tf([1], [1, 1]) * late(0.3), tf([2], [1, 2]) * late(0.5, "b"))
-    return loop_margins(plant, np.array([[1.0, 0.5], [-0.3, 1.0]]), tolerance=1e-4)
+    return loop_margins(plant, np.array([[1.0, 0.5], [-0.3, 1.0]]))
 
 
 @pytest.mark.parametrize("field", ["gains", "phases_deg", "delays", "modulus", "stable"])

@@ -30,26 +30,26 @@ def chordal(P1, P2):
     ],
 )
 def test_gaps_as_documented(first, second, documented):
-    found = nu_gap(first, second, tolerance=1e-4)
+    found = nu_gap(first, second)
     assert found.winding is True
     assert found.lower - 5e-5 <= documented <= found.upper + 5e-5
     assert found.lower <= chordal(first, second) * (1 + 1e-6) + 1e-12
     assert found.upper >= chordal(first, second) * (1 - 1e-9)
-    assert nu_gap(second, first, tolerance=1e-4).upper == pytest.approx(found.upper, rel=1e-6)
+    assert nu_gap(second, first).upper == pytest.approx(found.upper, rel=1e-6)
 
 
 def test_plants_that_no_feedback_holds_alike():
     """1 / (s + 1) and -1 / (s + 1) are far apart; so are a stable and an unstable fast plant."""
-    far = nu_gap(tf([1], [1, 1]), tf([1], [1, -1]), tolerance=1e-4)
+    far = nu_gap(tf([1], [1, 1]), tf([1], [1, -1]))
     assert far.winding is False or far.upper == 1.0
-    wound = nu_gap(tf([0.1], [1, 1]), tf([0.1], [1, -1]), tolerance=1e-4)
+    wound = nu_gap(tf([0.1], [1, 1]), tf([0.1], [1, -1]))
     assert wound.winding is False and wound.lower == wound.upper == 1.0
     assert chordal(tf([0.1], [1, 1]), tf([0.1], [1, -1])) < 0.3  # the distance alone says little
 
 
 def test_a_plant_is_at_no_distance_from_itself():
     plant = control.ss(tf([1, 2], [1, 0.3, 4]))
-    found = nu_gap(plant, plant, tolerance=1e-4)
+    found = nu_gap(plant, plant)
     assert found.upper < 1e-6 and found.winding is True
 
 
@@ -66,17 +66,17 @@ def test_what_the_margin_promises_of_every_plant_in_the_gap(seed):
     K, _, _ = control.lqr(P1, np.eye(3), np.eye(m))
     L, _, _ = control.lqe(P1.A, np.eye(3), P1.C, np.eye(3), np.eye(p))
     C = control.ss(P1.A - P1.B @ K - L @ P1.C, L, K, 0.0)
-    margin = coprime_margin(P1, C, tolerance=1e-4)
+    margin = coprime_margin(P1, C)
     assert 0 < margin.lower <= margin.upper <= 1
     for size in (0.01, 0.1, 0.5):
         P2 = control.ss(
             P1.A + size * rng.normal(size=(3, 3)), P1.B, P1.C + size * rng.normal(size=(p, 3)), 0.0
         )
-        gap = nu_gap(P1, P2, tolerance=1e-4)
+        gap = nu_gap(P1, P2)
         assert 0 <= gap.lower <= gap.upper <= 1
         if gap.upper >= margin.lower:
             continue
-        kept = coprime_margin(P2, C, tolerance=1e-4)  # raises where the loop is unstable
+        kept = coprime_margin(P2, C)  # raises where the loop is unstable
         room = np.arcsin(margin.lower) - np.arcsin(gap.upper)
         assert np.arcsin(min(kept.upper, 1.0)) >= room - 1e-9
 
@@ -84,15 +84,15 @@ def test_what_the_margin_promises_of_every_plant_in_the_gap(seed):
 @pytest.mark.parametrize("period", [1e-3, 0.2])
 def test_sampled_plants_have_the_gap_of_what_they_are_sampled_of(period):
     P1, P2 = control.ss(tf([1], [1, 1])), control.ss(tf([2], [1, 3, 1]))
-    one = nu_gap(P1, P2, tolerance=1e-4)
-    other = nu_gap(bilinear_sampled(P1, period), bilinear_sampled(P2, period), tolerance=1e-4)
+    one = nu_gap(P1, P2)
+    other = nu_gap(bilinear_sampled(P1, period), bilinear_sampled(P2, period))
     assert other.upper == pytest.approx(one.upper, rel=1e-6)
     assert other.omega == pytest.approx(2 / period * np.arctan(one.omega * period / 2), rel=1e-2)
 
 
 def test_the_margin_of_a_known_loop():
     """Of 1 / s and 1 the four entries have the gains 1 / (s + 1) and s / (s + 1): b is 1/sqrt 2."""
-    found = coprime_margin(tf([1], [1, 0]), 1.0, tolerance=1e-4)
+    found = coprime_margin(tf([1], [1, 0]), 1.0)
     assert found.lower <= 1 / np.sqrt(2) <= found.upper * (1 + 1e-9)
 
 

@@ -48,7 +48,7 @@ UNITS = [2.0**300, 2.0**-300]
 
 @pytest.mark.parametrize("time", UNITS)
 def test_margins_of_a_loop(time, old_library):
-    plain, found = (loop_margins(loop(unit), tolerance=1e-4) for unit in (1.0, time))
+    plain, found = (loop_margins(loop(unit)) for unit in (1.0, time))
     disk, other = (next(iter(one.disks.values())) for one in (plain, found))
     assert other.lower == pytest.approx(disk.lower, rel=1e-9)
     assert other.upper == pytest.approx(disk.upper, rel=1e-9)
@@ -76,8 +76,7 @@ def test_norms_and_robust_stability(time, old_library):
     far = control.ss(chain.A * time, chain.B * time, chain.C, 0.0)
     assert certified_norm(far) == pytest.approx(certified_norm(chain))
     ours, others = (
-        robust_stability(feedback(loop(t), 1.0 + 0.3 * dynamics("d", 1, 1)), tolerance=1e-4)
-        for t in (1.0, time)
+        robust_stability(feedback(loop(t), 1.0 + 0.3 * dynamics("d", 1, 1))) for t in (1.0, time)
     )
     assert (others.lower, others.upper) == pytest.approx((ours.lower, ours.upper), rel=1e-6)
     assert others.holds, others.certificate.failures

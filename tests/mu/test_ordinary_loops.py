@@ -62,7 +62,7 @@ def test_all_margins_of_a_loop(group):
             given = (formed(loop, form),)
             numerator, denominator = polynomials(given[0])
         try:
-            found = loop_margins(*given, tolerance=1e-4)
+            found = loop_margins(*given)
         except InputError as refused:
             assert "unstable at the nominal" in str(refused)
             exact = truth(numerator, denominator, loop.P.dt)

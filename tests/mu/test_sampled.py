@@ -109,7 +109,7 @@ def test_margins_of_an_uncertain_sampled_system_by_its_poles():
     """A matrix with an uncertain entry: its poles are known for every k."""
     k = real("k", 10, percent=40)
     system = feedback(ss([[1, 0.05], [-0.005 * k, 0.7]], [[0], [0.05]], [[1, 0]], [[0]], 0.05), 0.5)
-    margin = robust_stability(system, tolerance=1e-4)
+    margin = robust_stability(system)
     assert margin.worst["k"] == pytest.approx(-5.0)  # the loop then has a pole at 1
     assert margin.upper == pytest.approx(15 / 4) and margin.lower > 0.98 * margin.upper
     assert np.abs(system.at(**margin.worst).poles()).max() == pytest.approx(1.0)

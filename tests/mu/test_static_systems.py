@@ -23,14 +23,14 @@ K = real("k", 2, percent=40)
     ],
 )
 def test_the_worst_gain_of_a_static_system(system, gain):
-    found = worst_case_gain(system, tolerance=1e-2)
+    found = worst_case_gain(system)
     assert found.lower <= gain * (1 + 1e-9) and gain <= found.upper <= 1.02 * gain
     assert found.holds, found.certificate.failures
 
 
 @pytest.mark.parametrize("loop", [K - K, tf([1], [1, 1]) * (K - K)])
 def test_an_element_without_effect_limits_nothing(loop):
-    found = robust_stability(feedback(loop, 1), tolerance=1e-4)
+    found = robust_stability(feedback(loop, 1))
     assert found.lower == found.upper == np.inf and found.holds
     assert "nan" not in repr(found)
 
@@ -39,9 +39,7 @@ def test_an_element_without_effect_beside_one_with(loop=None):
     other = real("c", 1, percent=50)
     system = feedback(tf([1], [1, other]) + 0.0 * (K - K), 1)
     alone = feedback(tf([1], [1, other]), 1)
-    assert robust_stability(system, tolerance=1e-4).lower == pytest.approx(
-        robust_stability(alone, tolerance=1e-4).lower, rel=1e-3
-    )
+    assert robust_stability(system).lower == pytest.approx(robust_stability(alone).lower, rel=1e-3)
 
 
 @pytest.mark.parametrize("gain", [1e300, 1e-300, 5e-324, 1.7e308, 1.0])

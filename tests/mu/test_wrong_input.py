@@ -100,7 +100,7 @@ def test_gaps_and_nodes_that_are_none(asked):
 
 def test_worst_case_gain_of_no_structure():
     with pytest.raises(InputError, match="must be a Structure"):
-        worst_case_gain(control.append(LIGHT, LIGHT), [(1, 1)], tolerance=1e-2)
+        worst_case_gain(control.append(LIGHT, LIGHT), [(1, 1)])
 
 
 def test_gradients_need_the_bound_of_their_matrices():

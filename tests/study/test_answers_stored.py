@@ -35,7 +35,7 @@ class Everything(Study):
     def found(self, system):
         return {
             "peak": peak(system, WHOLE),
-            ("gain", 1): worst_case_gain(system, ONE, tolerance=1e-2),
+            ("gain", 1): worst_case_gain(system, ONE),
             "circle": smallest_circle(POINTS),
             "least": least_mu(WEIGHTS),
             "missing": None,
@@ -126,7 +126,7 @@ def test_what_cannot_be_stored_is_named():
 
         return Wrong()
 
-    gap = nu_gap(lag, lag, tolerance=1e-4)
+    gap = nu_gap(lag, lag)
     for answer, checker, words in (
         ({"a": gap}, None, "need @found.checkers"),
         ({"a": gap}, {"a": gap._checked_by[0]}, "a NuGap cannot be stored in a Study"),

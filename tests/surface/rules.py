@@ -33,12 +33,21 @@ FREQUENCIES = {"freq", "freqs", "frequency", "frequencies", "omegas"}
 SAMPLING = {"sample_time", "sampling_time", "sampling_period", "Ts", "T_s"}
 TOLERANCE = 1e-3
 """The default of ``tolerance``: the relative width of the interval that is proven."""
-NORM_TOLERANCE = 1e-6
-"""The default of norms of plain systems, which cost no more for it."""
-MINIMAL_TOLERANCE = 1e-9
-"""The default of minimal realisations, which leave out what is rounding."""
-MINIMAL = {"workbench.realisations.minimal"}
-NORMS = {"workbench.mu.h_infinity_norm", "workbench.mu.linf_norm"}
+NORM, MARGIN, MINIMAL, WORST, BRANCHED = 1e-6, 1e-4, 1e-9, 1e-2, 0.05
+"""Other defaults: norms and margins cost no more for more digits; minimal realisations leave out
+what is rounding; the work of branching grows with every digit."""
+TOLERANCES = {
+    "workbench.mu.h_infinity_norm": NORM,
+    "workbench.mu.linf_norm": NORM,
+    "workbench.mu.loop_margins": MARGIN,
+    "workbench.mu.margin_sensitivity": MARGIN,
+    "workbench.mu.robust_stability": MARGIN,
+    "workbench.mu.nu_gap": MARGIN,
+    "workbench.mu.coprime_margin": MARGIN,
+    "workbench.realisations.minimal": MINIMAL,
+    "workbench.mu.worst_case_gain": WORST,
+    "workbench.mu.branch_and_bound": BRANCHED,
+}
 DATA_BY_PLACE = {"y", "controller", "structure", "W_r"}
 """Data that a question may do without: a record holds its output, a loop its controller, a system
 its structure, and a set may be complex only. They stand behind the data before them."""
@@ -116,11 +125,10 @@ def words(surface: Surface) -> Iterator[Breach]:
 
 
 def tolerances(surface: Surface) -> Iterator[Breach]:
-    """`tolerance` has one default, and norms a smaller one; a run's may be a word."""
+    """`tolerance` has one default, but for what `TOLERANCES` names; a run's may be a word."""
     for one in surface.names:
         number = isinstance(one.default, int | float)
-        lawful = NORM_TOLERANCE if one.owner in NORMS else TOLERANCE
-        lawful = MINIMAL_TOLERANCE if one.owner in MINIMAL else lawful
+        lawful = TOLERANCES.get(one.owner, TOLERANCE)
         if one.name == "tolerance" and number and one.default != lawful:
             yield _named("tolerances", one, f"tolerance={lawful:g}, not {one.default:g}")
 

@@ -51,7 +51,7 @@ MARGIN_UNITS = {
 
 def nearest_margins(loop: StateSpace) -> NearestMargins:
     """The nearest margins of a stable loop that is closed with negative feedback."""
-    found = loop_margins(loop, tolerance=1e-4)
+    found = loop_margins(loop)
     low, high = found.gain
     factors, at = found.gains.T
     phases, crossovers = found.phases_deg.T

@@ -147,7 +147,7 @@ class CoprimeChecker(PartsChecker):
         ]
 
 
-def nu_gap(first: Any, second: Any, *, tolerance: float = 1e-3) -> NuGap:
+def nu_gap(first: Any, second: Any, *, tolerance: float = 1e-4) -> NuGap:
     """The nu-gap of two plants, proven between grid points for their computed coprime factors.
 
     The supremum of the chordal distance is the nu-gap only if det(N2~ N1 + M2~ M1) does not wind
@@ -197,7 +197,7 @@ def nu_gap(first: Any, second: Any, *, tolerance: float = 1e-3) -> NuGap:
     return NuGap(lower, upper, omega, winding).checked_by(NuGapChecker(P1, P2, period, found))
 
 
-def coprime_margin(plant: Any, controller: Any, *, tolerance: float = 1e-3) -> CoprimeMargin:
+def coprime_margin(plant: Any, controller: Any, *, tolerance: float = 1e-4) -> CoprimeMargin:
     """The normalised coprime margin b(P, K) of a loop u = -K y, proven between grid points.
 
     Raises

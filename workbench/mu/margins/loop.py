@@ -16,7 +16,7 @@ def loop_margins(
     controller: Any = 1.0,
     *,
     skew: float = 0.0,
-    tolerance: float = 1e-3,
+    tolerance: float = 1e-4,
     parts: int | None = None,
     time_limit: float | None = None,
 ) -> LoopMargins:

@@ -80,7 +80,7 @@ def branch_and_bound(
     M: Any,
     structure: Structure,
     *,
-    tolerance: float = 1e-3,
+    tolerance: float = 0.05,
     nodes: int = 2000,
     upper: Upper | None = None,
     options: Options | None = None,

@@ -94,7 +94,7 @@ class SensitivityChecker(PartsChecker):
 
 
 def margin_sensitivity(
-    system: Any, *, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-3
+    system: Any, *, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-4
 ) -> MarginSensitivity:
     """Bounds, by name, of how much each element contributes: 0 for nothing, 1 for everything.
 

@@ -59,7 +59,7 @@ MOST_GROWTH = 1e6
 def robust_stability(
     system: Any,
     *,
-    tolerance: float = 1e-3,
+    tolerance: float = 1e-4,
     decay: float = 0.0,
     damping: float = 0.0,
     parts: int = PARTS,
@@ -118,7 +118,7 @@ def robust_stability(
         unlimited = StabilityMargin(
             math.inf, math.inf, math.nan, None, None, parts=0, dt=whole.dt or 0.0, idle=idle
         )
-        again = partial(robust_stability, whole, tolerance=1e-4)
+        again = partial(robust_stability, whole)
         return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", whole))
     if not (idle or all(isinstance(block, Real) for block in given.structure)):
         given = whole

@@ -40,7 +40,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 def worst_case_gain(
-    system: Any, structure: Structure | None = None, *, tolerance: float = 1e-3
+    system: Any, structure: Structure | None = None, *, tolerance: float = 1e-2
 ) -> WorstCaseGain:
     """Certified bounds of the worst-case gain of an uncertain system.
 

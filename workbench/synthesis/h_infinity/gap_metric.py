@@ -76,7 +76,7 @@ def gap_metric(first: Any, second: Any, *, tolerance: float = 1e-3) -> PlantGap:
     True
     """
     need_tolerance(tolerance)
-    below = nu_gap(first, second, tolerance=1e-4)
+    below = nu_gap(first, second)
     systems = [as_system(one, name) for one, name in ((first, "first"), (second, "second"))]
     plane = [bilinear_continuous(one) if one.dt else one for one in systems]
     factors = right_factors(plane[0], "first"), right_factors(plane[1], "second")

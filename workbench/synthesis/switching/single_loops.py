@@ -117,7 +117,7 @@ class SingleLoops:
                 for k, G in enumerate(self.plants):
                     growths[i, j, k] = self.growth(K, G, sampling)
                     if growths[i, j, k] < 0.0:
-                        found = loop_margins(self.open_loop(K, G, sampling), tolerance=1e-4)
+                        found = loop_margins(self.open_loop(K, G, sampling))
                         phase = min(found.phases_deg[:, 0], key=abs, default=math.inf)
                         gains[i, j, k], phases[i, j, k] = found.gain_db, phase
         return MarginsOfPlants(gains, phases, growths)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from workbench import figures
 from workbench.heavy_types import Dataset, Figure
+
+from workbench import figures
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.tables import Axis
