@@ -336,7 +336,7 @@ def total(part) -> Total:
     return Total((part,))
 
 
-@problem("toy/{axis}/total", axis=("x", "y"), needs={"part": ref("toy/{axis}/root", "rough")})
+@problem("toy/{axis}/total", axis=("x", "y"), needs={"part": ref("toy/{axis}/root", method="rough")})
 def axis_total(axis: str, part) -> Total:
     """Total of an axis."""
     return Total((part,))
@@ -351,7 +351,7 @@ def sum_(parts, count: int = 2) -> Total:
     return Total(tuple(parts))
 
 
-@problem("toy/doomed", needs={"part": ref("toy/root", "lying")})
+@problem("toy/doomed", needs={"part": ref("toy/root", method="lying")})
 def doomed(part) -> Total:
     """Fed with a lie."""
     return Total((part,))

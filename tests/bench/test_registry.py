@@ -141,7 +141,7 @@ def test_an_annotation_that_cannot_be_resolved_is_an_error_that_names_it(problem
     [
         ('{"up": ref("toy/root")}', {"up": Ref("toy/root")}),
         (
-            '{"up": ref("toy/root", "rough", scale=2)}',
+            '{"up": ref("toy/root", method="rough", scale=2)}',
             {"up": Ref("toy/root", "rough", {"scale": 2})},
         ),
         ('{"up": ref("toy/{x}/root")}', {"up": Ref("toy/u/root")}),
