@@ -40,8 +40,8 @@ TARGET = 0.95
 fewer states.
 """
 KEPT = 0.98
-"""Largest peak of mu allowed while a bandwidth below the first one is kept, and states are removed to find the
-largest order."""
+"""Largest peak of mu at which a bandwidth below the first one counts as kept, so that states can
+still be removed."""
 SECONDS = 300.0
 """Time limit [s] of each try; a try that runs out of time is judged by the peak reached so far. On
 a busy computer a first try may spend a minute or two on compiling loops.
