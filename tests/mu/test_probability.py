@@ -167,7 +167,7 @@ def test_a_distribution_that_falls_is_refused():
             return 0.5 + 0.4 * np.sin(3 * value)
 
     p = real("p", 0, plus_minus=1)
-    with pytest.raises(InputError, match=r"cdf of p falls|nothing in its range"):
+    with pytest.raises(InputError, match=r"cdf of p decreases|nothing in its range"):
         guaranteed_probability(tf([1], [1, p + 0.5]), distributions={"p": Falling()})
 
 
