@@ -24,6 +24,7 @@ from workbench.identification.innovations.curvature import (
 )
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.record_tests.excitation import sines
 from workbench.input_checks import as_array, need_kind
 
 
@@ -55,8 +56,11 @@ def model_deviations(
     if known is not None:
         model = known.exact(model) or model
     estimates = estimates_of(model, record, direct, known)
+    lines = _too_few_sines(model, record, direct)
     poles = np.linalg.eigvals(model.A).astype(complex)
     pole_deviations = largest_deviations(estimates, _moved, poles)
+    if len(lines) == record.u.shape[1] and known is None:
+        pole_deviations = np.full(poles.shape, np.inf)
     gains = static_gain(model)
     if np.isfinite(gains).all():
         gain_deviations = largest_deviations(
@@ -66,6 +70,8 @@ def model_deviations(
             ),
             gains,
         )
+        if known is None:
+            gain_deviations[:, list(lines)] = np.inf
     else:
         gain_deviations = np.full(gains.shape, np.inf)
     return ModelDeviations(poles, pole_deviations, gains, gain_deviations)
@@ -102,11 +108,12 @@ def response_deviations(
     ((2, 1, 1), True)
     """
     frequency = _checked_frequencies(model, record, frequency)
-    return largest_deviations(
+    found = largest_deviations(
         estimates_of(model, record, direct, None),
         lambda criterion, theta, step: np.abs(response_along(criterion, theta, step, frequency)),
         model.response(frequency),
     )
+    return _infinite_between_sines(found, model, record, frequency, direct)
 
 
 def magnitude_deviations(
@@ -127,7 +134,37 @@ def magnitude_deviations(
         change = response_along(criterion, theta, step, frequency)
         return np.asarray((change * unit.conj()).real)
 
-    return largest_deviations(estimates_of(model, record, direct, known), along, response)
+    found = largest_deviations(estimates_of(model, record, direct, known), along, response)
+    if known is not None:
+        return found
+    return _infinite_between_sines(found, model, record, np.asarray(frequency), direct)
+
+
+def _too_few_sines(
+    model: InnovationsModel, record: Experiments, direct: bool
+) -> dict[int, RealArray]:
+    """Inputs that are sums of too few sines for the model's order: their frequencies by input.
+
+    A response of order n has 2 n numbers, one more with a direct term, and a sine tells two.
+    """
+    most = (2 * model.order + direct - 1) // 2
+    longest = max((u for u, _ in record.pieces()), key=len)
+    found = {j: sines(u, most) for j, u in enumerate(longest.T)} if most > 0 else {}
+    return {j: lines for j, lines in found.items() if lines.size}
+
+
+def _infinite_between_sines(
+    deviations: RealArray,
+    model: InnovationsModel,
+    record: Experiments,
+    frequency: RealArray,
+    direct: bool,
+) -> RealArray:
+    """Deviations (F, ny, nu), infinite where an input of too few sines tells nothing."""
+    for j, lines in _too_few_sines(model, record, direct).items():
+        apart = np.abs(np.atleast_1d(frequency)[:, None] - lines).min(axis=1)
+        deviations[apart > 1 / len(record), :, j] = np.inf
+    return deviations
 
 
 def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray:
