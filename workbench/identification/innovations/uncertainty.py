@@ -27,6 +27,9 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.record_tests.excitation import sines
 from workbench.input_checks import as_array, need_kind
 
+NO_NOISE = 1e-9
+"""Noise that drives a mode, relative to the inputs, up to which it counts as none."""
+
 
 @dataclass(frozen=True, eq=False)
 class ModelDeviations:
@@ -34,7 +37,7 @@ class ModelDeviations:
 
     An integrator has an infinite static gain with infinite standard deviation. Quantities that the
     record does not determine, such as the gains of two equal inputs, have an infinite standard
-    deviation too.
+    deviation too; so has everything where a mode slower than the record has no noise of its own.
     """
 
     poles: ComplexArray
@@ -59,7 +62,7 @@ def model_deviations(
     lines = _too_few_sines(model, record, direct)
     poles = np.linalg.eigvals(model.A).astype(complex)
     pole_deviations = largest_deviations(estimates, _moved, poles)
-    if len(lines) == record.u.shape[1] and known is None:
+    if known is None and (len(lines) == record.u.shape[1] or _offset_is_hidden(model, record)):
         pole_deviations = np.full(poles.shape, np.inf)
     gains = static_gain(model)
     if np.isfinite(gains).all():
@@ -72,6 +75,8 @@ def model_deviations(
         )
         if known is None:
             gain_deviations[:, list(lines)] = np.inf
+        if known is None and _offset_is_hidden(model, record):
+            gain_deviations = np.full(gains.shape, np.inf)
     else:
         gain_deviations = np.full(gains.shape, np.inf)
     return ModelDeviations(poles, pole_deviations, gains, gain_deviations)
@@ -113,7 +118,7 @@ def response_deviations(
         lambda criterion, theta, step: np.abs(response_along(criterion, theta, step, frequency)),
         model.response(frequency),
     )
-    return _infinite_between_sines(found, model, record, frequency, direct)
+    return _infinite_where_untold(found, model, record, frequency, direct)
 
 
 def magnitude_deviations(
@@ -137,7 +142,7 @@ def magnitude_deviations(
     found = largest_deviations(estimates_of(model, record, direct, known), along, response)
     if known is not None:
         return found
-    return _infinite_between_sines(found, model, record, np.asarray(frequency), direct)
+    return _infinite_where_untold(found, model, record, np.asarray(frequency), direct)
 
 
 def _too_few_sines(
@@ -153,14 +158,33 @@ def _too_few_sines(
     return {j: lines for j, lines in found.items() if lines.size}
 
 
-def _infinite_between_sines(
+def _offset_is_hidden(model: InnovationsModel, record: Experiments) -> bool:
+    """Whether a mode that is slower than the record sums up the offset of an input.
+
+    The offset is known as the mean of the record only. Its error makes a ramp in the free run, and
+    other parameters follow it. Where noise drives the mode too, the predictor forgets the ramp.
+    """
+    values, left = np.linalg.eig(model.A.T)
+    longest = max(len(u) for u, _ in record.pieces())
+    slow = left.T[(1 - np.abs(values)) * longest < 1]
+    noise = np.abs(slow @ model.K).max(axis=1, initial=0.0)
+    driven = np.abs(slow @ model.B).max(axis=1, initial=0.0)
+    return bool((noise < NO_NOISE * driven).any())
+
+
+def _infinite_where_untold(
     deviations: RealArray,
     model: InnovationsModel,
     record: Experiments,
     frequency: RealArray,
     direct: bool,
 ) -> RealArray:
-    """Deviations (F, ny, nu), infinite where an input of too few sines tells nothing."""
+    """Deviations (F, ny, nu), infinite where the record tells nothing.
+
+    That is beside the lines of too few sines, and everywhere if a hidden offset moves the model.
+    """
+    if _offset_is_hidden(model, record):
+        return np.full_like(deviations, np.inf)
     for j, lines in _too_few_sines(model, record, direct).items():
         apart = np.abs(np.atleast_1d(frequency)[:, None] - lines).min(axis=1)
         deviations[apart > 1 / len(record), :, j] = np.inf

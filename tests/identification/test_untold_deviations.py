@@ -1,10 +1,13 @@
-"""A sum of few sines tells a response at its lines alone: elsewhere deviations are infinite."""
+"""What a record does not tell has an infinite deviation: few sines, and slow modes with offsets."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from workbench.identification import arx, as_experiments, response_deviations
+from problems.bench.regions.plants import PLANTS
+from problems.bench.regions.records import EXCITATIONS
+from workbench import solve
+from workbench.identification import StateSpaceFit, arx, as_experiments, response_deviations
 from workbench.identification.innovations.uncertainty import model_deviations
 
 SINE = 0.3 / (2 * np.pi)
@@ -44,3 +47,15 @@ def test_one_input_of_two_may_tell_all():
     told = as_experiments(np.column_stack([sine, noise]), y)
     found = model_deviations(arx(told, order=2), told).gain_deviations
     assert np.isinf(found[0]).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(("method", "told"), [("output-error", False), ("prediction-error", True)])
+def test_a_free_run_of_an_integrator_does_not_tell_the_offset(method, told):
+    """The mean of u is not its offset: the ramp that is left was taken for the plant."""
+    rng = np.random.default_rng(2)
+    u = EXCITATIONS["noise"](rng, 4000, PLANTS["arm"].band)
+    y = PLANTS["arm"].output(u[None])[2000:]
+    y += 0.1 * y.std() * rng.standard_normal(len(y))
+    fit = StateSpaceFit(u[2000:], y, orders=(4,), direct=False)
+    found = fit.deviations(solve(fit, method).answer, [0.01, 0.1])
+    assert np.isfinite(found).all() == told
