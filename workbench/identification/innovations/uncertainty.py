@@ -61,7 +61,7 @@ def model_deviations(
     estimates = estimates_of(model, record, direct, known)
     lines = _too_few_sines(model, record, direct)
     poles = np.linalg.eigvals(model.A).astype(complex)
-    pole_deviations = largest_deviations(estimates, _moved, poles)
+    pole_deviations = largest_deviations(estimates, _modulus_slopes, poles)
     if known is None and (len(lines) == record.u.shape[1] or _offset_is_hidden(model, record)):
         pole_deviations = np.full(poles.shape, np.inf)
     gains = static_gain(model)
@@ -254,7 +254,7 @@ def static_gain(model: InnovationsModel) -> RealArray:
     return np.asarray(model.C @ np.linalg.solve(rest, model.B) + model.D)
 
 
-def _moved(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+def _modulus_slopes(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
     """Derivatives of the moduli of the poles along one standard deviation."""
     left, right = np.linalg.eig(criterion.model(theta).A)
     inverse = np.linalg.pinv(right)
