@@ -59,10 +59,10 @@ def model_deviations(
     if known is not None:
         model = known.exact(model) or model
     estimates = estimates_of(model, record, direct, known)
-    lines = _too_few_sines(model, record, direct)
+    untold = _untold_inputs(model, record, direct, known)
     poles = np.linalg.eigvals(model.A).astype(complex)
     pole_deviations = largest_deviations(estimates, _modulus_slopes, poles)
-    if known is None and (len(lines) == record.u.shape[1] or _offset_is_hidden(model, record)):
+    if len(untold) == record.u.shape[1]:
         pole_deviations = np.full(poles.shape, np.inf)
     gains = static_gain(model)
     if np.isfinite(gains).all():
@@ -73,10 +73,7 @@ def model_deviations(
             ),
             gains,
         )
-        if known is None:
-            gain_deviations[:, list(lines)] = np.inf
-        if known is None and _offset_is_hidden(model, record):
-            gain_deviations = np.full(gains.shape, np.inf)
+        gain_deviations[:, list(untold)] = np.inf
     else:
         gain_deviations = np.full(gains.shape, np.inf)
     return ModelDeviations(poles, pole_deviations, gains, gain_deviations)
@@ -118,7 +115,7 @@ def response_deviations(
         lambda criterion, theta, step: np.abs(response_along(criterion, theta, step, frequency)),
         model.response(frequency),
     )
-    return _infinite_where_untold(found, model, record, frequency, direct)
+    return _infinite_apart(found, frequency, _untold_inputs(model, record, direct, None), record)
 
 
 def magnitude_deviations(
@@ -140,18 +137,22 @@ def magnitude_deviations(
         return np.asarray((change * unit.conj()).real)
 
     found = largest_deviations(estimates_of(model, record, direct, known), along, response)
-    if known is not None:
-        return found
-    return _infinite_where_untold(found, model, record, np.asarray(frequency), direct)
+    return _infinite_apart(found, frequency, _untold_inputs(model, record, direct, known), record)
 
 
-def _too_few_sines(
-    model: InnovationsModel, record: Experiments, direct: bool
+def _untold_inputs(
+    model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
 ) -> dict[int, RealArray]:
-    """Inputs that are sums of too few sines for the model's order: their frequencies by input.
+    """Inputs whose response the record tells at some frequencies [cycles/sample] alone, or at none.
 
-    A response of order n has 2 n numbers, one more with a direct term, and a sine tells two.
+    These are sums of too few sines for the model's order: a response of order n has 2 n numbers,
+    one more with a direct term, and a sine tells two. With a hidden offset no input tells anything.
+    What is ``known`` may stand for what the record does not tell, so no input counts then.
     """
+    if known is not None:
+        return {}
+    if _offset_is_hidden(model, record):
+        return dict.fromkeys(range(record.u.shape[1]), np.zeros(0))
     most = (2 * model.order + direct - 1) // 2
     longest = max((u for u, _ in record.pieces()), key=len)
     found = {j: sines(u, most) for j, u in enumerate(longest.T)} if most > 0 else {}
@@ -172,22 +173,16 @@ def _offset_is_hidden(model: InnovationsModel, record: Experiments) -> bool:
     return bool((noise < NO_NOISE * driven).any())
 
 
-def _infinite_where_untold(
+def _infinite_apart(
     deviations: RealArray,
-    model: InnovationsModel,
+    frequency: ArrayLike,
+    untold: dict[int, RealArray],
     record: Experiments,
-    frequency: RealArray,
-    direct: bool,
 ) -> RealArray:
-    """Deviations (F, ny, nu), infinite where the record tells nothing.
-
-    That is beside the lines of too few sines, and everywhere if a hidden offset moves the model.
-    """
-    if _offset_is_hidden(model, record):
-        return np.full_like(deviations, np.inf)
-    for j, lines in _too_few_sines(model, record, direct).items():
-        apart = np.abs(np.atleast_1d(frequency)[:, None] - lines).min(axis=1)
-        deviations[apart > 1 / len(record), :, j] = np.inf
+    """Deviations (F, ny, nu), infinite for untold inputs apart from the frequencies they tell."""
+    for j, told in untold.items():
+        distance = np.abs(np.reshape(frequency, (-1, 1)) - told).min(axis=1, initial=np.inf)
+        deviations[distance > 1 / len(record), :, j] = np.inf
     return deviations
 
 
