@@ -269,9 +269,9 @@ def page(runs: Mapping[str, wb.Run]) -> str:
         "The comparison is not quite fair to the workbench: most of its times contain a proof, and "
         "the peers' do not. A proven norm or peak holds at every frequency, rounding included. "
         "AB13DD gives no error bound; AB13MD bounds mu at 1,000 frequencies. D-K iteration goes on "
-        "until its proven peak is at most 0.975; dkpy ends with 1.036, and with 1.022 after six "
-        "iterations with orders that it finds by itself; its documentation reaches 1.0144. A "
-        "number below 1 means that the peer is faster.\n",
+        "until its proven peak is at most 0.975; dkpy ends with 1.036, and with 1.025 after six "
+        "iterations with orders up to 4 that it finds by itself; its documentation reaches 1.0144. "
+        "A number below 1 means that the peer is faster.\n",
         markdown(HEADS, [row.cells() for row in rows(runs)]),
         "## How times grow\n",
         "![Times over the size of a matrix, the number of frequencies and the number of states]"

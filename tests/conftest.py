@@ -336,7 +336,11 @@ def total(part) -> Total:
     return Total((part,))
 
 
-@problem("toy/{axis}/total", axis=("x", "y"), needs={"part": ref("toy/{axis}/root", method="rough")})
+@problem(
+    "toy/{axis}/total",
+    axis=("x", "y"),
+    needs={"part": ref("toy/{axis}/root", method="rough")},
+)
 def axis_total(axis: str, part) -> Total:
     """Total of an axis."""
     return Total((part,))

@@ -46,7 +46,7 @@ def test_the_command_says_that_nothing_is_there(monkeypatch):
 
 def test_doctor_finds_versions_and_says_what_is_missing(monkeypatch):
     found = {one.topic: one for one in doctor.examination(test=False)}
-    assert found["numpy"].well and found["problems"].found.startswith("1")
+    assert found["numpy"].well and int(found["problems"].found.split()[0]) > 150
     real = doctor._version
     monkeypatch.setattr(doctor, "_version", lambda name: None if name == "slycot" else real(name))
     found = {one.topic: one for one in doctor.examination(test=False)}

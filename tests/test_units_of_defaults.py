@@ -57,12 +57,12 @@ LEFT = {
         synthesis/implementation/implementation_checks.py: follows from 1e-05 to 1
         synthesis/implementation/second_order.py: CHECKED_ANGLES from -6 to 0""",
     "a range of multiples of a scale of the system": """
-        mu/robust/late_margin.py: BESIDE from 0.98 to 1.02
+        mu/robust/late_margin.py: NEARBY_RATIOS from 0.98 to 1.02
         second_opinion/margins/dead_times.py: _sizes from 0.5 to 2
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from -2 to 2
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from 2 to -2
         synthesis/families/lead_lag.py: examples from 0.1 to 1
-        synthesis/families/observer.py: _same from 0.1 to 10
+        synthesis/families/observer.py: _is_same_response from 0.1 to 10
         synthesis/families/parametrised.py: parameters from 0.01 to 100
         synthesis/families/lead_lag.py: examples from 3 to 10
         synthesis/families/modal.py: examples from 0.3 to 3

@@ -264,7 +264,7 @@ def test_multipliers_near_zero_frequency():
         (lambda: loop_margins(DOCUMENTED, tolerance=0.0), "tolerance"),
         (lambda: loop_margins(DOCUMENTED, tolerance=None), "tolerance"),
         (lambda: loop_margins(control.ss([], [], [], -1.0)), "singular"),
-        (lambda: loop_margins(control.ss(0.5, 1, 1, 0, 0.1), CONTROLLER), "go together"),
+        (lambda: loop_margins(control.ss(0.5, 1, 1, 0, 0.1), CONTROLLER), "cannot be combined"),
         (lambda: loop_margins(satellite()[0], CONTROLLER), "must fit each other"),
         (lambda: loop_margins(None), "plant must be"),
         (lambda: loop_margins(control.ss(0.5, 1, 1, 0, True)), "sampling time is not given"),

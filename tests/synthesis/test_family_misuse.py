@@ -147,7 +147,7 @@ def test_starts_of_two_channels():
         ({"family": PID(), "stable": True}, "controller stable. An integrator is not stable"),
         ({"family": LeadLag(), "stable": True}, "An integrator is not stable: give it a leak"),
         ({"family": PID(filter=0.01), "fastest_pole": 10.0}, "a fixed filter is a pole"),
-        ({"family": PID(), "order": 1}, "asked of the controller: order"),
+        ({"family": PID(), "order": 1}, "demands on the controller: order"),
         ({}, r"give start, or order, or a family such as PID\(\)"),
     ],
 )

@@ -132,7 +132,7 @@ def test_what_is_no_member():
     family = FAMILIES["observer"]
     for K, said in (
         (control.ss([[-1.0]], [[1.0]], [[1.0], [0.0]], [[0.0], [0.0]]), "1 states"),
-        (control.ss(-np.eye(2), np.ones((2, 1)), np.eye(2), [[0.0], [1.0]]), "at once"),
+        (control.ss(-np.eye(2), np.ones((2, 1)), np.eye(2), [[0.0], [1.0]]), "direct term"),
     ):
         with pytest.raises(InputError, match=said):
             family.parameters(K)

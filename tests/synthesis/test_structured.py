@@ -61,7 +61,7 @@ def test_the_thesis_controller_is_a_lead_lag_one():
     [
         (control.tf([1.0, 0.1, 1.0], [1.0, 1.0, 0.0]), "must be real"),
         (control.tf([1.0, -1.0], [1.0, 1.0]), "not right of"),
-        (control.ss(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1.0]]), "a pole"),
+        (control.ss(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1.0]]), "one pole"),
         (control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))), "one input"),
     ],
 )

@@ -313,7 +313,7 @@ LAG = control.ss(control.tf([1], [1, 1]))
         (lambda: MatrixResponses(OMEGA, VALUES, plants=["a", "a"]), "different names"),
         (lambda: MatrixResponses(OMEGA, VALUES, plants=3), "plants must be a list"),
         (lambda: MatrixResponses(OMEGA, VALUES, dt=0.1), "half the sampling rate"),
-        (lambda: MatrixResponses.of_systems([], OMEGA), "none"),
+        (lambda: MatrixResponses.of_systems([], OMEGA), "there are no systems"),
         (lambda: MatrixResponses.of_systems([plant(), LAG], OMEGA), "differ"),
         (lambda: MatrixResponses.of_systems(plant(), OMEGA), "list"),
         (lambda: MatrixResponses.of_systems(["P"], OMEGA), "plant 1"),

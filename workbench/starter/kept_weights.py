@@ -36,12 +36,10 @@ ones."""
 HALVINGS = 3
 """Halvings, in logarithm, of the gap between the bandwidth that is kept and the next."""
 TARGET = 0.95
-"""A bandwidth is accepted if the certified peak of mu is at most this; the rest leaves room for
-fewer states.
-"""
+"""Peak of mu at which a synthesis stops; the rest up to 1 leaves room for fewer states."""
 KEPT = 0.98
-"""Largest peak of mu at which a bandwidth below the first one counts as kept, so that states can
-still be removed."""
+"""Peak of mu below which a bandwidth is taken, and up to which the controller of full order is
+truncated to find the largest order that is tried."""
 SECONDS = 300.0
 """Time limit [s] of each try; a try that runs out of time is judged by the peak reached so far. On
 a busy computer a first try may spend a minute or two on compiling loops.

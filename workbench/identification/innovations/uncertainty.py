@@ -24,7 +24,11 @@ from workbench.identification.innovations.curvature import (
 )
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.record_tests.excitation import sines
 from workbench.input_checks import as_array, need_kind
+
+NO_NOISE = 1e-9
+"""Noise that drives a mode, relative to the inputs, up to which it counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +37,7 @@ class ModelDeviations:
 
     An integrator has an infinite static gain with infinite standard deviation. Quantities that the
     record does not determine, such as the gains of two equal inputs, have an infinite standard
-    deviation too.
+    deviation too; so has everything where a mode slower than the record has no noise of its own.
     """
 
     poles: ComplexArray
@@ -55,8 +59,11 @@ def model_deviations(
     if known is not None:
         model = known.exact(model) or model
     estimates = estimates_of(model, record, direct, known)
+    untold = _untold_inputs(model, record, direct, known)
     poles = np.linalg.eigvals(model.A).astype(complex)
-    pole_deviations = largest_deviations(estimates, _moved, poles)
+    pole_deviations = largest_deviations(estimates, _modulus_slopes, poles)
+    if len(untold) == record.u.shape[1]:
+        pole_deviations = np.full(poles.shape, np.inf)
     gains = static_gain(model)
     if np.isfinite(gains).all():
         gain_deviations = largest_deviations(
@@ -66,6 +73,7 @@ def model_deviations(
             ),
             gains,
         )
+        gain_deviations[:, list(untold)] = np.inf
     else:
         gain_deviations = np.full(gains.shape, np.inf)
     return ModelDeviations(poles, pole_deviations, gains, gain_deviations)
@@ -106,13 +114,15 @@ def response_deviations(
     ((2, 1, 1), True)
     """
     cycles_per_sample = _checked_frequencies(model, record, cycles_per_sample)
-    return largest_deviations(
+    found = largest_deviations(
         estimates_of(model, record, direct, None),
         lambda criterion, theta, step: np.abs(
             response_along(criterion, theta, step, cycles_per_sample)
         ),
         model.response(cycles_per_sample),
     )
+    untold = _untold_inputs(model, record, direct, None)
+    return _infinite_apart(found, cycles_per_sample, untold, record)
 
 
 def magnitude_deviations(
@@ -133,7 +143,54 @@ def magnitude_deviations(
         change = response_along(criterion, theta, step, frequency)
         return np.asarray((change * unit.conj()).real)
 
-    return largest_deviations(estimates_of(model, record, direct, known), along, response)
+    found = largest_deviations(estimates_of(model, record, direct, known), along, response)
+    return _infinite_apart(found, frequency, _untold_inputs(model, record, direct, known), record)
+
+
+def _untold_inputs(
+    model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
+) -> dict[int, RealArray]:
+    """Inputs whose response the record tells at some frequencies [cycles/sample] alone, or at none.
+
+    These are sums of too few sines for the model's order: a response of order n has 2 n numbers,
+    one more with a direct term, and a sine tells two. With a hidden offset no input tells anything.
+    What is ``known`` may stand for what the record does not tell, so no input counts then.
+    """
+    if known is not None:
+        return {}
+    if _offset_is_hidden(model, record):
+        return dict.fromkeys(range(record.u.shape[1]), np.zeros(0))
+    most = (2 * model.order + direct - 1) // 2
+    longest = max((u for u, _ in record.pieces()), key=len)
+    found = {j: sines(u, most) for j, u in enumerate(longest.T)} if most > 0 else {}
+    return {j: lines for j, lines in found.items() if lines.size}
+
+
+def _offset_is_hidden(model: InnovationsModel, record: Experiments) -> bool:
+    """Whether a mode that is slower than the record sums up the offset of an input.
+
+    The offset is known as the mean of the record only. Its error makes a ramp in the free run, and
+    other parameters follow it. Where noise drives the mode too, the predictor forgets the ramp.
+    """
+    values, left = np.linalg.eig(model.A.T)
+    longest = max(len(u) for u, _ in record.pieces())
+    slow = left.T[(1 - np.abs(values)) * longest < 1]
+    noise = np.abs(slow @ model.K).max(axis=1, initial=0.0)
+    driven = np.abs(slow @ model.B).max(axis=1, initial=0.0)
+    return bool((noise < NO_NOISE * driven).any())
+
+
+def _infinite_apart(
+    deviations: RealArray,
+    frequency: ArrayLike,
+    untold: dict[int, RealArray],
+    record: Experiments,
+) -> RealArray:
+    """Deviations (F, ny, nu), infinite for untold inputs apart from the frequencies they tell."""
+    for j, told in untold.items():
+        distance = np.abs(np.reshape(frequency, (-1, 1)) - told).min(axis=1, initial=np.inf)
+        deviations[distance > 1 / len(record), :, j] = np.inf
+    return deviations
 
 
 def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray:
@@ -199,7 +256,7 @@ def static_gain(model: InnovationsModel) -> RealArray:
     return np.asarray(model.C @ np.linalg.solve(rest, model.B) + model.D)
 
 
-def _moved(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+def _modulus_slopes(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
     """Derivatives of the moduli of the poles along one standard deviation."""
     left, right = np.linalg.eig(criterion.model(theta).A)
     inverse = np.linalg.pinv(right)

@@ -85,7 +85,7 @@ class PeriodicStream:
     Parameters
     ----------
     period
-        Period [samples].
+        Period in samples.
     periods
         Number of periods of the record, at least 2.
     lines
@@ -263,7 +263,7 @@ def periodic_local_polynomial(
     y
         Outputs, (N, ny) or (N, ny, experiments).
     period
-        Period [samples]. The last whole periods of the record are used, at least two.
+        Period in samples. The last whole periods of the record are used, at least two.
     lines
         Excited harmonics (F,) of the period, rising; None: every one below half the sampling rate.
     degree

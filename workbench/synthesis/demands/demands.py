@@ -62,9 +62,8 @@ PEAK_SENSITIVITY = 2.0
 BELOW_CROSSOVER = 0.3
 """Corner below which the weight of an overshoot decreases, relative to the bandwidth."""
 ABOVE_CROSSOVER, UP_TO_SAMPLING = 20.0, 0.6
-"""Corner of the effort's weight: the first number times the bandwidth, but at most the second
-number over the sampling time, a fifth of half the sampling rate [rad/s].
-"""
+"""The corner of the effort's weight is the first number times the bandwidth, but at most the second
+number over the sampling time, which is a fifth of half the sampling rate."""
 NO_PEAK = 1 / math.sqrt(2)
 """Damping from which on T of two poles has no peak; also the damping assumed if no overshoot is
 demanded.

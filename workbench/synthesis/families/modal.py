@@ -31,9 +31,9 @@ class Modal(Family):
     """All controllers of an order, with second-order blocks in A and free B, C and D.
 
     A has blocks w [[-b, -a], [1, 0]], and a block -w c if the order is odd. A block may have
-    complex or real poles, stable or not. The ``corners`` w [rad/s] scale the parameters to about
-    one. If none are given, they come from a start, and the numbers of inputs and outputs from the
-    plant.
+    complex or real poles, stable or not. The ``corners`` [rad/s] are the w; they scale the
+    parameters to about one. If none are given, they come from a start, and the numbers of inputs
+    and outputs from the plant.
 
     Examples
     --------

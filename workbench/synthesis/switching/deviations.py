@@ -50,7 +50,7 @@ class Deviations:
         Amplitudes of the disturbance and its angular frequencies [rad/s] (F,). Only one of these
         sines acts at a time.
     longest
-        Length of the longest defect [samples].
+        Length of the longest defect in samples.
     false
         The bound F on |v|, in the unit of the amplitudes.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from workbench._core.heavy_types import StateSpace
-from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, find_method, method
@@ -28,7 +27,7 @@ CONIC = "clarabel"
 """The conic solver that finds a start."""
 
 
-@method(H2HinfSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(H2HinfSynthesis, "fixed", optimal=False)
 def _fixed(program: H2HinfSynthesis, context: Context) -> Claim:
     """Descent of the H2 norm within the limit, over a family or an order (else the plant's)."""
     limited = _least_limited_norm(program)

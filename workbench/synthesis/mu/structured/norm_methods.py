@@ -30,7 +30,7 @@ from workbench.synthesis.mu.structured.nonsmooth.bfgs import stationarity
 from workbench.synthesis.mu.structured.norm import descents
 from workbench.synthesis.mu.structured.norm.ends import (
     Descent,
-    by_bfgs,
+    bfgs_along_kinks,
     hops_and_evolution,
     search_ends,
 )
@@ -93,7 +93,7 @@ def _no_further(point: NormPoint, _: Context) -> NormPoint:
 def _claim(
     program: HinfSynthesis,
     context: Context,
-    descent: Descent = by_bfgs,
+    descent: Descent = bfgs_along_kinks,
     on: Descent = _no_further,
 ) -> Claim:
     """The controller at the end of the best descent, with the norms that the other starts

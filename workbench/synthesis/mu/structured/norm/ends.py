@@ -40,7 +40,7 @@ class Ends(NamedTuple):
     starts: int
 
 
-def by_bfgs(point: NormPoint, context: Context) -> NormPoint:
+def bfgs_along_kinks(point: NormPoint, context: Context) -> NormPoint:
     """BFGS, then sampled gradients."""
     return descents.along_kinks(descents.by_bfgs(point), context.rng)
 
@@ -50,7 +50,7 @@ def hops_and_evolution(point: NormPoint, context: Context) -> NormPoint:
     for _ in range(ROUNDS):
         before = point.value
         point = descents.hopped(point, context.rng, HOPS)
-        point = by_bfgs(descents.by_evolution(point, context.rng), context)
+        point = bfgs_along_kinks(descents.by_evolution(point, context.rng), context)
         if not point.value < (1 - GAINED) * before or time_is_up("hops and evolution"):
             break
     return point
@@ -60,7 +60,7 @@ def search_ends(
     stated: MuSynthesis,
     context: Context,
     level: float,
-    descent: Descent = by_bfgs,
+    descent: Descent = bfgs_along_kinks,
     on: Descent = hops_and_evolution,
 ) -> Ends:
     """The ends of a search over the controllers of a continuous plant without perturbation.

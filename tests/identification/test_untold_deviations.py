@@ -1,0 +1,61 @@
+"""What a record does not tell has an infinite deviation: few sines, and slow modes with offsets."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from problems.bench.regions.plants import PLANTS
+from problems.bench.regions.records import EXCITATIONS
+from workbench import solve
+from workbench.identification import StateSpaceFit, arx, as_experiments, response_deviations
+from workbench.identification.innovations.uncertainty import model_deviations
+
+SINE = 0.3 / (2 * np.pi)
+"""Frequency of the first sine [cycles/sample]."""
+
+
+def record(sines, seed=0):
+    """A lag of gain 1 under sines of these frequencies [cycles/sample]."""
+    time, rng = np.arange(3000), np.random.default_rng(seed)
+    u = np.sum([np.sin(2 * np.pi * f * time) for f in sines], axis=0)
+    y = lfilter([0.0, 0.2], [1.0, -0.8], u) + 0.01 * rng.standard_normal(len(time))
+    return as_experiments(u, y)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_sine_tells_no_static_gain_of_second_order(seed):
+    """The estimate said 1e9 +- 0 where the truth is 1."""
+    told = record([SINE], seed)
+    model = arx(told, order=2)
+    found = model_deviations(model, told)
+    assert np.isinf(found.gain_deviations).all() and np.isinf(found.pole_deviations).all()
+    at = response_deviations(model, told, [SINE, 0.01, 0.2])[:, 0, 0]
+    assert np.isfinite(at).tolist() == [True, False, False]
+
+
+def test_enough_sines_tell_all():
+    told = record([SINE, 0.011, 0.15])
+    model = arx(told, order=2)
+    assert np.isfinite(model_deviations(model, told).gain_deviations).all()
+    assert np.isfinite(response_deviations(model, told, [0.0, 0.2])).all()
+
+
+def test_one_input_of_two_may_tell_all():
+    rng = np.random.default_rng(1)
+    sine, noise = np.sin(2 * np.pi * SINE * np.arange(3000)), rng.standard_normal(3000)
+    y = lfilter([0.0, 0.2], [1.0, -0.8], sine + 2 * noise) + 0.01 * rng.standard_normal(3000)
+    told = as_experiments(np.column_stack([sine, noise]), y)
+    found = model_deviations(arx(told, order=2), told).gain_deviations
+    assert np.isinf(found[0]).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(("method", "told"), [("output-error", False), ("prediction-error", True)])
+def test_a_free_run_of_an_integrator_does_not_tell_the_offset(method, told):
+    """The mean of u is not its offset: the ramp that is left was taken for the plant."""
+    rng = np.random.default_rng(2)
+    u = EXCITATIONS["noise"](rng, 4000, PLANTS["arm"].band)
+    y = PLANTS["arm"].output(u[None])[2000:]
+    y += 0.1 * y.std() * rng.standard_normal(len(y))
+    fit = StateSpaceFit(u[2000:], y, orders=(4,), direct=False)
+    found = fit.deviations(solve(fit, method).answer, [0.01, 0.1])
+    assert np.isfinite(found).all() == told
