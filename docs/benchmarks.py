@@ -295,7 +295,7 @@ def page(runs: Mapping[str, wb.Run]) -> str:
 
 
 if __name__ == "__main__":
-    from workbench.bench.files import svg
+    from workbench.figures.formats import svg
 
     os.environ["WORKBENCH_RESULTS"] = str(RESULTS)
     found = stored() if "--stored" in sys.argv else run_all()

@@ -184,7 +184,7 @@ def profile(run: wb.Run) -> Figure:
 
 
 if __name__ == "__main__":
-    from workbench.bench.files import svg
+    from workbench.figures.formats import svg
 
     found = stored()
     Path(__file__).with_suffix(".md").write_text(page(found), encoding="utf-8")

@@ -136,7 +136,7 @@ class Root(Program):
 
     def checks(self, answer, tolerance):
         short = np.max(np.array(self.targets) - answer**2)
-        return [Check("reach", "target - x^2", float(short), 1e-9, "over all targets")]
+        return [Check("reach", "target - x^2", float(short), 1e-9, over="over all targets")]
 
     def gap(self, answer):
         return "x / sqrt(target) - 1", float(np.max(answer / np.sqrt(self.targets) - 1))
@@ -259,7 +259,7 @@ def newton(program, context):
     state = {"x": targets + 1, "excess": np.zeros(0)} if kept is None else kept
     for number, excess in enumerate(state["excess"].tolist(), start=1):
         context.record({"round": number, "excess": excess})
-    for done in context.rounds(12, "newton", len(state["excess"])):
+    for done in context.rounds(12, "newton", done=len(state["excess"])):
         x = (state["x"] + targets / state["x"]) / 2
         excess = float(np.max(x / np.sqrt(targets) - 1))
         context.record({"round": done + 1, "excess": excess})

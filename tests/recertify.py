@@ -11,8 +11,8 @@ import sys
 from fnmatch import fnmatch
 from pathlib import Path
 
-from workbench.bench.crate import write_crate
 from workbench.bench.files import write_json
+from workbench.bench.formats.crate import write_crate
 from workbench.bench.project import registry
 from workbench.bench.results import Run, read_json
 from workbench.bench.store import seal

@@ -256,11 +256,12 @@ def test_workers_whose_pool_is_killed_are_gone(tmp_path):
     code = (
         "import sys, pathlib; sys.path.insert(0, sys.argv[2])\n"
         "import test_executor as t\n"
-        "t.Workers(1).submit(t.hang, pathlib.Path(sys.argv[1])).result()\n"
+        "t.Workers(count=1).submit(t.hang, pathlib.Path(sys.argv[1])).result()\n"
     )
     file = tmp_path / "pid"
     pool = subprocess.Popen([sys.executable, "-c", code, str(file), str(Path(__file__).parent)])
     while not file.exists() or not file.read_text():
+        assert pool.poll() is None
         time.sleep(0.02)
     pool.kill()
     pool.wait()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import workbench as wb
-from workbench.bench.files import png
+from workbench.figures.formats import png
 from workbench.bench.project import registry
 from workbench.bench.results import Run
 from workbench.bench.verify import finished_folders

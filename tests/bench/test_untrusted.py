@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import workbench as wb
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.bench.results import Run
 from workbench.bench.store import damage, seal
 from workbench.bench.trust.untrusted import (

@@ -9,8 +9,8 @@ import pytest
 import xarray as xr
 
 import workbench as wb
-from workbench.bench import netcdf
 from workbench.bench.files import write_json
+from workbench.bench.formats import netcdf
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, seal
 from workbench.bench.trust.numbers import certificates_apart

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 import workbench as wb
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.bench.store import seal
 from workbench.cli import main
 from workbench.executor import InProcess

@@ -78,7 +78,7 @@ def test_a_stored_proof_that_was_changed_is_not_verified(cones):
     run = wb.run("cone/infeasible")
     data = run.data.load()
     data["y"].values[0] = "7"
-    from workbench.bench import netcdf
+    from workbench.bench.formats import netcdf
 
     netcdf.write(data, run.path / "data.nc")
     seal(run.path)

@@ -5,7 +5,7 @@ import pytest
 
 import workbench.fitting.response.best
 import workbench.fitting.response.conic  # noqa: F401  registers the methods
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit, fit_response

@@ -68,7 +68,7 @@ problems/textbook/distillation.py distillation_column
         test_mu_of_the_column_is_that_of_the_literature
     problems/bench/test_synthesis_speed.py
         test_the_small_one_holds
-workbench/bench/netcdf.py _join
+workbench/bench/formats/netcdf.py _join
     fitting/test_response_fit.py
         test_dataset_round_trip
     figures/test_printed_figure.py

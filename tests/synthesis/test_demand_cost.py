@@ -7,7 +7,7 @@ import pytest
 from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.certificate import deep_checks
 from workbench.errors import InputError
 from workbench.solution import solve

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.executor import Checkpoint, Context
 from workbench.solvers import Options, Outcome
 from workbench.synthesis import Iterate, MuSynthesis, hinf

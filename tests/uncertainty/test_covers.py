@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lanes import examples, thinned
 
 import workbench as wb
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.uncertainty import (

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from workbench._core.heavy_types import Dataset
-from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
+from workbench.bench.formats import netcdf
 from workbench.bench.results import Run
 from workbench.certificate import told_apart
 from workbench.executor import Row, shown

@@ -143,7 +143,7 @@ class Run(Fed):
     @cached_property
     def data(self) -> Dataset:
         """Every array, labelled."""
-        from workbench.bench import netcdf
+        from workbench.bench.formats import netcdf
 
         return netcdf.read(self.path / "data.nc")
 

@@ -18,12 +18,12 @@ import numpy as np
 
 import workbench
 from workbench._core.heavy_types import Dataset
-from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.code import code_hash
-from workbench.bench.crate import write_crate
 from workbench.bench.declare import Ref
 from workbench.bench.files import write_json
+from workbench.bench.formats import netcdf
+from workbench.bench.formats.crate import write_crate
 from workbench.bench.notes import compared, log, went_on
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root

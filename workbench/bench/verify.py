@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.bench.project import Project, add_problems, registry, results_root
 from workbench.bench.question import Question, plain
 from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, given, rebuilt

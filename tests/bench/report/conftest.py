@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 from html_page import Make
 
-from workbench.bench import netcdf
+from workbench.bench.formats import netcdf
 from workbench.bench.results import Run
 from workbench.bench.store import seal
 from workbench.study import Study

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from offline import issues, terms
 
-from workbench.bench.crate import write_crate
+from workbench.bench.formats.crate import write_crate
 
 # rdflib's own JSON-LD parser uses a class that rdflib deprecates.
 rdflib_own = pytest.mark.filterwarnings(
