@@ -362,7 +362,7 @@ def test_figures_of_answers():
     figure = sweep.plot()
     assert figure.axes[0].get_xlabel() == "frequency [Hz]"
     with pytest.raises(UnknownNameError, match="figure"):
-        sweep.plot(name="nothing")
+        sweep.plot("nothing")
     with pytest.raises(InputError, match="no figure of a NuGap"):
         mu.nu_gap(LAG, FAST).plot()
 

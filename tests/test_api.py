@@ -43,16 +43,16 @@ def test_importing_the_workbench_imports_nothing_heavy(project, code):
 
 def test_the_problems_are_a_table_that_is_not_imported(project):
     project.edit("OFFSET = 0.0", "raise RuntimeError('imported')")
-    found = wb.problems(pattern="toy/*root")
+    found = wb.problems("toy/*root")
     assert [entry.name for entry in found] == ["toy/root", "toy/x/root", "toy/y/root"]
     assert len(found) == 3 and found[0].name == "toy/root"
     assert repr(found).splitlines()[0] == "toy/root    Least roots of the targets (table 1)."
 
 
 def test_the_problems_that_come_with_the_workbench_are_there(project):
-    names = [entry.name for entry in wb.problems(pattern="cd/*")]
+    names = [entry.name for entry in wb.problems("cd/*")]
     assert {"cd/focus/circles", "cd/radial/stadiums"} <= set(names)
-    assert all(entry.summary for entry in wb.problems(pattern="cd/*"))
+    assert all(entry.summary for entry in wb.problems("cd/*"))
 
 
 def test_a_problem_is_loaded_with_its_data_and_solved_by_hand(project):
@@ -65,7 +65,7 @@ def test_a_problem_is_loaded_with_its_data_and_solved_by_hand(project):
 
 def test_run_results_and_verify_agree(project):
     run = wb.run("toy/root", method="rough", scale=4)
-    (found,) = wb.results(pattern="toy/*")
+    (found,) = wb.results("toy/*")
     assert found.path == run.path and found.metrics == run.metrics
     assert wb.verify(found.path).certificate == run.certificate
 
@@ -91,7 +91,7 @@ def test_an_added_folder_is_there_at_once(project):
     )
     assert "mine/a" not in [entry.name for entry in wb.problems()]
     wb.add_problems("mine")
-    assert [entry.summary for entry in wb.problems(pattern="mine/*")] == ["Help."]
+    assert [entry.summary for entry in wb.problems("mine/*")] == ["Help."]
 
 
 def test_names_are_found_where_type_checkers_look():

@@ -182,7 +182,7 @@ def test_a_lost_scheduler_is_an_error_and_what_has_ended_is_kept(project):
         ):
             with pytest.raises(ClusterError, match="is lost"):
                 ask()
-    assert len(wb.results(pattern="toy/root")) == 2
+    assert len(wb.results("toy/root")) == 2
 
 
 @pytest.mark.parametrize(

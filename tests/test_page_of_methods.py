@@ -36,7 +36,7 @@ def test_the_page_is_that_of_the_stored_comparison(study):
 
 @pytest.mark.cases(0)
 def test_every_fast_problem_with_methods_is_in_it_at_every_level(data):
-    entries = (entry for entry in wb.problems(pattern="*") if not entry.slow)
+    entries = (entry for entry in wb.problems("*") if not entry.slow)
     fast = {entry.name for entry in entries if describe(registry().find(entry.name)).methods}
     assert set(data["problem"].values) == fast
     assert data["accuracy"].values.tolist() == ["low", "middle", "high"]

@@ -81,9 +81,9 @@ def test_an_answer_and_its_controller():
     assert top.get_ylabel() == "magnitude [1]"
     assert bottom.get_xlabel() == "frequency [Hz]"
     assert found.plot().axes[0].get_ylabel() == "singular values of the closed loop [1]"
-    assert found.plot(name="controller").axes[0].get_ylabel() == "$|K|$"
+    assert found.plot("controller").axes[0].get_ylabel() == "$|K|$"
     with pytest.raises(UnknownNameError, match="no figure is called 'controler'; did you mean"):
-        found.plot(name="controler")
+        found.plot("controler")
 
 
 def test_a_figure_shows_itself_in_a_notebook():

@@ -35,7 +35,7 @@ def test_reference_result_is_verified(folder):
 
 TIMES = {"bench/cold-start", "bench/mu-yardstick"}
 """Times of a machine against limits that not every machine keeps."""
-LOOPS = {entry.name for entry in wb.problems(pattern="strangers/*/loop")} | {"bench/regions"}
+LOOPS = {entry.name for entry in wb.problems("strangers/*/loop")} | {"bench/regions"}
 """Each is a study in a folder of its own, that takes many minutes."""
 BROUGHT = {"bench/compleib"}
 """These need data that a user brings."""

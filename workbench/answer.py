@@ -91,7 +91,7 @@ class Answer:
         """Whether there is a certificate and it holds. The first use makes the certificate."""
         return self.certificate is not None and self.certificate.holds
 
-    def plot(self, *, name: str | None = None) -> Figure:
+    def plot(self, name: str | None = None) -> Figure:
         """A figure of the answer, by name; None: the main one. A notebook shows it.
 
         Raises

@@ -37,7 +37,7 @@ class Catalogue(Sequence["Entry"]):
         return "\n".join(f"{entry.name:<{width}}  {entry.summary}" for entry in self.entries)
 
 
-def problems(*, pattern: str = "*") -> Catalogue:
+def problems(pattern: str = "*") -> Catalogue:
     """The registered problems whose name fits a shell pattern, without importing them."""
     return Catalogue(tuple(registry().match(pattern)))
 
@@ -295,7 +295,7 @@ def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cl
     return Cluster(address, SameCode.here(), workers=workers, threads=threads)
 
 
-def results(*, pattern: str = "*") -> list[Run]:
+def results(pattern: str = "*") -> list[Run]:
     """The finished runs of the project whose problem fits a shell pattern."""
     from workbench.bench.results import stored_runs
 

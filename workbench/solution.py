@@ -106,7 +106,7 @@ class Solution:
         task = self._answered
         return {} if task is None or self.certificate is None else task.figures(self.answer)
 
-    def plot(self, *, name: str | None = None) -> Figure:
+    def plot(self, name: str | None = None) -> Figure:
         """A figure of the answer, by name; None: the main one. A notebook shows it.
 
         Raises

@@ -100,7 +100,7 @@ def values() -> dict[str, Any]:
         "ledger": ledger(),
         "benchmarks": benchmarks[1:],
         "benchmark_heads": benchmarks[0],
-        "problems": len(wb.problems(pattern="*")),
+        "problems": len(wb.problems("*")),
     }
 
 

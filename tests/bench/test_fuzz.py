@@ -49,7 +49,7 @@ def spoil(content, edits):
 
 def look(path, root):
     """All that one does with a folder; what is refused is refused by an error of ours."""
-    for call in (wb.verify, lambda one: repr(wb.open_run(one)), lambda _: wb.report(root=root)):
+    for call in (wb.verify, lambda one: repr(wb.open_run(one)), lambda _: wb.report(root)):
         with suppress(WorkbenchError):
             call(path)
 

@@ -158,8 +158,8 @@ def test_metrics_without_a_value_are_shown(project, total):
 
 def test_results_are_listed_by_pattern(run, total):
     assert [one.problem for one in wb.results()] == ["toy/root", "toy/root", "toy/total"]
-    assert [one.path for one in wb.results(pattern="*/total")] == [total.path]
-    assert wb.results(pattern="nothing*") == []
+    assert [one.path for one in wb.results("*/total")] == [total.path]
+    assert wb.results("nothing*") == []
 
 
 def test_an_empty_project_has_no_results(project):

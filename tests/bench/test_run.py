@@ -211,7 +211,7 @@ def test_other_versions_answer_anew_under_the_same_key(project, monkeypatch):
 
 def test_fresh_answers_anew_but_not_its_needs(project):
     first = wb.run("toy/total")
-    (need,) = wb.results(pattern="toy/root")
+    (need,) = wb.results("toy/root")
     before = stamp(first), stamp(need)
     again = wb.run("toy/total", fresh=True)
     assert not again.reused and "agrees" in again.note
@@ -274,7 +274,7 @@ def test_a_module_imported_by_hand_and_edited_before_the_first_run_is_imported_a
 
 def test_a_need_is_run_first_and_reused_after(project):
     run = wb.run("toy/total")
-    (need,) = wb.results(pattern="toy/root")
+    (need,) = wb.results("toy/root")
     assert need.info["parameters"]["scale"] == 4.0
     assert run.metrics["total"] == pytest.approx(2 + 4 + 8**0.5)
     before = stamp(need)
@@ -293,13 +293,13 @@ def test_a_need_is_taken_where_it_is_there(project):
 def test_needs_fan_out_over_a_list(project):
     run = wb.run("toy/sum", count=3)
     keys = run.info["needs"]["parts"]
-    assert len(set(keys)) == 3 == len(wb.results(pattern="toy/root"))
+    assert len(set(keys)) == 3 == len(wb.results("toy/root"))
     assert [wb.run("toy/root", scale=i + 1.0).key for i in range(3)] == keys
 
 
 def test_needs_follow_the_axis_and_name_their_method(project):
     run = wb.run("toy/y/total")
-    (need,) = wb.results(pattern="toy/?/root")
+    (need,) = wb.results("toy/?/root")
     assert (need.problem, need.method) == ("toy/y/root", "rough")
     assert run.metrics["total"] == 4.5
 
@@ -383,7 +383,7 @@ def test_two_processes_asking_at_once_share_one_answer(project):
         answer += out.split()
     assert answers[0][:2] == answers[1][:2] == [answers[0][0], "True"]
     assert {answer[2] for answer in answers} == {"True", "False"}
-    assert len(wb.results(pattern="toy/sum")) == 1 and len(wb.results(pattern="toy/root")) == 2
+    assert len(wb.results("toy/sum")) == 1 and len(wb.results("toy/root")) == 2
 
 
 @pytest.mark.slow

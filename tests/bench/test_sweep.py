@@ -30,9 +30,9 @@ def test_points_are_runs_and_the_dataset_has_their_metrics(project):
 
 def test_what_is_stored_is_found_again(project):
     wb.sweep("toy/root", {"scale": [1, 4]})
-    before = {run.key: run.info["started"] for run in wb.results(pattern="toy/root")}
+    before = {run.key: run.info["started"] for run in wb.results("toy/root")}
     wb.sweep("toy/root", {"scale": [1, 4, 9]})
-    after = {run.key: run.info["started"] for run in wb.results(pattern="toy/root")}
+    after = {run.key: run.info["started"] for run in wb.results("toy/root")}
     assert len(after) == 3 and before.items() <= after.items()
 
 
@@ -124,14 +124,14 @@ def test_a_figure_of_words_and_of_many_lines():
 def test_a_plan_says_what_would_run_and_runs_nothing(project):
     words = ["sweep", "toy/root", "--over", "scale=1,4,9", "--plan", "--json"]
     wb.sweep("toy/root", {"scale": [4]})
-    before = {run.key for run in wb.results(pattern="toy/root")}
+    before = {run.key for run in wb.results("toy/root")}
     planned = json.loads(CliRunner().invoke(main, words).output)
     assert planned == [
         {"scale": 1.0, "state": "would run"},
         {"scale": 4.0, "state": "stored"},
         {"scale": 9.0, "state": "would run"},
     ]
-    assert {run.key for run in wb.results(pattern="toy/root")} == before
+    assert {run.key for run in wb.results("toy/root")} == before
     told = CliRunner().invoke(main, words[:-1])
     assert told.exit_code == 0 and "2 of 3 would run" in told.output
     fresh = json.loads(CliRunner().invoke(main, [*words, "--fresh"]).output)

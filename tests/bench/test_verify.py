@@ -397,7 +397,7 @@ def test_a_missing_need_says_what_to_run(project, name):
 
 def test_a_damaged_need_is_named(project):
     run = wb.run("toy/total")
-    (need,) = wb.results(pattern="toy/root")
+    (need,) = wb.results("toy/root")
     (need.path / "log.txt").write_text("")
     (found,) = wb.verify(run.path).problems
     assert f"{need.problem}/{need.key} is damaged: log.txt was changed" in found

@@ -71,6 +71,7 @@ SYNONYMS = {
 """Words that mean the same as the one that is lawful."""
 PLANTS, CONTROLLERS = {"plant", "G", "P"}, {"controller", "K"}
 NUMBER = re.compile(r"^(float|int|bool)( \| (float|int|str|None))*$")
+NAME = re.compile(r"^str( \| (Path|None))*$")
 QUANTITY = re.compile(r"^$|\b(float|int|complex|Any|ndarray|NDArray\w*|\w*Array|ArrayLike)\b")
 SYSTEM = re.compile(r"^$|\b(Any|StateSpace|TransferFunction|LTI|UncertainSystem)\b")
 DATA = re.compile(
@@ -156,11 +157,14 @@ def order(surface: Surface) -> Iterator[Breach]:
 
 
 def keywords(surface: Surface) -> Iterator[Breach]:
-    """Settings with a default are given by their keywords."""
+    """Settings with a default are given by their keywords, but for a name that comes first."""
     for call in surface.calls:
         if call.kind == "tuple" or _is_control(call.owner):
             continue
         by_place = {*DATA_BY_PLACE, DECORATORS.get(call.owner)}
+        first = next(iter(call.parameters), None)
+        if first is not None and first.default is not first.empty and NAME.match(type_of(first)):
+            by_place.add(first.name)
         optional = ", ".join(
             one.name
             for one in call.parameters

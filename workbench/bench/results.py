@@ -195,14 +195,14 @@ class Run(Fed):
         """Text of the log."""
         return read_text(self.path / "log.txt")
 
-    def show(self, *, figure: str | None = None) -> Picture:
+    def show(self, figure: str | None = None) -> Picture:
         """The main figure (default: the first), as an image for a notebook."""
         figures = self.figures
         return picture(figures[self._figure_name(figures, figure)])
 
-    def plot(self, *, name: str | None = None) -> Picture:
+    def plot(self, name: str | None = None) -> Picture:
         """The same as `show`, under the name that all answers have for it."""
-        return self.show(figure=name)
+        return self.show(name)
 
     def figure(
         self, *, name: str | None = None, style: str = "paper", width: str | float = "column"

@@ -67,7 +67,7 @@ def results(pattern: str, as_json: bool) -> None:
     """
     from workbench.bench.results import damaged
 
-    runs = workbench.results(pattern=pattern)
+    runs = workbench.results(pattern)
     for folder, reason in damaged(results_root()).items():
         click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     if as_json:

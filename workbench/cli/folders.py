@@ -127,7 +127,7 @@ def report(
         page = single_page(single, output)
     else:
         with workers(jobs or os.cpu_count() or 1) as executor:
-            page = workbench.report(root=root, output=output, executor=executor)
+            page = workbench.report(root, output=output, executor=executor)
         for folder, reason in damaged(root or results_root()).items():
             click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     click.echo(page)

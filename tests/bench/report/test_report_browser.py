@@ -43,7 +43,7 @@ def entry(root: Path, make: Make, make_comparison: Make, shown: Callable[..., No
     make("lab/stadium", "0000000c", failed=True)
     make("shop/disc", "0000000d")
     make_comparison()
-    return report(root=root)
+    return report(root)
 
 
 def shown_runs(page: Browser) -> list[str]:

@@ -43,17 +43,17 @@ def test_the_same_folders_give_the_same_bytes(
     make("lab/circle")
     make("lab/stadium", failed=True)
     for name in ("one", "other"):
-        report(root=root, output=tmp_path / name)
+        report(root, output=tmp_path / name)
     assert contents(tmp_path / "one") == contents(tmp_path / "other")
     before = contents(tmp_path / "one")
-    report(root=root, output=tmp_path / "one")
+    report(root, output=tmp_path / "one")
     assert contents(tmp_path / "one") == before
 
 
 def drawn_again(root: Path, output: Path) -> int:
     """How many runs a report draws."""
     told: list[tuple[str, int, int]] = []
-    report(root=root, output=output, progress=lambda *one: told.append(one))
+    report(root, output=output, progress=lambda *one: told.append(one))
     assert {words for words, _, _ in told} == {"runs drawn"}
     return told[-1][2]
 
@@ -81,7 +81,7 @@ def test_only_what_has_changed_is_drawn_again(
 def test_needs_in_a_circle_end(root: Path, make: Make) -> None:
     make("lab/circle", "0000000a", needs={"other": "0000000b"})
     make("lab/other", "0000000b", needs={"circle": "0000000a"})
-    assert len(Page(report(root=root)).rows) == 2
+    assert len(Page(report(root)).rows) == 2
 
 
 def test_a_figure_that_is_gone_is_drawn_again(
@@ -89,7 +89,7 @@ def test_a_figure_that_is_gone_is_drawn_again(
 ) -> None:
     shown(bode=line())
     make()
-    report(root=root, output=tmp_path)
+    report(root, output=tmp_path)
     for figure in (tmp_path / "report" / "figures").iterdir():
         figure.unlink()
     assert drawn_again(root, tmp_path) == 1
@@ -110,7 +110,7 @@ def test_a_figure_that_is_gone_is_drawn_again(
 )
 def test_what_is_kept_is_not_trusted(root: Path, make: Make, spoilt: Any) -> None:
     make()
-    report(root=root)
+    report(root)
     (file,) = (root / "report" / "kept").glob("*.json")
     stored = json.loads(file.read_text(encoding="utf-8"))
     if isinstance(spoilt, dict):
@@ -126,7 +126,7 @@ def test_pages_of_runs_that_are_gone_go(
     shown(bode=line())
     make("lab/circle")
     gone = make("lab/stadium")
-    entry = report(root=root, output=tmp_path / "pages")
+    entry = report(root, output=tmp_path / "pages")
     assert len(run_pages(entry)) == 2
     own = entry.parent / "report" / "figures" / "notes.txt"
     own.write_text("mine", encoding="utf-8")
@@ -134,7 +134,7 @@ def test_pages_of_runs_that_are_gone_go(
     for file in gone.iterdir():
         file.unlink()
     gone.rmdir()
-    report(root=root, output=tmp_path / "pages")
+    report(root, output=tmp_path / "pages")
     assert [page.name[:11] for page in run_pages(entry)] == ["lab-circle-"]
     assert len(list((entry.parent / "report" / "kept").iterdir())) == 1
     assert own.read_text(encoding="utf-8") == "mine"  # files of others stay
@@ -148,7 +148,7 @@ def test_an_interrupted_report_leaves_the_earlier_one(
     """Wherever it stops, the old entry and all it leads to are there."""
     shown(bode=line())
     make("lab/circle")
-    entry = report(root=root)
+    entry = report(root)
     before = entry.read_bytes()
     for stop in range(1, 12):
         shown(bode=line(1.0 + stop))
@@ -166,7 +166,7 @@ def test_an_interrupted_report_leaves_the_earlier_one(
         with monkeypatch.context() as patch:
             patch.setattr(Path, "replace", full)
             with pytest.raises(ResultError, match="No space left on device"):
-                report(root=root)
+                report(root)
         assert entry.read_bytes() == before
         for place in [entry, *run_pages(entry)]:
             page = Page(place)
@@ -175,13 +175,13 @@ def test_an_interrupted_report_leaves_the_earlier_one(
             ]:
                 file = way.partition("#")[0]
                 assert not file or (place.parent / file).exists(), (stop, place, way)
-    report(root=root)
+    report(root)
     assert len(Page(entry).rows) == 12
 
 
 def test_no_results_folder_is_mistaken_for_a_page(root: Path, make: Make) -> None:
     folder = make()
-    report(root=root)
+    report(root)
     assert Store(root).folders() == [folder]
 
 
@@ -193,7 +193,7 @@ def test_a_typo_creates_nothing(tmp_path: Path, typo: str) -> None:
     (tmp_path / "file").write_text("in the way")
     (tmp_path / "empty").mkdir()
     with pytest.raises(ResultError, match="a results folder is needed"):
-        report(root=tmp_path / typo)
+        report(tmp_path / typo)
     assert sorted(file.name for file in tmp_path.rglob("*")) == ["empty", "file"]
 
 
@@ -201,11 +201,11 @@ def test_a_page_of_others_is_not_replaced(root: Path, make: Make, tmp_path: Path
     make()
     (tmp_path / "index.html").write_text("<title>My home page</title>", encoding="utf-8")
     with pytest.raises(ResultError, match=r"no report has written it"):
-        report(root=root, output=tmp_path)
+        report(root, output=tmp_path)
     assert not (tmp_path / "report").exists()
     old = "<!DOCTYPE html><title>Workbench results</title>"
     (tmp_path / "index.html").write_text(old, encoding="utf-8")
-    assert Page(report(root=root, output=tmp_path)).rows
+    assert Page(report(root, output=tmp_path)).rows
 
 
 def test_a_report_is_not_written_through_links(root: Path, make: Make, tmp_path: Path) -> None:
@@ -213,21 +213,21 @@ def test_a_report_is_not_written_through_links(root: Path, make: Make, tmp_path:
     (tmp_path / "elsewhere").mkdir()
     (root / "report").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(ResultError, match="is a link"):
-        report(root=root)
+        report(root)
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
 def test_a_sealed_folder_is_not_written_into(root: Path, make: Make) -> None:
     folder = make()
     with pytest.raises(ResultError, match="another place"):
-        report(root=root, output=folder)
+        report(root, output=folder)
 
 
 def test_a_place_that_cannot_be_written_is_named(root: Path, make: Make, tmp_path: Path) -> None:
     make()
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ResultError, match=r"cannot write the report in .*file"):
-        report(root=root, output=tmp_path / "file")
+        report(root, output=tmp_path / "file")
 
 
 def test_the_default_root_is_the_projects(
@@ -247,7 +247,7 @@ def test_figures_are_files_that_load_when_they_are_looked_at(
     make()
     figure = line()
     shown(**{"figure-7-13": figure})
-    (place,) = run_pages(report(root=root))
+    (place,) = run_pages(report(root))
     (attributes,) = Page(place).all("img")
     assert (place.parent / attributes["src"]).read_bytes() == png(figure)
     assert attributes["alt"] == "figure 7.13: figure of lab/circle by exact"
@@ -263,7 +263,7 @@ def test_a_figure_that_fails_is_named_and_the_others_are_drawn(
     panel.set_xlabel(r"$\frac{$")
     broken = ValueError("no such line")
     shown(step_response=broken, bode=figures.axes()[0], nyquist=unreadable)
-    page = Page(run_pages(report(root=root))[0])
+    page = Page(run_pages(report(root))[0])
     assert [one["alt"].partition(":")[0] for one in page.all("img")] == ["bode"]
     assert "Figure not drawn: step response: ValueError: no such line" in page.text
     assert "Figure not drawn: nyquist: ValueError" in page.text

@@ -22,7 +22,7 @@ def test_every_run_has_a_row_that_leads_to_its_page(root: Path, make: Make) -> N
     make("lab/circle", "0000000a")
     make("lab/stadium", "0000000b", metrics={"radius": 2.5, "points": 12})
     make("lab/overview", "0000000c", method=None, kind="study")
-    entry = report(root=root)
+    entry = report(root)
     page = Page(entry)
     anchors = ["lab/circle/0000000a", "lab/overview/0000000c", "lab/stadium/0000000b"]
     assert [row["data-run"] for row in page.rows] == anchors
@@ -42,7 +42,7 @@ def test_failures_are_shown_as_such(root: Path, make: Make) -> None:
     make(key="0000000c", failed=True)  # whatever its certificate says
     (root / "lab/circle/0000000a.failed/certificate.json").unlink()
     seal(root / "lab/circle/0000000a.failed")
-    page = Page(report(root=root))
+    page = Page(report(root))
     assert {row["data-run"]: row["data-state"] for row in page.rows} == {
         "lab/circle/0000000a": "holds",
         "lab/circle/0000000a.failed": "uncertified",
@@ -59,7 +59,7 @@ def test_rows_that_differ_in_parameters_look_different(root: Path, make: Make) -
     make("lab/stadium", "0000000c", options=options)
     make("lab/stadium", "0000000d")
     make("lab/alone", "0000000e")
-    rows = {row["data-run"]: row for row in Page(report(root=root)).rows}
+    rows = {row["data-run"]: row for row in Page(report(root)).rows}
     shown = {name: json.loads(row.get("data-parameters", "{}")) for name, row in rows.items()}
     assert shown["lab/circle/0000000a"] == {"speed": "1.0", "note": "a" * (LONGEST - 1) + "…"}
     assert shown["lab/circle/0000000b"]["speed"] == "2.5"
@@ -72,7 +72,7 @@ def test_rows_that_differ_in_parameters_look_different(root: Path, make: Make) -
 def test_a_missing_or_empty_parameter_is_shown(root: Path, make: Make) -> None:
     make("lab/circle", "0000000a", parameters={"after": ""})
     make("lab/circle", "0000000b", parameters={})
-    rows = [json.loads(row["data-parameters"]) for row in Page(report(root=root)).rows]
+    rows = [json.loads(row["data-parameters"]) for row in Page(report(root)).rows]
     assert rows == [{"after": '""'}, {"after": "–"}]
 
 
@@ -82,7 +82,7 @@ def test_a_folder_copied_by_hand_is_told_apart(root: Path, make: Make) -> None:
     copy.mkdir()
     for file in folder.iterdir():
         (copy / file.name).write_bytes(file.read_bytes())
-    entry = report(root=root)
+    entry = report(root)
     rows = [json.loads(row.get("data-parameters", "{}")) for row in Page(entry).rows]
     assert rows == [{}, {"folder": "lab/circle/copy"}]
     assert len(run_pages(entry)) == 2
@@ -96,7 +96,7 @@ def test_themes_are_the_folders_of_the_sources(project) -> None:
     wb.run("toy/root")
     page = Page(wb.report())
     assert [body["data-theme"] for body in page.all("tbody")] == ["toy"]
-    assert wb.problems(pattern="toy/root")[0].summary in page.text
+    assert wb.problems("toy/root")[0].summary in page.text
 
 
 def test_a_thumbnail_is_small(root: Path, make: Make, shown: Callable[..., None]) -> None:
@@ -104,7 +104,7 @@ def test_a_thumbnail_is_small(root: Path, make: Make, shown: Callable[..., None]
     panel.plot(range(99))
     shown(bode=figure)
     make()
-    entry = report(root=root)
+    entry = report(root)
     (small,) = Page(entry).all("img")
     file = entry.parent / small["src"]
     assert file.stat().st_size < 8_000
@@ -116,13 +116,13 @@ def test_a_thumbnail_is_small(root: Path, make: Make, shown: Callable[..., None]
 def test_two_hundred_runs_stay_below_half_a_megabyte(root: Path, make: Make) -> None:
     for number in range(200):
         make(f"laboratory/{number:03d}/a-problem", f"{number:08x}", parameters={"n": number})
-    assert report(root=root).stat().st_size < 500_000
+    assert report(root).stat().st_size < 500_000
 
 
 def test_a_pattern_selects_problems(root: Path, make: Make) -> None:
     make("lab/circle")
     make("lab/stadium")
-    page = Page(report(root=root, pattern="*/circle"))
+    page = Page(report(root, pattern="*/circle"))
     assert [row["data-run"] for row in page.rows] == ["lab/circle/0a1b2c3d"]
     assert "Problems that fit */circle" in page.text
 
@@ -135,18 +135,18 @@ def test_an_empty_page_says_what_to_run(
     assert "no results here yet" in page.text
     assert "workbench run" in page.text
     make("other/circle")
-    assert "lab/*" in Page(report(root=root, pattern="lab/*")).text
+    assert "lab/*" in Page(report(root, pattern="lab/*")).text
 
 
 def test_a_damaged_folder_is_left_out(root: Path, make: Make) -> None:
     make("lab/circle")
     (make("lab/stadium") / "run.json").write_text("{", encoding="utf-8")
-    page = Page(report(root=root))
+    page = Page(report(root))
     assert [row["data-run"] for row in page.rows] == ["lab/circle/0a1b2c3d"]
     assert "Left out: lab/stadium/0a1b2c3d: run.json was changed" in page.text
 
 
 def test_links_of_themes_are_addresses(root: Path, make: Make) -> None:
     make("lab a/circle".replace(" ", "-"))
-    links = [link for link in Page(report(root=root)).all("a") if "data-theme" in link]
+    links = [link for link in Page(report(root)).all("a") if "data-theme" in link]
     assert [unquote(link["href"]) for link in links] == ["#theme=", "#theme=lab-a"]

@@ -24,7 +24,7 @@ def pages(
     make("lab/filter", "0000000b", needs={"cover": "0000000a"}, message="note", failed=True)
     make("lab/bare", "0000000c", parameters={}, data={}, metrics={})
     make_comparison()
-    entry = report(root=root)
+    entry = report(root)
     return {page.stem: Page(page) for page in [entry, *run_pages(entry)]}
 
 
@@ -71,7 +71,7 @@ def test_the_basics_of_reading_without_eyes_or_mouse(pages: dict[str, Page]) -> 
 
 def test_what_the_folder_holds_is_said(root: Path, make: Make) -> None:
     make("lab/circle", "0000000a")
-    page = Page(run_pages(report(root=root))[0])
+    page = Page(run_pages(report(root))[0])
     assert "problem 'lab/circle' is not registered here" in page.text
     for words in (
         "315.286",  # metrics
@@ -92,7 +92,7 @@ def test_a_failure_says_so(root: Path, make: Make) -> None:
         (folder / name).unlink()
     seal(folder)
     make(key="0000000b", failed=True, value="nan")
-    wrong, none = (Page(page) for page in run_pages(report(root=root)))
+    wrong, none = (Page(page) for page in run_pages(report(root)))
     assert "kept as a failure" in none.text and "kept as a failure" in wrong.text
     assert "singular in …/problems/x.py" in none.text
     assert "there is no answer to check" in none.text
@@ -102,7 +102,7 @@ def test_a_failure_says_so(root: Path, make: Make) -> None:
 def test_needs_lead_to_their_runs(root: Path, make: Make) -> None:
     make("lab/circle", "0000000a")
     make("lab/filter", "0000000b", needs={"cover": "0000000a", "drives": ["0000000a", "ffffffff"]})
-    circle, other = run_pages(report(root=root))
+    circle, other = run_pages(report(root))
     links = [link["href"] for link in Page(other).all("a")]
     assert links.count(circle.name) == 2
     assert "ffffffff" in Page(other).text
@@ -111,7 +111,7 @@ def test_needs_lead_to_their_runs(root: Path, make: Make) -> None:
 def test_links_are_relative_and_lead_there(root: Path, make: Make, tmp_path: Path) -> None:
     folder = make()
     for output in (None, tmp_path / "pages" / "a b"):
-        entry = report(root=root, output=output)
+        entry = report(root, output=output)
         (page,) = run_pages(entry)
         hrefs = [link["href"].partition("#")[0] for link in Page(page).all("a")]
         found = [(page.parent / unquote(href)).resolve() for href in hrefs if href]
@@ -125,7 +125,7 @@ def test_links_are_relative_and_lead_there(root: Path, make: Make, tmp_path: Pat
 
 
 def comparison(root: Path) -> Page:
-    (page,) = [p for p in run_pages(report(root=root)) if p.name.startswith("compare")]
+    (page,) = [p for p in run_pages(report(root)) if p.name.startswith("compare")]
     return Page(page)
 
 

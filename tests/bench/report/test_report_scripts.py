@@ -161,7 +161,7 @@ def test_scripts_find_in_the_pages_what_they_ask_for(
     """Every id that a script asks for is there, and the engine can read every script."""
     make()
     make_comparison()
-    entry = report(root=root)
+    entry = report(root)
     asked = set[str]()
     for place in [entry, *run_pages(entry)]:
         page = Page(place)

@@ -25,7 +25,7 @@ def pages_of(entry: Path) -> list[Page]:
 def test_pages_load_nothing_from_outside(root: Path, make: Make, make_comparison: Make) -> None:
     make()
     make_comparison()
-    for page in pages_of(report(root=root)):
+    for page in pages_of(report(root)):
         for tag, attributes in page.elements:
             assert tag not in ("link", "iframe", "object", "embed", "base")
             for name in ("src", "srcset", "poster", "data", "action", "href"):
@@ -38,7 +38,7 @@ def test_pages_load_nothing_from_outside(root: Path, make: Make, make_comparison
 
 def test_only_its_own_script_may_run(root: Path, make: Make) -> None:
     make()
-    for page in pages_of(report(root=root)):
+    for page in pages_of(report(root)):
         (script,) = ["".join(page.raw["script"])]
         code = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         assert f"script-src 'sha256-{code}'" in page.all("meta")[1]["content"]
@@ -58,7 +58,7 @@ def test_hostile_words_are_inert(root: Path, make: Make) -> None:
         code=HOSTILE,
     )
     make(key="0000000b", parameters={HOSTILE: "other"})
-    pages = pages_of(report(root=root))
+    pages = pages_of(report(root))
     assert len(pages) == 3 and len(pages[0].rows) == 2
     for page in pages:
         assert len(page.all("script")) == 1
@@ -72,7 +72,7 @@ def test_hostile_parameters_of_a_comparison_are_inert(
     root: Path, make_comparison: Make, pattern: Any, problems: Any
 ) -> None:
     make_comparison(parameters={"pattern": pattern, "problems": problems}, metrics={})
-    for page in pages_of(report(root=root)):
+    for page in pages_of(report(root)):
         assert len(page.all("script")) == 1
         assert "unknown share of unknown number of cells certified" in page.text
 
@@ -80,13 +80,13 @@ def test_hostile_parameters_of_a_comparison_are_inert(
 @pytest.mark.cases(0)
 def test_hostile_tables_and_sentences_that_were_kept_are_text(root: Path, make: Make) -> None:
     make()
-    report(root=root)
+    report(root)
     (file,) = (root / "report" / "kept").glob("*.json")
     stored = json.loads(file.read_text(encoding="utf-8"))
     bars = f"| a | {HOSTILE} |\n| --- | --- |\n| {HOSTILE} | 1 |\n| too | many | cells |\n"
     stored |= {"tables": {HOSTILE: bars, "no rule": "| a |\n"}, "missing": [HOSTILE]}
     file.write_text(json.dumps(stored), encoding="utf-8")
-    page = pages_of(report(root=root))[1]
+    page = pages_of(report(root))[1]
     assert len(page.all("script")) == 1 and HOSTILE in page.text
     assert all("onerror" not in attributes for _, attributes in page.elements)
 
@@ -123,7 +123,7 @@ def test_a_bad_folder_costs_its_row_only(
         (folder / "certificate.json").write_text(json.dumps(stored), encoding="utf-8")
     (folder / "run.json").write_text(json.dumps(content | info), encoding="utf-8")
     seal(folder)
-    entry = report(root=root)
+    entry = report(root)
     page = Page(entry)
     assert [row["data-run"] for row in page.rows] == ["lab/circle/0000000a"]
     assert "Left out: lab/stadium/0000000b: " in page.text

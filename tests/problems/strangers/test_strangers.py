@@ -43,7 +43,7 @@ def test_the_simulators_know_numpy_and_scipy_alone():
 def test_there_are_twelve_of_three_to_eight_units():
     assert len(STRANGERS) == 12
     for last in ("loop", "truth"):
-        named = {one.name for one in wb.problems(pattern=f"strangers/*/{last}")}
+        named = {one.name for one in wb.problems(f"strangers/*/{last}")}
         assert named == {f"strangers/{name}/{last}" for name in STRANGERS}
     assert {one.units for one in STRANGERS.values()} <= set(range(3, 9))
     assert [name for name, one in STRANGERS.items() if one.refusable] == ["ph"]

@@ -48,7 +48,7 @@ def test_chains_need_what_they_go_on_from():
 def test_every_plant_has_a_problem(name):
     program = controller(name)
     assert program.structure is not None
-    assert f"{name}/controller" in [entry.name for entry in wb.problems(pattern="*/controller")]
+    assert f"{name}/controller" in [entry.name for entry in wb.problems("*/controller")]
 
 
 @pytest.mark.slow

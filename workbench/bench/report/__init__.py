@@ -37,8 +37,8 @@ __all__ = ["failed_runs", "report", "single_page"]
 
 
 def report(
-    *,
     root: str | Path | None = None,
+    *,
     output: str | Path | None = None,
     pattern: str = "*",
     executor: Executor | None = None,

@@ -45,7 +45,7 @@ def citation(name: str) -> str:
         No such problem.
     """
     problem = registry().find(name)
-    used = {run.method for run in workbench.results(pattern=name) if run.method}
+    used = {run.method for run in workbench.results(name) if run.method}
     if not used:
         kind = problem.kind
         own = kind.default_method if kind is not None and issubclass(kind, Program) else None

@@ -86,5 +86,5 @@ def report_of_arrays(
     the use of the record.
     """
     report = Experiments(u, y, dt=dt, excitation=r).report.assuming(assume)
-    report.need_usable(name=name)
+    report.need_usable(name)
     return report

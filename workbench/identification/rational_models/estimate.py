@@ -79,13 +79,13 @@ class RationalModelEstimate(ProgramAnswer):
         """Radii (F, p, m) of discs that contain the true responses."""
         return self.uncertainty.radius(omega, confidence=confidence)
 
-    def plot(self, *, name: str | None = None, confidence: float = 0.95) -> Figure:
+    def plot(self, name: str | None = None, *, confidence: float = 0.95) -> Figure:
         """Data and model over frequency, with the confidence band of the model.
 
         With a name: the figure of that name of its Program.
         """
         if name is not None:
-            return super().plot(name=name)
+            return super().plot(name)
         data = self.uncertainty.structure.data
         return rational_model_figure(data, self.model, self.uncertainty, confidence)
 

@@ -109,7 +109,7 @@ class RecordReport:
                 raise UnknownNameError("assumption", name, known)
         return replace(self, settled={**self.settled, **reasons})
 
-    def need_usable(self, *, name: str = "the record") -> None:
+    def need_usable(self, name: str = "the record") -> None:
         """Raise `InputError` with the findings that forbid the use of the record, if any."""
         if not self.usable:
             against = ", ".join(dict.fromkeys(repr(one.assumption) for one, _ in self._forbidding))

@@ -50,13 +50,13 @@ class DrawnController(ProgramAnswer, ABC):
     def lti(self) -> StateSpace:
         """The controller."""
 
-    def plot(self, *, name: str | None = None) -> Figure:
+    def plot(self, name: str | None = None) -> Figure:
         """Bode plot of the controller or filter, or singular values of one of several channels.
 
         With a name, the figure of this name of its Program.
         """
         if name is not None:
-            return super().plot(name=name)
+            return super().plot(name)
         K = self.lti
         if not K.issiso():
             return controller(K, K)

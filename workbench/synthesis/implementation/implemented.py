@@ -106,7 +106,7 @@ class ImplementedController(DrawnController):
             return sum(4 * WORD * len(one.shifts) for line in self.fixed.cascades for one in line)
         return BYTES[self.precision] * max(int(self.K.nstates), 1)
 
-    def code(self, *, name: str = "controller") -> str:
+    def code(self, name: str = "controller") -> str:
         """Text of the C99 header; all its names begin with `name`."""
         if self.precision == "fixed":
             assert self.fixed is not None and self.format is not None
@@ -126,5 +126,5 @@ class ImplementedController(DrawnController):
             raise InputError(
                 f"{path}: a controller is exported as a C header, .h; export() writes other formats"
             )
-        replace_file(path, self.code(name=name).encode("ascii"))
+        replace_file(path, self.code(name).encode("ascii"))
         return path

@@ -61,7 +61,7 @@ class CoverOfEstimate(Answer, UncertaintyModel):
     def said(self) -> str:
         return UncertaintyModel.__repr__(self).replace("UncertaintyModel", type(self).__name__, 1)
 
-    def plot(self, *, name: str | None = None) -> Figure:
+    def plot(self, name: str | None = None) -> Figure:
         """The sets of the model over frequency, as `UncertaintyModel.plot`."""
         return UncertaintyModel.plot(self)
 

@@ -366,7 +366,7 @@ def _reports(
             raise InputError(f"{path}: {error}") from None
         if isinstance(record.excitation, int):
             report = unrecorded(report, record.excitation)
-        report.need_usable(name=str(path))
+        report.need_usable(str(path))
         found.append(report)
     return found
 
