@@ -73,7 +73,7 @@ MORE = {
         {
             "system": PAIR,
             "structure": STRUCTURE,
-            "tolerance": 0.01,
+            "width": 0.01,
             "complex_part": 0.1,
             "band": (0.1, 10.0),
             "steps": 20,

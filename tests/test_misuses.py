@@ -111,8 +111,8 @@ JOINTS = {
     ),
     "Responses.within": (
         PLANTS.within,
-        {"low": 0.1, "high": 10.0},
-        {"low": (*NOT_A_NUMBER, 20.0), "high": (*NOT_A_NUMBER, 0.01)},
+        {"low_hz": 0.1, "high_hz": 10.0},
+        {"low_hz": (*NOT_A_NUMBER, 20.0), "high_hz": (*NOT_A_NUMBER, 0.01)},
     ),
     "Responses.from_frd": (
         Responses.from_frd,
@@ -297,22 +297,22 @@ JOINTS = {
     ),
     "MixedSensitivity": (
         MixedSensitivity,
-        {"G": LAG, "W_S": LAG, "W_KS": 0.1},
-        {"G": (None, *NOT_A_SYSTEM), "W_S": NOT_A_SYSTEM, "W_KS": NOT_A_SYSTEM} | NO_FORM,
+        {"nominal": LAG, "W_S": LAG, "W_KS": 0.1},
+        {"nominal": (None, *NOT_A_SYSTEM), "W_S": NOT_A_SYSTEM, "W_KS": NOT_A_SYSTEM} | NO_FORM,
     ),
     "LoopShaping": (
         LoopShaping,
-        {"G": LAG},
-        {"G": (None, *NOT_A_SYSTEM)},
+        {"nominal": LAG},
+        {"nominal": (None, *NOT_A_SYSTEM)},
     ),
     "Implementation": (
         Implementation,
-        {"K": LAG, "plant": LAG, "period": 0.1},
+        {"controller": LAG, "plant": LAG, "dt": 0.1},
         {
-            "K": (None, *NOT_A_SYSTEM, control.append(LAG, LAG)),
+            "controller": (None, *NOT_A_SYSTEM, control.append(LAG, LAG)),
             "plant": (None, *NOT_A_SYSTEM, control.append(LAG, LAG)),
-            "period": NOT_POSITIVE,
-            "delay": (*NOT_A_NUMBER, -1.0, math.inf),
+            "dt": NOT_POSITIVE,
+            "delay_samples": (*NOT_A_NUMBER, -1.0, math.inf),
             "precision": NOT_A_NAME,
             "order": NOT_A_COUNT,
             "anti_aliasing": ("filter", object(), SAMPLED),
@@ -323,9 +323,9 @@ JOINTS = {
     "Implementation, fixed": (
         Implementation,
         {
-            "K": LAG,
+            "controller": LAG,
             "plant": LAG,
-            "period": 0.1,
+            "dt": 0.1,
             "precision": "fixed",
             "full_scale": (1.0, 1.0),
         },
@@ -337,25 +337,25 @@ JOINTS = {
     ),
     "reduce_order": (
         reduce_order,
-        {"K": LAG, "plant": LOOP, "order": 1},
-        {"K": (None, *NOT_A_SYSTEM), "plant": NOT_AN_OBJECT, "order": NOT_A_COUNT},
+        {"controller": LAG, "plant": LOOP, "order": 1},
+        {"controller": (None, *NOT_A_SYSTEM), "plant": NOT_AN_OBJECT, "order": NOT_A_COUNT},
     ),
     "sampled_conditions": (
         sampled_conditions,
         {"plant": MODEL, "controller": SAMPLED, "dt": 0.1},
         {
             "plant": (*NOT_AN_OBJECT, SAMPLED),
-            "K": (None, *NOT_A_SYSTEM, SAMPLED.sample),
+            "controller": (None, *NOT_A_SYSTEM, SAMPLED.sample),
             "dt": NOT_POSITIVE,
-            "delay": (*NOT_A_NUMBER, -1.0),
+            "delay_samples": (*NOT_A_NUMBER, -1.0),
             "sign": (0, "negative"),
         },
     ),
     "export": (
         export,
-        {"K": SAMPLED, "path": "{records}/controller.h", "format": "c"},
+        {"controller": SAMPLED, "path": "{records}/controller.h", "format": "c"},
         {
-            "K": (None, *NOT_A_SYSTEM, LAG),
+            "controller": (None, *NOT_A_SYSTEM, LAG),
             "path": (None, 7, "{records}", "{records}/missing/controller.h"),
             "format": NOT_A_NAME,
             "name": ("3 controllers", 7),
@@ -365,8 +365,8 @@ JOINTS = {
     ),
     "conditions": (
         conditions,
-        {"plant": LOOP, "K": control.ss([], [], [], [[0.1]])},
-        {"plant": (*NOT_AN_OBJECT, LAG), "K": (*NOT_A_SYSTEM, control.ss([], [], [], np.eye(4)))},
+        {"plant": LOOP, "controller": control.ss([], [], [], [[0.1]])},
+        {"plant": (*NOT_AN_OBJECT, LAG), "controller": (*NOT_A_SYSTEM, control.ss([], [], [], np.eye(4)))},
     ),
     "peak": (
         peak,
@@ -388,7 +388,7 @@ JOINTS = {
     "bandwidths": (
         bandwidths,
         {"loop": LAG},
-        {"loop": NOT_AN_OBJECT, "frequency": ("all", [-1.0, 1.0], [math.nan], [])},
+        {"loop": NOT_AN_OBJECT, "frequency_hz": ("all", [-1.0, 1.0], [math.nan], [])},
     ),
     "solve": (
         wb.solve,

@@ -98,7 +98,9 @@ def search_grid(loop: StateSpace) -> RealArray:
 
 
 def crossings(curve: Curve, frequency_hz: RealArray) -> RealArray:
-    """Frequencies [Hz] of sign changes of a continuous curve, at most one per grid interval.
+    """Frequencies [Hz] of sign changes of a continuous curve.
+
+    At most one is found in each interval of the grid ``frequency_hz`` [Hz].
 
     Examples
     --------

@@ -44,7 +44,7 @@ class ClosedLoopFit(StateSpaceFit):
     controller
         The controller C from y to -u, sampled as the record; method "indirect" needs it.
     period_samples
-        Period of the excitation in samples, if it is periodic throughout the record. Then its
+        Period of the excitation [samples], if it is periodic throughout the record. Then its
         explained part is found without a model, line by line. Without a period it is found from
         impulse responses of at most 70 samples: do not sample so fast that the loop takes longer to
         respond.

@@ -157,7 +157,7 @@ def closed_transition(plant: StateSpace, controller: StateSpace, delay_samples: 
     """Transition matrix (n, n) over a sample: G behind a hold, with K in negative feedback.
 
     The plant is continuous and strictly proper. The controller is sampled; its dt is the sampling
-    time [s]. ``delay_samples`` is the delay of u [samples].
+    time [s]. ``delay_samples`` [samples] is the delay of u.
 
     Examples
     --------
