@@ -122,8 +122,8 @@ def records():
     for value in (-1, 1.5, "auto", (1,), (1, 2, 3), (1, -1), N, 200, [None, 1]):
         yield (
             f"delay-{value}",
-            given(delay=value),
-            ("delay (.samples. )?is|delays are given for 2 inputs|give a shorter delay"),
+            given(delay_samples=value),
+            "delay(_samples| .samples.)? is|delays are given for 2 inputs|give a shorter delay",
         )
     for value in ("unstable", 1.0, None, ""):
         yield f"poles-{value}", given(poles=value), '"stable", "marginal" or "any"'
