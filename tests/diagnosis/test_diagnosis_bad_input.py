@@ -222,7 +222,7 @@ KALMAN = KalmanEstimator(BELIEVED, Noise(0.1, 0.1, 0.1, 1.0))
         ),
         "rate": (lambda: Rotation(5.0, harmonics=(1,), adaptation="a"), "adaptation is 'a'"),
         "period": (lambda: Rotation(5.0).oscillators(0.0), "dt is 0"),
-        "period NaN": (lambda: Rotation(5.0).poles(NAN, 1.0), "period is nan"),
+        "period NaN": (lambda: Rotation(5.0).poles(NAN, 1.0), "dt is nan"),
         "placed": (lambda: placed(None, [0.5]), "must be a DisturbedPlant"),
         "A": (lambda: observer_gain("a", [[1.0]], [-1.0]), "A is 'a'"),
         "poles": (lambda: observer_gain([[1.0]], [[1.0]], "a"), "poles is 'a'"),

@@ -87,9 +87,9 @@ def test_poles_at_a_quality_are_those_of_the_recursion():
         A, C = estimator.model.A[:n, :n], estimator.model.C[:n]
         one_sample = A @ (np.eye(n) - quality * np.outer(estimator.gain, C))
         late = np.linalg.matrix_power(one_sample, 4000)
-        rate = abs(estimator.poles(quality)).max() ** 4000
+        rate = abs(estimator.poles(quality=quality)).max() ** 4000
         assert 1e-3 < np.linalg.norm(late, 2) / rate < 1e6
-    assert abs(estimator.poles(0.0)).max() == pytest.approx(1.0, abs=1e-9)
+    assert abs(estimator.poles(quality=0.0)).max() == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("quality", [0.0, 0.4, 1.0])
@@ -97,11 +97,11 @@ def test_the_system_at_a_quality_is_what_streams(quality):
     estimator = designed(Rotation(5.0, harmonics=(1, 2)), coloured=True, beside=True)
     y, u = np.random.default_rng(3).standard_normal((2, 80))
     found = estimate(estimator.controller, y, u, np.full(80, quality))
-    told = respond(estimator.system(quality), np.column_stack([y, u]))
+    told = respond(estimator.system(quality=quality), np.column_stack([y, u]))
     np.testing.assert_allclose(told[:, :-1], found.outputs, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(told[:, -1], found.disturbance, rtol=1e-9, atol=1e-12)
     with pytest.raises(InputError, match="0 to 1"):
-        estimator.system(1.0 + quality + 1e-9)
+        estimator.system(quality=1.0 + quality + 1e-9)
 
 
 def test_what_is_beside_follows_u_alone():

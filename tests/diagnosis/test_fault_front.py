@@ -57,7 +57,7 @@ def test_the_boundary_holds_every_member(loop):
     """S_nominal / S of members by formula: between the extremes of the boundary."""
     omega = loop.warped(GRID)
     L, S = loop.open_loop(omega), 1 / (1 + loop.open_loop(omega))
-    most, least = loop.amplification(omega), abs(loop.differences(omega, 400)).min(axis=1)
+    most, least = loop.amplification(omega), abs(loop.differences(omega, sides=400)).min(axis=1)
     assert 1 / least == pytest.approx(most, rel=1e-2)
     rng = np.random.default_rng(1)
     W_c, W_r = (each.response(omega) for each in (loop.model.W_c, loop.model.W_r))
@@ -69,7 +69,7 @@ def test_the_boundary_holds_every_member(loop):
 
 def test_the_closed_plant_has_the_nominal_sensitivity(loop):
     omega = loop.warped(np.geomspace(0.01, 5.0, 9))
-    closed = response(loop.plant.channel(None, ["d", "f"]).system, omega)
+    closed = response(loop.plant.channel(exogenous=["d", "f"]).system, omega)
     S = 1 / (1 + loop.open_loop(omega))
     assert closed[:, -1, -2] == pytest.approx(S)
     assert closed[:, -1, -1] == pytest.approx(S)

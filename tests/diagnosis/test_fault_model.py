@@ -77,14 +77,14 @@ def test_names_that_do_not_fit():
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        (([1.0, np.nan], None), "not finite"),
-        (([0.0, 0.0], None), "enters nowhere"),
-        (([1.0], None), "2 states"),
+        ([1.0, np.nan], "not finite"),
+        ([0.0, 0.0], "enters nowhere"),
+        ([1.0], "2 states"),
     ],
 )
 def test_entries_that_do_not_fit(entry, words):
     with pytest.raises(InputError, match=words):
-        MODEL.with_fault("f", *entry)
+        MODEL.with_fault("f", entry)
 
 
 def test_systems_that_are_none():

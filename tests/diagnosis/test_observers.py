@@ -88,7 +88,7 @@ def test_a_mode_that_does_not_show_is_named():
         ([-1.0], None, r"2 states need \(2,\)"),
         ([-1.0 + 1j, -1.0 + 1j], None, "conjugate"),
         ([-1.0, np.nan], None, "finite"),
-        ([0.1, 0.2], 0.0, "period is 0"),
+        ([0.1, 0.2], 0.0, "dt is 0"),
     ],
 )
 def test_poles_that_are_none(poles, period, message):

@@ -36,8 +36,8 @@ def watched(level, *limits, **options):
     return quality_signal(level, *limits, signals=(A, B), **options)
 
 
-def dropping(level, *shares, **options):
-    return drop_detector(level, *shares, signal=TOTAL, **options)
+def dropping(level, **options):
+    return drop_detector(level, signal=TOTAL, **options)
 
 
 positive = st.floats(1e-3, 1.0)
@@ -59,7 +59,7 @@ def test_quality_is_a_falling_share(dists, ends, alpha):
 def test_the_stream_is_the_equations_all_at_once(seed, alpha):
     rng = np.random.default_rng(seed)
     d1, d2 = rng.uniform(0.03, 0.8, (2, 50)) * LEVEL
-    found = play(watched(LEVEL, 0.1, 0.5, alpha), measured(d1, d2))
+    found = play(watched(LEVEL, 0.1, 0.5, alpha=alpha), measured(d1, d2))
     dist = abs(1.0 - d1 / LEVEL - d2 / LEVEL) / np.sqrt(2.0)
     ramp = np.clip((0.5 - dist) / 0.4, 0.0, 1.0) ** alpha
     assert found[:, 0] == pytest.approx(ramp, abs=1e-9)
@@ -93,7 +93,7 @@ def test_darkness_from_the_start_gives_no_error():
 
 def test_the_drop_detector_by_hand():
     total = np.array([1.0, 0.75, 0.69, 0.75, 0.79, 0.81, 0.75]) * LEVEL
-    alarm = play(dropping(LEVEL, 0.7, 0.8), measured(total / 2, total / 2))[:, 0]
+    alarm = play(dropping(LEVEL, below=0.7, release=0.8), measured(total / 2, total / 2))[:, 0]
     assert alarm.tolist() == [0, 0, 1, 1, 1, 0, 0]
 
 
@@ -117,9 +117,9 @@ def test_parameters_that_are_out_of_order(wrong, words):
 
 def test_binary_parameters_that_are_out_of_order():
     with pytest.raises(InputError, match="0 < below <= release < 1"):
-        dropping(LEVEL, 0.8, 0.7)
+        dropping(LEVEL, below=0.8, release=0.7)
     with pytest.raises(InputError, match=r"threshold 0\.2 is not above the noise of 0\.3"):
-        dropping(LEVEL, 0.7, 0.8, noise=0.3)
+        dropping(LEVEL, below=0.7, release=0.8, noise=0.3)
 
 
 @pytest.mark.parametrize("record", [[], [1.0, np.nan], np.ones((2, 2))])
@@ -138,7 +138,7 @@ def test_records_that_are_not_finite_are_refused():
         play(watched(LEVEL, 0.1, 0.5), measured([1.0, np.nan], [1.0, 1.0]))
 
 
-@pytest.mark.parametrize("law", [watched(LEVEL, 0.1, 0.5, 1.5), dropping(LEVEL)])
+@pytest.mark.parametrize("law", [watched(LEVEL, 0.1, 0.5, alpha=1.5), dropping(LEVEL)])
 def test_streaming_keeps_up_with_35_khz_fifty_times(law):
     rng = np.random.default_rng(0)
     record = measured(*(rng.uniform(0.1, 0.5, (2, 35_000)) * LEVEL))

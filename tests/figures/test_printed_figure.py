@@ -76,7 +76,7 @@ def test_panels_do_not_get_flat():
 
 def test_a_figure_on_a_screen_is_as_it_was(run):
     before = run.figures["figure-2-12"].get_size_inches()
-    run.figure("figure-2-12", width="column")
+    run.figure(name="figure-2-12", width="column")
     np.testing.assert_array_equal(run.figures["figure-2-12"].get_size_inches(), before)
 
 
@@ -93,7 +93,7 @@ def test_what_is_no_width_style_or_figure(run):
     with pytest.raises(InputError, match="style 'paper', not 'poster'"):
         run.figure(style="poster")
     with pytest.raises(ResultError, match="no figure 'mu' here; there are figure-2-12"):
-        run.figure("mu")
+        run.figure(name="mu")
 
 
 @pytest.mark.cases(0)

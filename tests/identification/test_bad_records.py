@@ -9,7 +9,16 @@ import xarray as xr
 from tables import each
 
 from workbench.errors import InputError
-from workbench.identification import StateSpaceFit
+from workbench.identification import (
+    SampledRecord,
+    StateSpaceFit,
+    SteppedSine,
+    periodic_local_polynomial,
+    periodic_local_rational,
+    sine_fit,
+    spectral_response,
+    step_response,
+)
 
 N = 300
 RNG = np.random.default_rng(0)
@@ -113,8 +122,8 @@ def records():
     for value in (-1, 1.5, "auto", (1,), (1, 2, 3), (1, -1), N, 200, [None, 1]):
         yield (
             f"delay-{value}",
-            given(delay=value),
-            ("delay (.samples. )?is|delays are given for 2 inputs|give a shorter delay"),
+            given(delay_samples=value),
+            "delay(_samples| .samples.)? is|delays are given for 2 inputs|give a shorter delay",
         )
     for value in ("unstable", 1.0, None, ""):
         yield f"poles-{value}", given(poles=value), '"stable", "marginal" or "any"'
@@ -172,3 +181,20 @@ def test_the_message_says_which_and_what_to_do(record, said):
     with pytest.raises(InputError, match=said) as caught:
         StateSpaceFit(u, y, **options)
     assert len(str(caught.value)) > 30
+
+
+@pytest.mark.parametrize("dt", [0, 0.0, -0.1, np.nan, np.inf, None, "0.1"])
+def test_a_sampling_time_that_is_none_is_named(dt):
+    u, y = U[:, :1], Y[:, :1]
+    calls = (
+        lambda: SteppedSine([1.0], 2, 1.0, dt),
+        lambda: sine_fit(u[:, 0], dt, 1.0),
+        lambda: step_response(u[:, 0], y[:, 0], [50, 100, 150], [1.0], dt, 40),
+        lambda: spectral_response(u.T, y.T, dt=dt, segment=20),
+        lambda: periodic_local_polynomial(u, y, 30, dt=dt),
+        lambda: periodic_local_rational(u, y, 30, dt=dt),
+        lambda: SampledRecord(u[:, 0], y[:, 0], dt),
+    )
+    for call in calls:
+        with pytest.raises(InputError, match="dt is "):
+            call()

@@ -44,7 +44,7 @@ def measured(nonlinearity, seed=0, size=1e-3):
 
 def test_a_linear_system_passes():
     found = [measured(lambda x: 2 * x, seed) for seed in range(100)]
-    assert sum(one.detected(0.05) for one in found) <= 14  # of 5 expected
+    assert sum(one.detected(level=0.05) for one in found) <= 14  # of 5 expected
     assert found[0].noise == pytest.approx(2 * 1e-3 / np.sqrt(8 * 1024), rel=0.2)
     assert found[0].excited == pytest.approx(0.2, rel=1e-3)
 

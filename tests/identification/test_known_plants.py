@@ -253,7 +253,7 @@ BAD = {
     "nested": ({"known_poles": [[0.8]]}, "list of finite numbers"),
     "words": ({"known_poles": "integrator"}, "list of"),
     "infinite": ({"known_poles": [np.inf]}, "list of finite numbers"),
-    "zero": ({"known_poles": [0.0]}, "delay="),
+    "zero": ({"known_poles": [0.0]}, "delay_samples="),
     "too many": ({"known_poles": [0.8, 0.9], "orders": [1, 2]}, "order 1 is too low for 2 known"),
     "outside": ({"known_poles": [1.2]}, 'poles="any"'),
     "not stable": ({"known_poles": [1.0], "poles": "stable"}, 'poles="marginal"'),

@@ -14,7 +14,7 @@ def test_inputs_before_a_record_are_not_taken_as_known(delay):
     """The plant runs already; with a long delay the first samples answer what was not recorded."""
     u, noise = np.random.default_rng(3).standard_normal((2, 2500))
     y = lfilter([0.0, 0.2], [1.0, -0.8], u)[350:2350] + 0.02 * noise[:2000]
-    program = StateSpaceFit(u[500:], y, orders=(1,), delay=delay)
+    program = StateSpaceFit(u[500:], y, orders=(1,), delay_samples=delay)
     answer = solve(program).answer
     gain, deviation = np.abs(answer.simulator.response([0.0])), program.deviations(answer, [0.0])
     assert abs(gain - 1.0) < 4 * deviation < 0.05

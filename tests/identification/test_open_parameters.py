@@ -67,7 +67,7 @@ MODEL = arx(ONE, order=1)
 def test_what_has_no_deviations_is_refused(wrong, message):
     given = {"model": MODEL, "record": ONE, "cycles_per_sample": FREQUENCY} | wrong
     with pytest.raises(InputError, match=message):
-        response_deviations(given["model"], given["record"], given["frequency"])
+        response_deviations(given["model"], given["record"], given["cycles_per_sample"])
 
 
 def test_a_dataset_is_a_record_without_more(tmp_path):

@@ -61,7 +61,7 @@ def test_variance_is_the_spread_of_the_errors(periods):
     rng = np.random.default_rng(1)
     ratios = []
     for _ in range(40):
-        found = periodic_local_polynomial(*record(periods, rng), PERIOD, LINES)
+        found = periodic_local_polynomial(*record(periods, rng), PERIOD, lines=LINES)
         ratios.append(
             np.abs(found.response[:, 0, 0] - plant(found.frequency_hz)) ** 2
             / found.variance[:, 0, 0]
@@ -128,7 +128,7 @@ def test_distortion_shows_at_silent_harmonics():
     found = periodic_local_polynomial(u, nonlinear(u) + noise, PERIOD, lines=lines)
     assert found.distortion[0].odd_p < 1e-6 and found.distortion[0].even_p < 1e-6
     assert np.median(found.distorted_variance / found.variance) > 5
-    dense = periodic_local_polynomial(*record(3, rng), PERIOD, LINES)
+    dense = periodic_local_polynomial(*record(3, rng), PERIOD, lines=LINES)
     assert dense.distortion is None and np.isnan(dense.distorted_variance).all()
 
 
@@ -158,7 +158,7 @@ def test_the_best_linear_approximation_has_its_own_variance():
 
 def test_a_linear_plant_has_no_distortion_variance():
     rng = np.random.default_rng(7)
-    responses = [periodic_local_polynomial(*record(3, rng), PERIOD, LINES) for _ in range(20)]
+    responses = [periodic_local_polynomial(*record(3, rng), PERIOD, lines=LINES) for _ in range(20)]
     found = best_linear_approximation(responses)
     share = found.distortion_variance / (20 * found.noise_variance)
     assert abs(np.mean(share)) < 0.1 and (share < 0).any()
@@ -224,23 +224,23 @@ U, Y = record(3, np.random.default_rng(12))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("record", "options", "words"),
     [
-        ((U[:PERIOD], Y[:PERIOD], PERIOD), "two periods"),
-        ((U, Y[:-1], PERIOD), "do not belong"),
-        ((U[:, 0], Y, PERIOD), "shape"),
-        ((U, Y, 2.5), "period"),
-        ((U, Y, PERIOD, [3, 2]), "harmonics"),
-        ((U, Y, PERIOD, [1, 128]), "harmonics"),
-        ((U, Y, PERIOD, LINES, -1), "degree"),
-        ((U, Y, PERIOD, [2, 120]), "do not excite harmonic 120"),
-        ((np.hstack([U, U]), Y, PERIOD), "as many experiments"),
-        ((0 * U, Y, PERIOD), "never changes"),
+        ((U[:PERIOD], Y[:PERIOD], PERIOD), {}, "two periods"),
+        ((U, Y[:-1], PERIOD), {}, "do not belong"),
+        ((U[:, 0], Y, PERIOD), {}, "shape"),
+        ((U, Y, 2.5), {}, "period"),
+        ((U, Y, PERIOD), {"lines": [3, 2]}, "harmonics"),
+        ((U, Y, PERIOD), {"lines": [1, 128]}, "harmonics"),
+        ((U, Y, PERIOD), {"lines": LINES, "degree": -1}, "degree"),
+        ((U, Y, PERIOD), {"lines": [2, 120]}, "do not excite harmonic 120"),
+        ((np.hstack([U, U]), Y, PERIOD), {}, "as many experiments"),
+        ((0 * U, Y, PERIOD), {}, "never changes"),
     ],
 )
-def test_bad_records_are_named(arguments, words):
+def test_bad_records_are_named(record, options, words):
     with pytest.raises(InputError, match=words):
-        periodic_local_polynomial(*arguments)
+        periodic_local_polynomial(*record, **options)
 
 
 def test_a_stream_says_what_is_missing():

@@ -36,7 +36,7 @@ def errors(way, radius, noise, rng, records):
     """Squares of relative errors (records, F), and of errors over the stated variance."""
     squares, ratios = [], []
     for _ in range(records):
-        found = way(*record(radius, noise, rng), PERIOD, LINES)
+        found = way(*record(radius, noise, rng), PERIOD, lines=LINES)
         square = np.abs(found.response[:, 0, 0] - plant(radius)) ** 2
         squares.append(square / np.abs(plant(radius)) ** 2)
         ratios.append(square / found.variance[:, 0, 0])

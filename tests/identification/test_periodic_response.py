@@ -35,8 +35,8 @@ def test_the_regions_cover_as_they_say(confidence, periods):
     gain = 5 * np.exp(1j * rng.uniform(0, 7, RUNS))
     estimate = experiment(rng, gain, periods, shared=0.01)
     error = estimate.response[:, 0, 0] - gain
-    inside = np.abs(error) <= estimate.radius(confidence)[:, 0, 0]
-    half = estimate.half_width(confidence)[:, 0, 0]
+    inside = np.abs(error) <= estimate.radius(confidence=confidence)[:, 0, 0]
+    half = estimate.half_width(confidence=confidence)[:, 0, 0]
     for hits in (inside, np.abs(error.real) <= half, np.abs(error.imag) <= half):
         assert within_binomial_limits(hits.sum(), RUNS, confidence)
 

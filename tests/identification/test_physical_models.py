@@ -22,7 +22,10 @@ def model(**bounds):
     start = {"inertia": 1.0, "friction": 0.3, "stiffness": 5.0}
     return PhysicalModel(
         spring,
-        {name: FittedParameter(value, *bounds.get(name, (0.01,))) for name, value in start.items()},
+        {
+            name: FittedParameter(value, **bounds.get(name, {"lower": 0.01}))
+            for name, value in start.items()
+        },
     )
 
 
@@ -39,7 +42,7 @@ def record(count=300, noise=0.0, seed=0, offset=0.0, late=0):
 @pytest.mark.parametrize("late", [0, 3])
 def test_parameters_of_a_clean_record_are_the_true_ones(late):
     experiments = as_experiments(*record(offset=3.0, late=late), dt=PERIOD)
-    found = model().estimated(experiments, (late,) if late else ())
+    found = model().estimated(experiments, delay_samples=(late,) if late else ())
     assert found == pytest.approx(TRUE, rel=1e-4)
 
 
@@ -53,7 +56,9 @@ def test_units_of_the_parameters_do_not_matter():
 
 
 def test_a_bound_is_kept():
-    found = model(stiffness=(1.0, 7.0)).estimated(as_experiments(*record(), dt=PERIOD))
+    found = model(stiffness={"lower": 1.0, "upper": 7.0}).estimated(
+        as_experiments(*record(), dt=PERIOD)
+    )
     assert found["stiffness"] == pytest.approx(7.0, rel=1e-6)
 
 

@@ -124,7 +124,7 @@ def test_bad_records(tmp_path):
         read_record(file, ["u"], ["u"], time="t")
     with pytest.raises(InputError, match="rising instants"):
         read_record(file, ["u"], ["u"], time="y")
-    with pytest.raises(InputError, match="either the sample rate"):
+    with pytest.raises(InputError, match="either dt"):
         read_record(file, ["u"], ["u"])
     with pytest.raises(InputError, match="is no input"):
         read_record(file, ["c"], ["u"], dt=1 / 1.0)

@@ -108,7 +108,7 @@ def test_what_is_none_is_refused(kind):
     for order in (0, 1.5):
         with pytest.raises(InputError, match="order"):
             kind(order)
-    estimate = kind(2, 2)
+    estimate = kind(2, inputs=2)
     for u in ([1.0], [1.0, np.nan]):
         with pytest.raises(InputError, match="u is"):
             estimate.update(u, 0.0)

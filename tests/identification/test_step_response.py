@@ -60,7 +60,7 @@ def test_noise_of_neighbouring_steps_is_independent():
     held = []
     for seed in range(150):
         u, y = record(0.02, seed, sizes)
-        one = measured(u, y, frequency=frequency)
+        one = measured(u, y, frequency_hz=frequency)
         held.append(abs(one.response[:, 0, 0] - truth) <= one.radius()[:, 0, 0])
     assert np.mean(held) > 0.97
 

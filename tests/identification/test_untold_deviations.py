@@ -57,5 +57,5 @@ def test_a_free_run_of_an_integrator_does_not_tell_the_offset(method, told):
     y = PLANTS["arm"].output(u[None])[2000:]
     y += 0.1 * y.std() * rng.standard_normal(len(y))
     fit = StateSpaceFit(u[2000:], y, orders=(4,), direct=False)
-    found = fit.deviations(solve(fit, method).answer, [0.01, 0.1])
+    found = fit.deviations(solve(fit, method=method).answer, [0.01, 0.1])
     assert np.isfinite(found).all() == told

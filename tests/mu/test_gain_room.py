@@ -24,7 +24,7 @@ def mu(factor):
 @pytest.fixture(scope="module")
 def weak():
     """The plant with a hundredth of its performance asked for, so that there is room."""
-    return unstable_first_order().weighted([0.01])
+    return unstable_first_order().weighted(performance=[0.01])
 
 
 def weak_mu(factor):

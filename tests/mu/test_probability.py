@@ -82,7 +82,7 @@ PLANT = tf([1], [1, real("c", 1, plus_minus=0.5), 1])
         (PLANT + complex_scalar("d", 0, 0.1), {}, "d is no real parameter"),
         (PLANT * (1 + dynamics("w", 1, 1)), {}, "w is no real parameter"),
         (PLANT, {"gain": -1.0}, "gain is -1.0"),
-        (PLANT, {"tolerance": 0}, "tolerance is 0"),
+        (PLANT, {"width": 0}, "width is 0"),
         (PLANT, {"parts": 0.5}, "parts is 0.5"),
         (PLANT, {"distributions": {"c": 3}}, "one with a cdf"),
         (PLANT, {"distributions": {"c": stats.uniform(5, 6)}}, "no probability between"),

@@ -40,7 +40,7 @@ def test_no_codes_only_saturation():
     assert saturated == pytest.approx(1 / 3)
 
 
-@pytest.mark.parametrize("arguments", [(0.0, 12), (5.0, 0), (np.nan, 12)])
-def test_converters_that_are_none(arguments):
+@pytest.mark.parametrize(("limit", "bits"), [(0.0, 12), (5.0, 0), (np.nan, 12)])
+def test_converters_that_are_none(limit, bits):
     with pytest.raises(InputError, match="positive"):
-        Converter(*arguments)
+        Converter(limit, bits=bits)

@@ -94,7 +94,7 @@ def test_continued_has_the_response_of_the_discrete_system():
     [
         (lambda: sampled(plant().sample(PERIOD), PERIOD), r"sampled already \(dt = 0.001\)"),
         (lambda: sampled("G", PERIOD), "system must be a StateSpace"),
-        (lambda: sampled(plant(), -PERIOD), "period is -0.001"),
+        (lambda: sampled(plant(), -PERIOD), "dt is -0.001"),
         (lambda: sampled(control.tf([1, 0, 0], [1, 1]), PERIOD), "no realisation"),
         (lambda: continued(plant()), "the system is continuous"),
         (lambda: continued(None), "system must be a StateSpace"),

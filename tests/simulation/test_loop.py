@@ -69,7 +69,7 @@ def run(around, controller, samples=300, excitation=None, reference=None):
 @pytest.mark.parametrize("delay", [0.0, 0.4, 1.0, 1.7])
 def test_open_loop_is_the_linear_system(delay):
     u = np.random.default_rng(0).standard_normal((300, 1))
-    trajectory = run(loop(delay=delay, refine=4), idle(), excitation=u)
+    trajectory = run(loop(delay_samples=delay, refine=4), idle(), excitation=u)
     optics = control.ss(-CORNER, CORNER, -2.0, 0.0) * mass()[0, 0]
     exact = respond(sampled(mass(), PERIOD, delay_samples=delay), u)
     rounding = 1e-9 * np.abs(exact).max(axis=0)  # some hundred samples of two ways to compute
@@ -90,7 +90,9 @@ def test_closed_loop_is_the_linear_loop(delay):
     closed = control.feedback(control.ss([], [], [], [[1.0]], PERIOD), discrete * plant, sign=1)
     assert abs(closed.poles()).max() < 1.0
     excitation = np.random.default_rng(0).standard_normal((300, 1))
-    trajectory = run(loop(delay=delay, refine=4), linear(law, PERIOD), excitation=excitation)
+    trajectory = run(
+        loop(delay_samples=delay, refine=4), linear(law, PERIOD), excitation=excitation
+    )
     expected = respond(closed, excitation)
     np.testing.assert_allclose(trajectory.command, expected, atol=1e-4 * abs(expected).max())
 

@@ -74,9 +74,9 @@ def test_refusals():
         Repetitive(0.0, PERIOD, 200.0)
     with pytest.raises(InputError, match="gain above 0 to 1"):
         Repetitive(5.0, PERIOD, 200.0, gain=1.5)
-    with pytest.raises(InputError, match="corner is 600"):
+    with pytest.raises(InputError, match="corner_hz is 600"):
         Repetitive(5.0, PERIOD, corner_hz=600.0)
-    with pytest.raises(InputError, match="corner is 3"):
+    with pytest.raises(InputError, match="corner_hz is 3"):
         Repetitive(5.0, PERIOD, corner_hz=3.0)
     lowpass = Repetitive(5.0, PERIOD, 200.0).lowpass
     assert respond(lowpass, np.ones((2000, 1)))[-1, 0] == pytest.approx(1.0)

@@ -105,7 +105,7 @@ CASES = {
     "falling": (time([0.0, 0.1, 0.05, 0.3]), "falls or stays at line 4: sort the rows"),
     "standing": (time([0.0, 0.1, 0.1, 0.3]), "falls or stays at line 4"),
     "a gap": (time([0.0, 0.1, 0.2, 0.5, 0.6]), "line 5: a step of 0.3 where the usual one is 0.1"),
-    "rounded": (time([0.0, 0.0003, 0.0007, 0.001]), "give the sample rate instead"),
+    "rounded": (time([0.0, 0.0003, 0.0007, 0.001]), "give dt instead"),
     "milliseconds since 1970": (time(range(1706695200000, 1706695200500, 100)), "such as t_ms"),
     "hours and minutes, or not": (time(["10:00", "10:01", "10:02"]), "write hh:mm:ss"),
     "13/13/2024": (time(["13/13/2024", "14/13/2024"]), "write it as 2024-01-31"),

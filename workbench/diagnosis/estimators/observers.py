@@ -79,28 +79,28 @@ def balanced_matrix(A: ArrayLike) -> tuple[RealArray, RealArray]:
     return scaled, scale
 
 
-def check_observable(A: RealArray, C: RealArray, period: float | None = None) -> None:
+def check_observable(A: RealArray, C: RealArray, dt: float | None = None) -> None:
     """Raise InputError, naming the mode, if y = C x does not show it (Popov, Belevitch, Hautus).
 
     A must be balanced: the distance to the nearest such system is compared with the sizes of A and
     C.
     """
     unit = np.eye(len(A))
-    drift = A if period is None else A - unit
+    drift = A if dt is None else A - unit
     rate = max(float(np.linalg.norm(drift, 2)), np.finfo(float).tiny)
     level = max(float(np.linalg.norm(C, 2)), np.finfo(float).tiny)
     for mode in np.linalg.eigvals(A):
         pencil = np.vstack([(A - mode * unit) / rate, C / level])
         if np.linalg.svd(pencil, compute_uv=False)[-1] < UNOBSERVABLE_DISTANCE:
             raise InputError(
-                f"the mode at {_described(mode, period)} does not show in the measurement; "
+                f"the mode at {_described(mode, dt)} does not show in the measurement; "
                 "leave it out of the model or measure something that moves with it"
             )
 
 
-def _described(mode: complex, period: float | None) -> str:
-    s = complex(mode) if period is None or mode == 0 else complex(np.log(mode)) / period
-    place = "s" if period is None else "z"
+def _described(mode: complex, dt: float | None) -> str:
+    s = complex(mode) if dt is None or mode == 0 else complex(np.log(mode)) / dt
+    place = "s" if dt is None else "z"
     return f"{place} = {complex(mode):.6g} ({abs(s) / (2 * np.pi):.4g} Hz)"
 
 
@@ -123,7 +123,7 @@ def _place(a: RealArray, c: RealArray, poles: ComplexArray) -> RealArray:
 
 
 def _checked(
-    A: ArrayLike, C: ArrayLike, poles: ArrayLike, period: float | None
+    A: ArrayLike, C: ArrayLike, poles: ArrayLike, dt: float | None
 ) -> tuple[RealArray, RealArray, ComplexArray]:
     a, c = as_array(A, "A"), np.atleast_2d(as_array(C, "C"))
     wanted = as_array(poles, "poles", dtype=complex)
@@ -134,13 +134,13 @@ def _checked(
         raise InputError(f"poles have shape {wanted.shape}; {n} states need ({n},)")
     if not (np.isfinite(a).all() and np.isfinite(c).all() and np.isfinite(wanted).all()):
         raise InputError("A, C and the poles must be finite")
-    if period is not None:
-        need_numbers(period=period)
-    if period is not None and not 0.0 < period < np.inf:
-        raise InputError(f"period is {period} s; it must be positive and finite")
-    outside = wanted[wanted.real >= 0.0] if period is None else wanted[abs(wanted) >= 1.0]
+    if dt is not None:
+        need_numbers(dt=dt)
+    if dt is not None and not 0.0 < dt < np.inf:
+        raise InputError(f"dt is {dt} s; it must be positive and finite")
+    outside = wanted[wanted.real >= 0.0] if dt is None else wanted[abs(wanted) >= 1.0]
     if outside.size:
-        region = "the left half-plane" if period is None else "the unit circle"
+        region = "the left half-plane" if dt is None else "the unit circle"
         raise InputError(f"the pole {outside[0]:.6g} is not inside {region}")
     tiny = abs(wanted.imag) <= 1e-12 * abs(wanted)
     upper, lower = (np.sort_complex(wanted[~tiny & (wanted.imag * one > 0)]) for one in (1, -1))

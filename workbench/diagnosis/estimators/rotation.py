@@ -99,7 +99,7 @@ class Rotation:
 
         Raises InputError if a harmonic reaches half the sampling frequency.
         """
-        _need_period(dt)
+        _need_sampling_time(dt)
         highest = max(self.harmonics) * self.limits_hz[1]
         if not highest < 0.5 / dt:
             raise InputError(
@@ -114,7 +114,7 @@ class Rotation:
 
     def poles(self, dt: float, decay: float) -> ComplexArray:
         """Discrete poles (2 h,) for an observer of the oscillators that settles at `decay` 1/s."""
-        _need_period(dt)
+        _need_sampling_time(dt)
         need_numbers(decay=decay)
         if not (math.isfinite(decay) and decay > 0.0):
             raise InputError(f"decay of the oscillators is {decay} 1/s; it must be positive")
@@ -123,7 +123,7 @@ class Rotation:
         return np.concatenate([upper, upper.conj()])
 
 
-def _need_period(period: float) -> None:
-    need_numbers(period=period)
-    if not 0.0 < period < math.inf:
-        raise InputError(f"period is {period} s; it must be positive and finite")
+def _need_sampling_time(dt: float) -> None:
+    need_numbers(dt=dt)
+    if not 0.0 < dt < math.inf:
+        raise InputError(f"dt is {dt} s; it must be positive and finite")

@@ -126,7 +126,7 @@ def _need_even(
         raise InputError(
             f"{table.path}: variable {name!r} is not equidistant at sample "
             f"{np.argmax(apart) + 1}, {uneven(table, rows, instants)}: resample the record or cut "
-            "it there; where its instants are only rounded, give the sample rate instead"
+            "it there; where its instants are only rounded, give dt instead"
         )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record
+from workbench.input_checks import need_positive
 
 COUNT_ROUNDING = 1e-9
 """Largest distance of a number of samples or periods from an integer that counts as rounding."""
@@ -52,7 +53,7 @@ class SteppedSine:
 
     def __post_init__(self) -> None:
         frequencies = as_record(self.frequencies_hz, name="frequencies_hz")
-        _require_below_nyquist(frequencies, 1 / self.dt)
+        _require_below_nyquist(frequencies, self.dt)
         periods = np.broadcast_to(np.atleast_1d(self.periods), frequencies.shape)
         if not np.issubdtype(periods.dtype, np.integer) or periods.min() < 1:
             raise InputError(f"at least one period is needed, in whole numbers, not {self.periods}")
@@ -64,7 +65,7 @@ class SteppedSine:
     @property
     def lengths(self) -> np.ndarray:
         """Number of samples (F,) at each frequency."""
-        exact = self.periods * (1 / self.dt) / self.frequencies_hz
+        exact = self.periods / self.dt / self.frequencies_hz
         return np.ceil(exact - COUNT_ROUNDING).astype(int)
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
@@ -112,14 +113,13 @@ def sine_fit(
     >>> from workbench.identification import sine_fit
     >>> time = np.arange(250) / 1000.0
     >>> signal = 0.5 + 2 * np.cos(2 * np.pi * 12 * time) + 0.1 * np.cos(2 * np.pi * 24 * time)
-    >>> abs(sine_fit(signal, 1 / 1000.0, 12.0, harmonics=2)).round(
-    ...     6
-    ... ).tolist()  # in each of three periods
+    >>> found = sine_fit(signal, 1e-3, 12.0, harmonics=2)  # in each of three periods
+    >>> abs(found).round(6).tolist()
     [[2.0, 0.1], [2.0, 0.1], [2.0, 0.1]]
     """
     values = as_record(signal, name="signal")
-    _require_below_nyquist(np.array([frequency_hz * harmonics]), 1 / dt)
-    samples, unknowns = (1 / dt) / frequency_hz, 2 * harmonics + 1
+    _require_below_nyquist(np.array([frequency_hz * harmonics]), dt)
+    samples, unknowns = 1 / dt / frequency_hz, 2 * harmonics + 1
     if samples < unknowns:
         raise InputError(
             f"{samples:.3g} samples a period cannot tell {unknowns} unknowns (an offset and "
@@ -130,7 +130,7 @@ def sine_fit(
     if periods < 1:
         raise InputError(
             f"{values.shape[-1]} samples are less than one period of {frequency_hz:g} Hz at "
-            f"{(1 / dt):g} Hz: at least {int(np.ceil(samples - COUNT_ROUNDING))} are needed"
+            f"{1 / dt:g} Hz: at least {int(np.ceil(samples - COUNT_ROUNDING))} are needed"
         )
     edges = np.ceil(np.arange(periods + 1) * samples - COUNT_ROUNDING).astype(int)
     # With the first sample subtracted, a dead channel has amplitude zero exactly.
@@ -149,13 +149,12 @@ def sine_fit(
     return found[..., 1::2] + 1j * found[..., 2::2]
 
 
-def _require_below_nyquist(frequencies: np.ndarray, sample_rate: float) -> None:
-    """Raise `InputError` unless all frequencies lie between 0 and half the sample rate."""
-    if not sample_rate > 0:
-        raise InputError(f"the sample rate must be positive, not {sample_rate}")
-    wrong = frequencies[~((frequencies > 0) & (frequencies < sample_rate / 2))]
+def _require_below_nyquist(frequencies: np.ndarray, dt: float) -> None:
+    """Raise `InputError` unless all frequencies lie between 0 and half the sampling rate."""
+    need_positive(dt, "dt")
+    wrong = frequencies[~((frequencies > 0) & (frequencies < 0.5 / dt))]
     if wrong.size:
         raise InputError(
             f"{wrong[0]:g} Hz does not lie between 0 and the Nyquist frequency "
-            f"{sample_rate / 2:g} Hz: sample faster or stay below"
+            f"{0.5 / dt:g} Hz: sample faster or stay below"
         )

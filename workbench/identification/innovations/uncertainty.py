@@ -222,9 +222,9 @@ def _checked_frequencies(
             f"the model has {model.D.shape[0]} outputs and {model.D.shape[1]} inputs, and the "
             f"record {shape[0]} and {shape[1]}"
         )
-    values = np.atleast_1d(as_array(frequency, "frequency"))
+    values = np.atleast_1d(as_array(frequency, "cycles_per_sample"))
     if values.ndim > 1 or not np.isfinite(values).all():
-        raise InputError("frequency must be finite numbers (F,) [cycles/sample]")
+        raise InputError("cycles_per_sample must be finite numbers (F,)")
     return values
 
 

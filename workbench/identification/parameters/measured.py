@@ -99,7 +99,7 @@ class MeasuredResponse:
         wrong = ~np.isfinite(response).reshape(len(frequency), -1).all(axis=1)
         if wrong.any():
             raise InputError(f"{self.name} is not finite at {frequency[np.argmax(wrong)]:g} Hz")
-        _set(self, frequency=frequency, response=response)
+        _set(self, frequency_hz=frequency, response=response)
         _set(self, variance=_variance(self.variance, response.shape, self.name))
         if not self.degrees > 4:
             raise InputError(

@@ -66,7 +66,7 @@ def instants(record: RecordData) -> Tested:
         lost = (turns > 1) & (np.abs(steps - turns * usual) < WHOLE * usual)
         away = _distance_from_even(times, number)
         if np.abs(away).max() < ROUNDED * digit and not 0 < lost.sum() < FEWEST_ROUNDED:
-            rounded = f"; they are rounded to {digit:.3g} s: give the sample rate"
+            rounded = f"; they are rounded to {digit:.3g} s: give dt"
         elif lost.any():
             missing += int((turns[lost] - 1).sum())
             places += [piece.start + int(k) + 1 for k in np.flatnonzero(lost)]

@@ -33,7 +33,7 @@ from workbench.identification.responses.repeated_rounding import (
     repeated_rounding,
 )
 from workbench.identification.responses.transients import without_transient
-from workbench.input_checks import need_count, need_whole
+from workbench.input_checks import need_count, need_positive, need_whole
 
 SPARE_LINES = 8
 """Number of lines in a band minus the unknowns of its polynomial."""
@@ -188,6 +188,7 @@ class PeriodicStream:
             Samples are missing; there are not as many experiments as inputs; or a band has too few
             lines.
         """
+        need_positive(dt, "dt")
         if len(self._records) != max(self._inputs, 1):
             raise InputError(f"{self._inputs} inputs need as many experiments")
         sums = self._records[0]
@@ -232,7 +233,7 @@ class PeriodicStream:
         share = np.sum(np.abs(middle - Y) ** 2, axis=-1) / np.where(power > 0, power, 1.0)
         size = G[0].size
         return PeriodicLocalResponse(
-            frequency_hz=self.lines * (1 / dt) / self._period,
+            frequency_hz=self.lines / dt / self._period,
             response=G,
             variance=variance,
             degrees=degrees,
@@ -290,7 +291,7 @@ def periodic_local_polynomial(
     >>> bool(abs(found.response[:, 0, 0] - exact).max() < 1e-3)
     True
     """
-    return _of_record(u, y, period, lines, degree, 1 / dt, rational=False)
+    return _of_record(u, y, period, lines, degree, dt, rational=False)
 
 
 def periodic_local_rational(
@@ -329,7 +330,7 @@ def periodic_local_rational(
     >>> [bool(abs(one[:, 0, 0] / exact - 1).max() < 1e-3) for one in found]
     [False, True]
     """
-    return _of_record(u, y, period, lines, degree, 1 / dt, rational=True)
+    return _of_record(u, y, period, lines, degree, dt, rational=True)
 
 
 def _of_record(
@@ -338,7 +339,7 @@ def _of_record(
     period: int,
     lines: ArrayLike | None,
     degree: int,
-    sample_rate: float,
+    dt: float,
     *,
     rational: bool,
 ) -> PeriodicLocalResponse:
@@ -369,7 +370,7 @@ def _of_record(
         for channel in np.moveaxis(values, 0, -1)
     ]
     stream._count_rounding(np.array(rounding))
-    return stream.response(dt=1 / sample_rate)
+    return stream.response(dt=dt)
 
 
 class _Distortion:

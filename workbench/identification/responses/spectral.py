@@ -60,7 +60,7 @@ def spectral_response(
     regression over the segments, and its residuals give the variance. Overlapping segments count as
     a smaller number of independent ones (Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The
     inputs are assumed to have no noise and no feedback from the output's noise; for a plant in a
-    closed loop use `driven_response`. Resonances narrower than a few sample_rate / segment are
+    closed loop use `driven_response`. Resonances narrower than a few 1 / (dt segment) are
     flattened, which the variance does not include: compare with a longer segment.
 
     Parameters
@@ -122,7 +122,7 @@ def spectral_response(
     spectra_u, spectra_y = (_spectra(x, window, hop)[..., lines] for x in (inputs, outputs))
     uu = np.einsum("isf,jsf->fij", spectra_u, spectra_u.conj()) / count
     yu = np.einsum("isf,jsf->fij", spectra_y, spectra_u.conj()) / count
-    frequency = np.arange(segment // 2 + 1)[lines] * (1 / dt) / segment
+    frequency = np.arange(segment // 2 + 1)[lines] / dt / segment
     condition = np.linalg.cond(uu)
     if not np.all(condition < 1e12):
         at = frequency[int(np.argmax(condition))]
@@ -140,7 +140,7 @@ def spectral_response(
         response=response,
         variance=noise[:, :, None] * spread[:, None, :] / segments,
         degrees=2 * spare,
-        noise=2 * noise / ((1 / dt) * np.sum(window**2)),
+        noise=2 * noise * dt / np.sum(window**2),
         coherence=1 - unexplained / power,
         segments=segments,
         report=report,

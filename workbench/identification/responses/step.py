@@ -24,6 +24,7 @@ from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, as_record
 from workbench.identification.responses.periodic import PeriodicResponse, from_periods
+from workbench.input_checks import need_positive
 
 STILL_MOVING = 5.0
 """Number of standard deviations by which the last tenth of a record may differ from the tenth
@@ -83,6 +84,7 @@ def step_response(
     >>> bool(abs(found.response[0, 0, 0] / exact - 1) < 1e-3)
     True
     """
+    need_positive(dt, "dt")
     signals = [as_record(one, name=name) for one, name in ((u, "u"), (y, "y"))]
     frequencies = np.atleast_1d(as_record(frequency_hz, name="frequency_hz"))
     first = np.atleast_1d(np.asarray(starts))
@@ -90,8 +92,8 @@ def step_response(
         raise InputError(
             f"u has shape {signals[0].shape}, y has {signals[1].shape}; (N,) is needed"
         )
-    if not (np.all(frequencies > 0) and np.all(frequencies < (1 / dt) / 2)):
-        raise InputError(f"frequencies must lie between 0 and {(1 / dt) / 2:g} Hz")
+    if not (np.all(frequencies > 0) and np.all(frequencies < 0.5 / dt)):
+        raise InputError(f"frequencies must lie between 0 and {0.5 / dt:g} Hz")
     if first.dtype.kind not in "iu" or first.size < 2 or length < 20:
         raise InputError("two steps of 20 samples or more are needed, their starts whole numbers")
     fade = length // 10

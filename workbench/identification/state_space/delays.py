@@ -44,7 +44,7 @@ def checked_delays(delay: Any, record: Experiments) -> tuple[int, ...]:
     nu = record.u.shape[1]
     if isinstance(delay, str):
         if delay != "estimate":
-            raise InputError(f'delay is {delay!r}; give whole samples, or "estimate"')
+            raise InputError(f'delay_samples is {delay!r}; give whole samples, or "estimate"')
         return (0,) * nu
     given = list(delay) if np.iterable(delay) else [delay] * nu
     if len(given) != nu:
@@ -108,7 +108,7 @@ def _nearby_delays(record: Experiments) -> tuple[int, ...]:
     if lagged.rows < len(r):
         raise InputError(
             f"too few stretches of {longest + REGRESSORS + 1} samples have no missing one to "
-            "estimate delays: give delay in samples"
+            "estimate delays: give delay_samples"
         )
     columns = {0: r.shape[1] - m} | {lag: 1 + (lag - 1) * m for lag in range(1, lagged.past + 1)}
     outputs = [columns[lag] + nu + i for lag in range(1, REGRESSORS + 1) for i in range(ny)]

@@ -10,6 +10,7 @@ from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record, require_alive
 from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.transfer_functions.filters import Hold
+from workbench.input_checks import need_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +56,7 @@ class SampledRecord:
     assume: str | Sequence[str] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
-        if not self.dt > 0:
-            raise InputError(f"dt must be positive, not {self.dt}")
+        need_positive(self.dt, "dt")
         if self.hold not in ("zero-order", "first-order"):
             raise InputError(f'hold is {self.hold!r}; it must be "zero-order" or "first-order"')
         given = {"u": self.u, "y": self.y, "noise_free_input": self.noise_free_input}
