@@ -55,9 +55,9 @@ def held(name, method, seed):
     channel, at = PLANTS[name].channels[0], band(name)
     u, y = record(name, seed, NOISE[method])
     program = StateSpaceFit(
-        u, y, orders=(MODELLED[name][0],), direct=False, delay=int(channel.delay)
+        u, y, orders=(MODELLED[name][0],), direct=False, delay_samples=int(channel.delay)
     )
-    answer = solve(program, method).answer
+    answer = solve(program, method=method).answer
     found = np.abs(answer.simulator.response(at)[:, 0, 0])
     away = np.abs(found - np.abs(channel.response(at)))
     return away <= 1.96 * program.deviations(answer, at)[:, 0, 0]
@@ -89,11 +89,17 @@ def held_in_a_loop(name, seed):
     r, u, y = driven(name, seed)
     controller = control.ss([], [], [], [[gain]], 1.0)
     program = ClosedLoopFit(
-        u, y, orders=(order,), direct=False, excitation=r, controller=controller, period=PERIOD
+        u,
+        y,
+        orders=(order,),
+        direct=False,
+        excitation=r,
+        controller=controller,
+        period_samples=PERIOD,
     )
     exact, found = np.abs(PLANTS[name].channels[0].response(at)), []
     for method in METHODS:
-        model = solve(program, method).answer.simulator
+        model = solve(program, method=method).answer.simulator
         response = model.response(at)[:, 0, 0]
         covariance = closed_loop_covariance(program, method, model, at)[:, 0, 0]
         outward = np.stack([response.real, response.imag], axis=-1) / np.abs(response)[:, None]
