@@ -132,7 +132,7 @@ def test_delays(size):
     late = np.column_stack([np.roll(u[:, 0], 7), np.roll(u[:, 1], 3)])
     y = dlsim((A, np.eye(2), C, np.zeros((1, 2)), 1.0), late)[1][20:]
     u = u[20:]
-    program, solution = modelled(u, y + noise(y, size), delay="estimate")
+    program, solution = modelled(u, y + noise(y, size), delay_samples="estimate")
     assert program.delays_samples == (8, 4)  # one sample of which is that of the plant, without D
     system = solution.answer.simulator.system()
     assert system.nstates == solution.answer.simulator.order + 12

@@ -82,7 +82,7 @@ def test_models_without_a_mean_are_refused():
     with pytest.raises(InputError, match="at least one"):
         averaged_predictor([])
     with pytest.raises(InputError, match="delays"):
-        averaged_predictor([first, replace(second, delay=(2,))])
+        averaged_predictor([first, replace(second, delay_samples=(2,))])
 
 
 def noisy(seed, samples=300):

@@ -54,7 +54,7 @@ def of_index(index: Any, name: str) -> Instants | None:
     if kind == "MultiIndex":
         raise InputError(
             f"{name} has an index of {index.nlevels} levels; instants are needed, or "
-            "reset_index(drop=True) and sample_time="
+            "reset_index(drop=True) and dt="
         )
     if kind == "PeriodIndex":
         index = index.to_timestamp()
@@ -92,7 +92,7 @@ def of_labels(labels: np.ndarray, unit: str, name: str) -> Instants | None:
         return _texts([str(label) for label in labels], name)
     raise InputError(
         f"the samples of {name} are labelled by {type(labels[0]).__name__}, such as {labels[0]!r}; "
-        "instants are needed: numbers [s], dates, or no labels and sample_time="
+        "instants are needed: numbers [s], dates, or no labels and dt="
     )
 
 
@@ -111,7 +111,7 @@ def _texts(labels: list[str], name: str) -> Instants:
     if isinstance(found, int):
         raise InputError(
             f"the samples of {name} are labelled by texts, and {labels[found]!r} of sample {found} "
-            "is no date or clock: give instants, or no labels and sample_time="
+            "is no date or clock: give instants, or no labels and dt="
         )
     return Instants(found[0], "texts", labels[0])
 

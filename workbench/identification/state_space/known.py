@@ -66,7 +66,9 @@ def _checked_poles(poles: Any) -> tuple[complex, ...]:
         )
     for pole in values:
         if abs(pole) <= PAIR_ROUNDING:
-            raise InputError("a known pole is 0, which is a delay of one sample; give delay=")
+            raise InputError(
+                "a known pole is 0, which is a delay of one sample; give delay_samples="
+            )
     real = [complex(p.real) for p in values if abs(p.imag) <= PAIR_ROUNDING * abs(p)]
     upper = [complex(p) for p in values if p.imag > PAIR_ROUNDING * abs(p)]
     lower = [complex(p) for p in values if p.imag < -PAIR_ROUNDING * abs(p)]

@@ -255,7 +255,7 @@ class StateSpaceFit(RecordedQuestion, Program):
             opinions.append(Check(name, statement, apart, CONVOLUTION_ROUNDING, over=self.held_out))
         for use in MODELS:
             model = getattr(answer, use)
-            closed = replace(model, A=model.A - model.K @ model.C, delay=())
+            closed = replace(model, A=model.A - model.K @ model.C, delay_samples=())
             opinions.append(decays(closed.system(), f"errors of the {use} decay"))
             if self.poles != "any":
                 check = decays(model.system(), f"{use} decays")
