@@ -15,7 +15,7 @@ class Compiled:
     """The exported C code, called sample by sample with signals in units."""
 
     def __init__(self, answer, folder):
-        header = answer.export(folder / "board.h", "board")
+        header = answer.export(folder / "board.h", name="board")
         kind = "int32_t" if answer.precision == "fixed" else answer.precision
         source = folder / "board.c"
         point = None if answer.actuator is None else answer.actuator.point

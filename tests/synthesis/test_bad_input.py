@@ -130,7 +130,7 @@ class TestHinf:
     @pytest.mark.parametrize(
         ("numbers", "said"),
         [
-            ((), "needs the numbers"),
+            ((None, None), "needs the numbers"),
             ((1, 9), "system with 3 inputs"),
             ((-1, 1), "system with 3 inputs"),
             ((0, 1), "no measurements"),
@@ -143,7 +143,7 @@ class TestHinf:
     )
     def test_numbers_of_signals(self, form, numbers, said):
         with pytest.raises(InputError, match=said):
-            hinf(form(PLANT), *numbers)
+            hinf(form(PLANT), measurements=numbers[0], controls=numbers[1])
 
     @pytest.mark.parametrize("gamma", ["a", 1j, 0.0, -1.0, np.nan, np.inf, True])
     def test_levels_that_are_none(self, form, gamma):
@@ -205,9 +205,11 @@ class TestHinf:
 
     def test_a_controller_of_another_size(self, form):
         plant = GeneralisedPlant(form(PLANT), None, 1, 1)
-        with pytest.raises(InputError, match="K has 2 inputs and 2 outputs; the plant has 1"):
+        with pytest.raises(
+            InputError, match="controller has 2 inputs and 2 outputs; the plant has 1"
+        ):
             plant.close(control.append(KD, KD))
-        with pytest.raises(InputError, match=r"K must be a StateSpace.*not str"):
+        with pytest.raises(InputError, match=r"controller must be a StateSpace.*not str"):
             plant.close("K")
 
 
@@ -257,7 +259,11 @@ def test_poles_too_far_apart_are_perturbed_further():
     from workbench.plants.cd_drive.control.control_problem import generalised
     from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_plant
 
-    plant = generalised("focus", parametric_plant("focus")).channel(["z_p", "z_u"], "w_p").nominal()
+    plant = (
+        generalised("focus", parametric_plant("focus"))
+        .channel(performance=["z_p", "z_u"], exogenous="w_p")
+        .nominal()
+    )
     wide = hinf(regularised(plant, 1e-1)).norm
     assert wide < 1.0
     assert hinf(regularised(plant, 1e-7)).norm < wide
@@ -361,7 +367,7 @@ def without(**parts):
         ({"structure": [[1, 1]]}, "structure must be a Structure, not list.*from_pairs"),
         ({"structure": Structure([Full(5, 5)])}, "structure needs 5 and 5"),
         ({"structure": Structure([Complex(2)])}, "0 exogenous inputs"),
-        ({"start": control.append(K, K)}, "K has 2 inputs and 2 outputs"),
+        ({"start": control.append(K, K)}, "controller has 2 inputs and 2 outputs"),
         ({"start": control.ss([], [], [], [[0.0]])}, r"does not stabilise.*real part 1 at 1"),
         ({"start": control.ss([], [], [], [[-1e300]])}, "does not stabilise"),
         ({"start": KD}, "start has dt = 0.1 s, the plant 0.0 s"),
@@ -445,8 +451,8 @@ def test_orders_that_are_none(order):
         (lambda: approximated(K, 1, method="schur"), "method is 'schur'"),
         (lambda: approximated(K, 1), "give the plant"),
         (lambda: approximated(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
-        (lambda: approximated(control.append(K, K), 1, plant=UNCERTAIN), "K has 2 inputs"),
-        (lambda: approximated(KD, 1, plant=UNCERTAIN), "K is sampled"),
+        (lambda: approximated(control.append(K, K), 1, plant=UNCERTAIN), "controller has 2 inputs"),
+        (lambda: approximated(KD, 1, plant=UNCERTAIN), "controller is sampled"),
         (lambda: reduce_order(None, K), "must be a GeneralisedPlant"),
         (lambda: reduce_order(UNCERTAIN, K, target="a"), "target is 'a'"),
         (lambda: reduce_order(UNCERTAIN, K, target=np.nan), "target is nan"),
@@ -462,17 +468,17 @@ def test_orders_that_are_none(order):
         (lambda: discretised(K, 0.01, plant=control.append(G, G)), "the plant has 2 outputs"),
         (lambda: discretised(K, 0.01, plant=KD), "the plant is sampled"),
         (lambda: sampled_conditions(G, KD, "a"), r"dt is 'a'"),
-        (lambda: sampled_conditions(G, KD, 0.2), r"K has dt = 0.1.*every 0.2 s"),
-        (lambda: sampled_conditions(G, G, 0.1), r"K has dt = 0.*discretised\(\)"),
+        (lambda: sampled_conditions(G, KD, 0.2), r"controller has dt = 0.1.*every 0.2 s"),
+        (lambda: sampled_conditions(G, G, 0.1), r"controller has dt = 0.*discretised\(\)"),
         (lambda: sampled_conditions(KD, KD, 0.1), "the plant is sampled"),
         (lambda: sampled_conditions(control.append(G, G), KD, 0.1), "the plant has 2 outputs"),
         (lambda: sampled_conditions(G, KD, 0.1, sign="-"), "sign is '-'"),
-        (lambda: sampled_conditions(G, KD, 0.1, delay_samples="a"), "delay is 'a'"),
-        (lambda: sampled_conditions(G, KD, 0.1, delay_samples=-0.5), "delay is -0.5"),
-        (lambda: sampled_conditions(G, KD, 0.1, delay_samples=np.inf), "delay is inf"),
+        (lambda: sampled_conditions(G, KD, 0.1, delay_samples="a"), "delay_samples is 'a'"),
+        (lambda: sampled_conditions(G, KD, 0.1, delay_samples=-0.5), "delay_samples is -0.5"),
+        (lambda: sampled_conditions(G, KD, 0.1, delay_samples=np.inf), "delay_samples is inf"),
         (
             lambda: sampled_conditions(G, KD, 0.1, delay_samples=1e9),
-            "delay is 1000000000.0.*to 1000",
+            "delay_samples is 1000000000.0.*to 1000",
         ),
         (lambda: second_order_sections(K), "discretise it first"),
         (lambda: export(K, "never.h", "c"), r"discretised\(\)"),

@@ -25,7 +25,7 @@ def plant(effort):
 
 
 def channels(effort):
-    return plant(effort).channel("z"), plant(effort).channel("v")
+    return plant(effort).channel(performance="z"), plant(effort).channel(performance="v")
 
 
 def test_the_gain_is_that_of_the_closed_form():

@@ -120,7 +120,7 @@ STARTS = [
     (Static(), [1.0, 2.0], "start has 2 numbers"),
     (Modal(2), GAIN, "0 states, a member .* 2"),
     (Modal(2), control.tf([1.0], [1.0, 2.0, 1.0]), "defective|equal"),
-    (None, [1.0, 2.0, 3.0, 4.0], "K has 4 inputs and 1 outputs"),
+    (None, [1.0, 2.0, 3.0, 4.0], "controller has 4 inputs and 1 outputs"),
     (None, "K", "start|str"),
     (None, control.tf([1, 1, 1], [1, 1]), "improper"),
 ]  # fmt: skip

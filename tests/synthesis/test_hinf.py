@@ -306,25 +306,26 @@ def test_zeros_on_the_axis_are_named():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("plant", "numbers", "message"),
     [
-        ((scalar_plant(1.0),), "numbers of measurements"),
-        ((scalar_plant(1.0), 1, 4), "exogenous|needs"),
-        ((scalar_plant(1.0), 3, 1), "no performance outputs"),
-        ((scalar_plant(1.0), 1, 0), "no controls"),
-        ((replaced(scalar_plant(1.0), A=[[np.nan]]), 1, 1), "not finite"),
-        ((GeneralisedPlant(scalar_plant(1.0), None, 1, 1), 1, 1), "belong to a StateSpace"),
-        (("plant",), "must be a GeneralisedPlant"),
+        (scalar_plant(1.0), (None, None), "numbers of measurements"),
+        (scalar_plant(1.0), (1, 4), "exogenous|needs"),
+        (scalar_plant(1.0), (3, 1), "no performance outputs"),
+        (scalar_plant(1.0), (1, 0), "no controls"),
+        (replaced(scalar_plant(1.0), A=[[np.nan]]), (1, 1), "not finite"),
+        (GeneralisedPlant(scalar_plant(1.0), None, 1, 1), (1, 1), "belong to a StateSpace"),
+        ("plant", (None, None), "must be a GeneralisedPlant"),
         (
-            (replaced(scalar_plant(1.0), B=1e-90 * scalar_plant(1.0).B, D=np.zeros((3, 3))), 1, 1),
+            replaced(scalar_plant(1.0), B=1e-90 * scalar_plant(1.0).B, D=np.zeros((3, 3))),
+            (1, 1),
             "input 1 .* no entry larger than 1e-90",
         ),
-        ((control.ss([[1.0]], [[1.0, 1.0]], [[1.0]] * 2, 0, np.nan), 1, 1), "sampling time of nan"),
+        (control.ss([[1.0]], [[1.0, 1.0]], [[1.0]] * 2, 0, np.nan), (1, 1), "sampling time of nan"),
     ],
 )
-def test_bad_plants_are_refused(arguments, message):
+def test_bad_plants_are_refused(plant, numbers, message):
     with pytest.raises(InputError, match=message):
-        hinf(*arguments)
+        hinf(plant, measurements=numbers[0], controls=numbers[1])
 
 
 @pytest.mark.parametrize("gamma", [0.0, -1.0, np.nan, np.inf, 1e-300])

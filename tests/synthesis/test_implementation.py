@@ -268,7 +268,7 @@ def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
         ({"working_point": WorkingPoint((1.0, 2.0), 0.0)}, "2 controls and 1 measurements"),
         ({"rate_limit": -1.0}, "rate_limit is -1.0; it must be the largest change in a second"),
         ({"rate_limit": (1.0, 2.0)}, "positive and finite, of 1 controls"),
-        ({"order": 9}, "order is 9; K has 2 states"),
+        ({"order": 9}, "order is 9; controller has 2 states"),
         ({"order": 1.5}, "order is 1.5; it must be a whole number"),
         ({"anti_aliasing": control.append(G, G)}, "anti_aliasing has 2 inputs"),
         ({"anti_aliasing": s}, "anti_aliasing has no realisation"),

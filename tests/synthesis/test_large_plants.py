@@ -40,11 +40,11 @@ def controlled(G, error=None):
 )
 def test_a_controller_of_the_small_model_is_certified_for_the_large_plant(modes, order):
     large = rod(modes)
-    small = approximated(large, order, "balanced")
+    small = approximated(large, order, method="balanced")
     omega = np.concatenate([np.linspace(1, 200, 4000), np.pi * np.arange(1, modes + 1)])
     apart = np.abs(large(1j * omega) - small(1j * omega)).max()
     assert apart <= small.error <= 1.5 * apart
-    solution = wb.solve(MuSynthesis(controlled(small, small.error)), "dk")
+    solution = wb.solve(MuSynthesis(controlled(small, small.error)), method="dk")
     assert solution.certificate.holds
     assert solution.answer.upper < 1
     # the large plant is within the error, so that its own loop is below the peak

@@ -99,7 +99,7 @@ def test_a_level_that_cannot_be_had():
     ("make", "message"),
     [
         (lambda: MixedSensitivity(1 / (s + 1)), "no weight"),
-        (lambda: MixedSensitivity("G", W_S=1.0), "G must be"),
+        (lambda: MixedSensitivity("G", W_S=1.0), "nominal must be"),
         (lambda: MixedSensitivity(s, W_S=1.0, W_KS=1.0), "realisation"),
         (lambda: MixedSensitivity(1 / (s + 1), W_S=WIDE, W_KS=1.0), "inputs"),
         (lambda: MixedSensitivity(1 / (s + 1), W_S="W", W_KS=1.0), "W_S must be"),

@@ -279,12 +279,12 @@ def test_no_order_may_do():
         ({"order": 9}, "between 0 and 1"),
         ({"method": "magic"}, "'magic'"),
         ({"plant": None}, "give the plant"),
-        ({"K": control.ss(0.5, 1, 1, 0, 0.1)}, "sampled"),
-        ({"K": control.ss(-1e3, 1e3, -1e3, 0)}, "unstable"),
+        ({"controller": control.ss(0.5, 1, 1, 0, 0.1)}, "sampled"),
+        ({"controller": control.ss(-1e3, 1e3, -1e3, 0)}, "unstable"),
     ],
 )
 def test_bad_input_is_named(change, words):
-    given = {"K": simple_controller(), "order": 0, "plant": two_mass_plant()} | change
+    given = {"controller": simple_controller(), "order": 0, "plant": two_mass_plant()} | change
     with pytest.raises(InputError, match=words):
         approximated(**given)
 

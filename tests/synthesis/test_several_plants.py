@@ -112,9 +112,11 @@ def test_mu_of_several_plants_is_the_largest_peak():
 @pytest.mark.slow
 def test_a_pid_for_three_plants_is_as_good_as_the_best_of_a_search_without_slopes():
     s = control.tf("s")
-    weights = ((0.5 * s + 1) / (s + 0.001), 0.1 * (s + 1) / (0.01 * s + 1))
+    weights = {"W_S": (0.5 * s + 1) / (s + 0.001), "W_KS": 0.1 * (s + 1) / (0.01 * s + 1)}
     plants = [
-        MixedSensitivity(gain * (1 - lag * s / 2) / (1 + lag * s / 2) / (T * s + 1), *weights).plant
+        MixedSensitivity(
+            gain * (1 - lag * s / 2) / (1 + lag * s / 2) / (T * s + 1), **weights
+        ).plant
         for gain, T, lag in ((1.0, 1.0, 0.1), (1.5, 1.0, 0.15), (0.7, 1.4, 0.1))
     ]
     solution = wb.solve(HinfSynthesis(plants[0], family=PID(), further_plants=plants[1:]))

@@ -19,7 +19,7 @@ number = st.floats(-2, 2).map(lambda x: round(x, 3))
 def members(seed):
     rng = np.random.default_rng(seed)
     lead = LeadLag(leak=1e-4, sign=-1.0), rng.normal(size=5)
-    pid = PID.of(*rng.normal(size=3), float(np.exp(rng.normal())), 1e-5)
+    pid = PID.of(*rng.normal(size=3), float(np.exp(rng.normal())), leak=1e-5)
     return [lead, pid, Decentralised.of([lead, pid])]
 
 

@@ -220,8 +220,9 @@ class GeneralisedPlant:
         controller = named_realisation(system_of(controller, "controller"), "K")
         if (len(controller.outputs), len(controller.inputs)) != (self.controls, self.measurements):
             raise InputError(
-                f"K has {len(controller.inputs)} inputs and {len(controller.outputs)} outputs; the "
-                f"plant has {self.measurements} measurements and {self.controls} controls"
+                f"controller has {len(controller.inputs)} inputs and {len(controller.outputs)} "
+                f"outputs; the plant has {self.measurements} measurements and "
+                f"{self.controls} controls"
             )
         p, m = len(plant.inputs), len(plant.outputs)
         open_inputs, open_outputs = p - self.controls, m - self.measurements

@@ -136,9 +136,11 @@ def test_mu_synthesis_without_perturbation_is_h_infinity_synthesis():
 
 
 def test_a_start_with_fewer_states_is_where_the_search_begins():
-    lower = wb.solve(HinfSynthesis(first_order(), order=0), "bfgs", Options(seed=0)).answer
+    lower = wb.solve(
+        HinfSynthesis(first_order(), order=0), method="bfgs", options=Options(seed=0)
+    ).answer
     begun = HinfSynthesis(first_order(), order=2, start=lower.K)
-    answer = wb.solve(begun, "bfgs", Options(seed=0)).answer
+    answer = wb.solve(begun, method="bfgs", options=Options(seed=0)).answer
     assert answer.K.nstates == 2
     assert answer.norm <= (1 + 1e-6) * lower.norm
 
@@ -155,7 +157,9 @@ def test_states_that_are_added_keep_to_the_fastest_pole():
 @pytest.mark.slow
 def test_more_states_are_not_worse():
     lower, higher = (
-        wb.solve(HinfSynthesis(flexible(), order=order), "bfgs", Options(seed=0)).answer
+        wb.solve(
+            HinfSynthesis(flexible(), order=order), method="bfgs", options=Options(seed=0)
+        ).answer
         for order in (1, 2)
     )
     assert higher.norm <= 1.001 * lower.norm

@@ -144,9 +144,8 @@ def sampled_robustness(
     nominal = realisation((parts.A, parts.B[:, 1:], parts.C[1:], parts.D[1:, 1:]), 0.0)
     if (controller.noutputs, controller.ninputs) != (1, 1) or sign not in (-1, 1):
         raise InputError(
-            f"K has {controller.noutputs} outputs and {controller.ninputs} inputs and sign is "
-            f"{sign!r}; needed are "
-            "one of each, and -1 or 1"
+            f"controller has {controller.noutputs} outputs and {controller.ninputs} inputs and "
+            f"sign is {sign!r}; needed are one of each, and -1 or 1"
         )
     found = sampled_conditions(nominal, controller, dt, delay_samples=delay_samples, sign=sign)
     if not found.stable:

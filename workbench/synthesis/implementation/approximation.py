@@ -154,7 +154,9 @@ def _weights(
         if (system.nstates and bool(system.dt) != bool(K.dt)) or (
             system.nstates and system.dt and K.dt and float(system.dt) != float(K.dt)
         ):
-            raise InputError(f"{name} has dt = {system.dt}, and K has dt = {K.dt}; give one dt")
+            raise InputError(
+                f"{name} has dt = {system.dt}, and controller has dt = {K.dt}; give one dt"
+            )
         if not stability_of(system).holds:
             raise InputError(f"{name} is not stable; a weight of an error must be")
         parts = matrices_of(system)
@@ -269,9 +271,9 @@ def need_continuous(K: StateSpace) -> None:
     """Raise InputError for a sampled controller."""
     if K.dt:
         raise InputError(
-            f"K is sampled (dt = {K.dt}), and the closed loop that weighs is continuous; reduce "
-            'the continuous controller and discretise it then, or ask "balanced", "matchdc" or '
-            '"hankel"'
+            f"controller is sampled (dt = {K.dt}), and the closed loop that weighs is continuous; "
+            'reduce the continuous controller and discretise it then, or ask "balanced", "matchdc" '
+            'or "hankel"'
         )
 
 

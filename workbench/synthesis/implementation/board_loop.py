@@ -69,7 +69,7 @@ class BoardLoop:
         plant, sign = self.nominal
         if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
             raise InputError(
-                f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has "
+                f"controller has {K.ninputs} inputs and {K.noutputs} outputs; the plant has "
                 f"{plant.noutputs} outputs and {plant.ninputs} inputs"
             )
         return HeldPlantLoop(plant, K, self.period, self.delay, sign)

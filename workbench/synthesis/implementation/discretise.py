@@ -99,7 +99,7 @@ def discretised(
     controller = as_system(controller, "controller")
     if controller.dt:
         raise InputError(
-            f"K is sampled already (dt = {controller.dt}); give the continuous controller"
+            f"controller is sampled already (dt = {controller.dt}); give the continuous controller"
         )
     need_positive(dt, "dt")
     need_choice(method, DiscretisationMethod, "method")
@@ -124,8 +124,8 @@ def discretised(
         shifted = np.eye(len(A)) - half * A
         if len(A) and np.linalg.cond(shifted) > 1e12:
             raise InputError(
-                f"K has a pole at 1 / ({half:.6g} s), which the bilinear transform moves to "
-                "infinity; take another sample_time"
+                f"controller has a pole at 1 / ({half:.6g} s), which the bilinear transform moves "
+                "to infinity; take another dt"
             )
         back = np.linalg.inv(shifted)
         root = math.sqrt(2.0 * half)
@@ -209,7 +209,7 @@ def _check_bandwidth(K: StateSpace, plant: StateSpace, sample_time: float) -> No
     if (gain >= 1.0).any():
         bandwidth = omega[np.flatnonzero(gain >= 1.0)[-1]]
         raise InputError(
-            f"sample_time is {sample_time:.6g} s, half the sampling rate {nyquist:.6g} rad/s; the "
-            f"gain of the loop stays above 1 up to {bandwidth:.6g} rad/s or more: sample_time must "
+            f"dt is {sample_time:.6g} s, half the sampling rate {nyquist:.6g} rad/s; the "
+            f"gain of the loop stays above 1 up to {bandwidth:.6g} rad/s or more: dt must "
             f"be well below {math.pi / bandwidth:.3g} s"
         )

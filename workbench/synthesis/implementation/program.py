@@ -173,13 +173,13 @@ class Implementation(Program):
         K = as_system(self.controller, "controller")
         if K.dt and (K.dt is True or abs(K.dt / self.dt - 1) > CLAIM_TOLERANCE):
             raise InputError(
-                f"K has dt = {K.dt}; give a continuous controller, or one sampled every "
+                f"controller has dt = {K.dt}; give a continuous controller, or one sampled every "
                 f"{self.dt:g} s"
             )
         if self.order is not None:
             need_whole(self.order, "order")
             if not 0 <= self.order <= K.nstates:
-                raise InputError(f"order is {self.order}; K has {K.nstates} states")
+                raise InputError(f"order is {self.order}; controller has {K.nstates} states")
             if K.dt:
                 raise InputError("a sampled controller is not reduced: give the continuous one")
         if self.working_point is not None and isinstance(self.plant, GeneralisedPlant):
@@ -242,7 +242,7 @@ class Implementation(Program):
                 np.asarray(getattr(sampled, name)).astype(kind).astype(float) for name in "ABCD"
             )
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
-            raise InputError(f"K has numbers that {self.precision} cannot hold")
+            raise InputError(f"controller has numbers that {self.precision} cannot hold")
         coefficients = _named_as(realisation((A, B, C, D), self.dt), self.controller, self.dt)
         return self._unjudged(coefficients, way_said)
 

@@ -230,7 +230,7 @@ def need_delay(delay: float) -> None:
     """Raise InputError unless a computation delay [samples] is valid."""
     if not (is_real(delay) and 0.0 <= delay <= LONGEST_DELAY):
         raise InputError(
-            f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST_DELAY}"
+            f"delay_samples is {delay!r}; it must be a number of samples from 0 to {LONGEST_DELAY}"
         )
 
 
@@ -238,7 +238,8 @@ def need_same_time(K: StateSpace, sample_time: float) -> None:
     """Raise InputError if the controller has another sampling time or is continuous."""
     if K.dt not in (None, True) and not math.isclose(K.dt, sample_time):
         raise InputError(
-            f"K has dt = {K.dt}; it must be sampled every {sample_time} s, as discretised() does"
+            f"controller has dt = {K.dt}; it must be sampled every {sample_time} s, as "
+            "discretised() does"
         )
 
 
@@ -248,8 +249,8 @@ def need_fitting(K: StateSpace, plant: StateSpace) -> None:
     """
     if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
         raise InputError(
-            f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has {plant.noutputs} "
-            f"outputs and {plant.ninputs} inputs"
+            f"controller has {K.ninputs} inputs and {K.noutputs} outputs; the plant has "
+            f"{plant.noutputs} outputs and {plant.ninputs} inputs"
         )
 
 

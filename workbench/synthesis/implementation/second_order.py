@@ -109,7 +109,8 @@ def second_order_sections(controller: Any) -> Sections:
     controller = as_system(controller, "controller")
     if not controller.dt or controller.dt is True:
         raise InputError(
-            f"K has dt = {controller.dt}; discretise it first, with a sampling time in seconds"
+            f"controller has dt = {controller.dt}; discretise it first, with a sampling time "
+            "in seconds"
         )
     channels = tuple(
         tuple(_channel(controller, i, j) for j in range(controller.ninputs))

@@ -83,10 +83,10 @@ def test_the_nominal_plant_is_that_of_the_generalised_one(axis):
     task = design_task(axis, uncertain)
     omega = 2 * np.pi * HERTZ
     np.testing.assert_allclose(
-        response(task.G, omega)[:, 0, 0], nominal_response(axis, HERTZ), rtol=1e-9
+        response(task.nominal, omega)[:, 0, 0], nominal_response(axis, HERTZ), rtol=1e-9
     )
     P = generalised(axis, uncertain).nominal().response(omega)
-    np.testing.assert_allclose(-P[:, -1, -1], response(task.G, omega)[:, 0, 0], rtol=1e-6)
+    np.testing.assert_allclose(-P[:, -1, -1], response(task.nominal, omega)[:, 0, 0], rtol=1e-6)
 
 
 @pytest.mark.cases(0)
@@ -96,7 +96,7 @@ def test_covers_are_plants_too(covered):
     omega = 2 * np.pi * HERTZ
     filtered = ANTIALIASING / (1j * omega + ANTIALIASING)
     G = answer.model.nominal.response(omega)
-    np.testing.assert_allclose(response(task.G, omega)[:, 0, 0], G * filtered, rtol=1e-6)
+    np.testing.assert_allclose(response(task.nominal, omega)[:, 0, 0], G * filtered, rtol=1e-6)
     for design in ("LQG", "mixed sensitivity"):
         loop = task.plant.nominal().close(DESIGNS[design](task, Context()))
         assert loop.poles().real.max() < 0

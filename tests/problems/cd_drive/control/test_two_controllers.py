@@ -118,7 +118,7 @@ def test_channels_of_the_plant_are_their_formulas(axis):
     K = controller(axis)
     expected = _channels(trade, K, omega)
     for i, name in enumerate(CHANNELS):
-        found = response(trade.nominal.channel(name).close(K), omega)[:, 0, 0]
+        found = response(trade.nominal.channel(performance=name).close(K), omega)[:, 0, 0]
         np.testing.assert_allclose(found, expected[i], rtol=1e-6, atol=1e-9)
 
 

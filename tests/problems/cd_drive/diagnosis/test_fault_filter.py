@@ -57,7 +57,7 @@ def test_the_set_of_a_loop_is_that_of_its_plant(loops, which):
     N = response(loop.plant.system, omega)
     S = 1 / (1 + loop.open_loop(omega))
     rng = np.random.default_rng(1)
-    p, most = loop.differences(omega, 400), loop.amplification(omega)
+    p, most = loop.differences(omega, sides=400), loop.amplification(omega)
     for _ in range(20):
         delta = np.diag([rng.uniform(-1, 1), np.exp(2j * np.pi * rng.uniform())])
         N11, N12 = N[:, :2, :2], N[:, :2, 2:]
@@ -71,7 +71,7 @@ def test_the_set_of_a_loop_is_that_of_its_plant(loops, which):
 
 def test_the_sampled_loop_is_held_and_delayed(loops):
     frequency = np.geomspace(10.0, 3000.0, 20)
-    G, held = (response(loop.G, loop.warped(frequency))[:, 0, 0] for loop in loops)
+    G, held = (response(loop.nominal, loop.warped(frequency))[:, 0, 0] for loop in loops)
     half = 1.5 * 2 * np.pi * frequency / 35e3
     assert held == pytest.approx(G * np.exp(-1j * half), rel=0.02)
 
