@@ -259,7 +259,7 @@ def newton(program, context):
     state = {"x": targets + 1, "excess": np.zeros(0)} if kept is None else kept
     for number, excess in enumerate(state["excess"].tolist(), start=1):
         context.record({"round": number, "excess": excess})
-    for done in context.rounds(12, "newton", done=len(state["excess"])):
+    for done in context.rounds(12, "newton", first=len(state["excess"])):
         x = (state["x"] + targets / state["x"]) / 2
         excess = float(np.max(x / np.sqrt(targets) - 1))
         context.record({"round": done + 1, "excess": excess})

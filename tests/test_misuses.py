@@ -366,7 +366,10 @@ JOINTS = {
     "conditions": (
         conditions,
         {"plant": LOOP, "controller": control.ss([], [], [], [[0.1]])},
-        {"plant": (*NOT_AN_OBJECT, LAG), "controller": (*NOT_A_SYSTEM, control.ss([], [], [], np.eye(4)))},
+        {
+            "plant": (*NOT_AN_OBJECT, LAG),
+            "controller": (*NOT_A_SYSTEM, control.ss([], [], [], np.eye(4))),
+        },
     ),
     "peak": (
         peak,

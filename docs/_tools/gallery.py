@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import workbench as wb
-from workbench.figures.formats import png
 from workbench.bench.project import registry
 from workbench.bench.results import Run
 from workbench.bench.verify import finished_folders
+from workbench.figures.formats import png
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"

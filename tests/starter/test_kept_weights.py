@@ -39,7 +39,7 @@ def settled(tmp_path, monkeypatch):
         def lower(most):
             if most < least:
                 raise InputError("an unstable pole needs more")
-            return replace(choices(), bandwidth=most)
+            return replace(choices(), bandwidth_hz=most)
 
         monkeypatch.setattr(kept_weights, "solve", solve)
         monkeypatch.setattr(kept_weights, "MuSynthesis", lambda plant, **_: plant)
@@ -75,14 +75,14 @@ def test_it_is_lowered_until_the_weights_are_kept_and_then_refined(settled):
     assert tried[:9] == on_each(8.0, 5.0, 3.125)
     assert [one[0] for one in tried[9:]] == pytest.approx(finer)
     assert {one[1] for one in tried[9:]} == {COVERS[1]}
-    assert found.bandwidth == pytest.approx(finer[2])
+    assert found.bandwidth_hz == pytest.approx(finer[2])
     assert found.peak == pytest.approx(finer[2] / 4)
     assert "at 8 Hz it is 2" in found.reasons["bandwidth_hz"]
 
 
 def test_a_bandwidth_that_is_asked_for_is_the_only_one(settled):
     found, tried = settled(lambda bandwidth, cover: 2.0, lower=None)
-    assert (found.bandwidth, tried) == (8.0, on_each(8.0))
+    assert (found.bandwidth_hz, tried) == (8.0, on_each(8.0))
 
 
 def test_where_none_is_kept_the_least_peak_is_told(settled):

@@ -26,7 +26,7 @@ def measured(noise, seed=7, omega=OMEGA):
     exact = ringing(omega)
     error = rng.standard_normal((2, *exact.shape)) / np.sqrt(2)
     values = exact * (1 + noise * (error[0] + 1j * error[1]))
-    return Responses(omega, values, variance=(noise * np.abs(exact)) ** 2)
+    return Responses(omega=omega, values=values, variance=(noise * np.abs(exact)) ** 2)
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.01])
@@ -53,7 +53,7 @@ def test_a_cover_holds_the_plants_between_the_lines():
 
     def excess(plants):
         """Largest distance of a true plant over the radius, between the lines."""
-        cover = wb.solve(CircleCover(plants, 3, 2, confidence=0.99)).answer.model
+        cover = wb.solve(CircleCover(plants, 3, zeros=2, confidence=0.99)).answer.model
         nominal = cover.nominal.response(fine)[:, None]
         away = np.abs(ringing(fine) / nominal - 1)
         return (away / np.abs(cover.W_c.response(fine))[:, None]).max()
@@ -63,7 +63,9 @@ def test_a_cover_holds_the_plants_between_the_lines():
 
 
 def test_straight_responses_need_no_more_frequencies():
-    plants = Responses(OMEGA, 1 / (1j * OMEGA[:, None] / [20.0, 30.0] + 1), variance=1e-8)
+    plants = Responses(
+        omega=OMEGA, values=1 / (1j * OMEGA[:, None] / [20.0, 30.0] + 1), variance=1e-8
+    )
     assert np.array_equal(between_lines(plants).omega, OMEGA)
     assert STRAIGHT < 0.1
 
@@ -72,7 +74,7 @@ def test_missing_lines_stay_missing():
     coarse = measured(0.005)
     present = np.ones(coarse.values.shape, bool)
     present[25, 1] = False
-    plants = Responses(OMEGA, coarse.values, present, variance=coarse.variance)
+    plants = Responses(omega=OMEGA, values=coarse.values, present=present, variance=coarse.variance)
     fine = between_lines(plants)
     beside = (fine.omega > OMEGA[24]) & (fine.omega < OMEGA[26])
     assert beside.sum() > 1
@@ -86,7 +88,9 @@ def test_regions_of_ratios_grow_with_the_response():
     joint = np.zeros((*coarse.values.shape, 2, 2), complex)
     joint[..., 0, 0] = coarse.variance
     ratios = Ratios(joint, np.ones(3))
-    closed = Responses(OMEGA, coarse.values, variance=coarse.variance, degrees=100.0, ratios=ratios)
+    closed = Responses(
+        omega=OMEGA, values=coarse.values, variance=coarse.variance, degrees=100.0, ratios=ratios
+    )
     fine = between_lines(closed)
     assert fine.ratios.joint[..., 0, 0].real == pytest.approx(fine.variance, rel=1e-9)
 
@@ -94,7 +98,7 @@ def test_regions_of_ratios_grow_with_the_response():
 def test_unstable_plants():
     s = 1j * OMEGA[:, None]
     exact = 1 / (s / [4.0, 5.0] - 1) / (s**2 / 400 + 0.002 * s + 1)
-    plants = Responses(OMEGA, exact, variance=1e-8)
+    plants = Responses(omega=OMEGA, values=exact, variance=1e-8)
     fine = between_lines(plants, unstable_poles=1)
     s = 1j * fine.omega[:, None]
     exact = 1 / (s / [4.0, 5.0] - 1) / (s**2 / 400 + 0.002 * s + 1)
@@ -112,7 +116,7 @@ def test_known_plants_keep_their_functions():
     plants = [control.tf([1.0], [1.0, 0.1 * k, 1.0]) for k in (1, 2)]
     omega = np.geomspace(0.1, 10, 12)
     values = np.stack([plant(1j * omega) for plant in plants], axis=1)
-    known = Responses(omega, values, known=plants)
+    known = Responses(omega=omega, values=values, known=plants)
     assert between_lines(known).known_plants.keys() == known.known_plants.keys()
 
 
@@ -124,6 +128,6 @@ def test_sampled_plants():
     def exact(omega):
         return np.stack([plant(np.exp(0.02j * omega)) for plant in plants], axis=1)
 
-    fine = between_lines(Responses(OMEGA, exact(OMEGA), variance=1e-8, dt=0.02))
+    fine = between_lines(Responses(omega=OMEGA, values=exact(OMEGA), variance=1e-8, dt=0.02))
     assert fine.omega.size > OMEGA.size + 5
     assert np.abs(fine.values / exact(fine.omega) - 1).max() < 0.01

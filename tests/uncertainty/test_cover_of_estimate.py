@@ -36,7 +36,7 @@ def share_held(records, seed):
     for _ in range(records):
         uncertainty = fitted(rng)
         away = np.abs(uncertainty.model.response(FINE) - plant(FINE))
-        held.append((away <= uncertainty.radius(FINE, 0.95, everywhere=True)).all())
+        held.append((away <= uncertainty.radius(FINE, confidence=0.95, everywhere=True)).all())
     return np.mean(held)
 
 
@@ -54,7 +54,7 @@ def test_discs_hold_the_plant_everywhere_in_a_thousand_records():
 def test_the_cover_holds_the_discs(form):
     uncertainty = fitted(np.random.default_rng(2))
     cover = cover_of_estimate(uncertainty, 4, confidence=0.99, form=form)
-    radius = uncertainty.radius(FINE, 0.99, everywhere=True)[:, 0, 0]
+    radius = uncertainty.radius(FINE, confidence=0.99, everywhere=True)[:, 0, 0]
     size = np.abs(cover.W_c.response(FINE))
     if form == "multiplicative":
         size = size * np.abs(cover.nominal.response(FINE))

@@ -528,7 +528,7 @@ def test_every_array_has_a_unit_and_a_name():
 @pytest.mark.parametrize("kind", KINDS)
 def test_figures(kind):
     program, solution = solved(kind, "multiplicative", "joint")
-    shown = replace(program, windows={"First Resonance": (3.0, 8.0), "nothing": (1e6, 1e7)})
+    shown = replace(program, windows_hz={"First Resonance": (3.0, 8.0), "nothing": (1e6, 1e7)})
     drawn = shown.figures(solution.answer)
     names = {"plane", "plane-first-resonance", "nominal", "complex-weight"}
     assert set(drawn) == names | ({"real-weight"} if kind == "stadium" else set())

@@ -264,16 +264,16 @@ def test_plants_and_controllers_of_other_sizes():
 
 def test_a_channel_is_the_plant_with_its_signals_alone():
     plant_ = stadium()
-    part = plant_.channel("z_u", ["w_u", "w_p"])
+    part = plant_.channel(performance="z_u", exogenous=["w_u", "w_p"])
     assert (part.performance, part.exogenous) == (1, 2)
     N, M = (response(p.close(K), OMEGA[:5]) for p in (plant_, part))
     np.testing.assert_allclose(M, N[:, [0, 1, 3]][:, :, [0, 1, 3, 2]], rtol=1e-9)
-    assert plant_.channel(1, 0).system.output_labels == ["y_r", "y_c", "z_u", "f_en"]
+    assert plant_.channel(performance=1, exogenous=0).system.output_labels == ["y_r", "y_c", "z_u", "f_en"]
 
 
 @pytest.mark.parametrize("signals", [2, -1, [], ["z_p", "z_p"]])
 def test_a_channel_needs_signals_that_there_are(signals):
     with pytest.raises(InputError, match="performance output"):
-        stadium().channel(signals)
+        stadium().channel(performance=signals)
     with pytest.raises(UnknownNameError, match="z_q"):
-        stadium().channel("z_q")
+        stadium().channel(performance="z_q")
