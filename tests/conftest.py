@@ -136,7 +136,7 @@ class Root(Program):
 
     def checks(self, answer, tolerance):
         short = np.max(np.array(self.targets) - answer**2)
-        return [Check("reach", "target - x^2", float(short), 1e-9, over="over all targets")]
+        return [Check("reach", "target - x^2", float(short), 1e-9, where="over all targets")]
 
     def gap(self, answer):
         return "x / sqrt(target) - 1", float(np.max(answer / np.sqrt(self.targets) - 1))

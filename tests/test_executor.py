@@ -338,7 +338,10 @@ def test_blas_leaves_the_cores_to_the_threads():
 def test_after_an_error_nothing_more_is_begun(kind, tmp_path):
     """An interrupted ensemble must not go on to its end before it says so."""
     one = {"workers" if kind is Threads else "count": 1}
-    with kind(**one) as executor, pytest.raises((ArithmeticError, WorkbenchError), match="number 2"):
+    with (
+        kind(**one) as executor,
+        pytest.raises((ArithmeticError, WorkbenchError), match="number 2"),
+    ):
         spread(partial(leave_a_mark, tmp_path), range(12), executor)
     assert len(list(tmp_path.iterdir())) < 6
 

@@ -112,7 +112,7 @@ def test_one_failing_check_among_good_ones_is_named_with_its_place():
 
 
 @given(
-    st.lists(st.builds(Check, st.text(), st.text(), NUMBERS, NUMBERS, over=st.text()), max_size=3),
+    st.lists(st.builds(Check, st.text(), st.text(), NUMBERS, NUMBERS, where=st.text()), max_size=3),
     st.none() | st.builds(Gap, st.text(), NUMBERS, NUMBERS, st.booleans()),
 )
 @example([Check("x", "", math.nan, math.inf), Check("y", "", -math.inf, 0)], None)

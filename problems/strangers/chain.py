@@ -39,7 +39,7 @@ told = {
     for name, one in runs.items()
 }
 np.savez("evidence.npz", **found)
-frequency = runs["cover"].task.responses.frequency
+frequency = runs["cover"].task.responses.frequency_hz
 band = [float(frequency[0]), float(frequency[-1])]
 print(json.dumps({"form": model.form, "band": band, "runs": told}, default=str))
 """

@@ -268,7 +268,12 @@ def test_a_channel_is_the_plant_with_its_signals_alone():
     assert (part.performance, part.exogenous) == (1, 2)
     N, M = (response(p.close(K), OMEGA[:5]) for p in (plant_, part))
     np.testing.assert_allclose(M, N[:, [0, 1, 3]][:, :, [0, 1, 3, 2]], rtol=1e-9)
-    assert plant_.channel(performance=1, exogenous=0).system.output_labels == ["y_r", "y_c", "z_u", "f_en"]
+    assert plant_.channel(performance=1, exogenous=0).system.output_labels == [
+        "y_r",
+        "y_c",
+        "z_u",
+        "f_en",
+    ]
 
 
 @pytest.mark.parametrize("signals", [2, -1, [], ["z_p", "z_p"]])

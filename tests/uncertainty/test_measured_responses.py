@@ -208,7 +208,7 @@ def test_frequencies_are_taken_in_either_unit():
         Responses(omega=[1.0, 2.0], values=values, frequency_hz=[1.0, 2.0])
     with pytest.raises(InputError, match="give the frequencies once"):
         Responses(values=values)
-    with pytest.raises(InputError, match=r"frequency\[1\] = 2 .* Hz are not increasing"):
+    with pytest.raises(InputError, match=r"frequency_hz\[1\] = 2 .* Hz are not increasing"):
         Responses(values=np.ones((3, 2)), frequency_hz=[1.0, 2.0, 1.5])
 
 
@@ -336,7 +336,7 @@ def test_a_bad_record_is_named(folder, tmp_path):
     ],
 )
 def test_data_that_are_refused(given, words):
-    whole = {"values": np.array([[1, 2], [2, 3]]), "frequency": [1.0, 2.0]} | given
+    whole = {"values": np.array([[1, 2], [2, 3]]), "frequency_hz": [1.0, 2.0]} | given
     with pytest.raises(InputError, match=words):
         Responses(**whole)
 

@@ -144,4 +144,4 @@ def test_structure():
 )
 def test_refused(given_parts, words):
     with pytest.raises(InputError, match=words):
-        UncertaintyModel(*given_parts)
+        UncertaintyModel(*given_parts[:3], **dict(zip(["form"], given_parts[3:], strict=False)))

@@ -25,7 +25,7 @@ def bearings() -> Responses:
 @pytest.mark.parametrize("method", ["steps", "joint"])
 @pytest.mark.parametrize("kind", [CircleCover, StadiumCover])
 def test_the_nominal_has_the_plants_unstable_pole(kind, method):
-    cover = solve(kind(bearings(), 3, 0, 2, unstable_poles=1), method=method)
+    cover = solve(kind(bearings(), 3, zeros=0, complex_order=2, unstable_poles=1), method=method)
     assert cover.certificate.valid
     nominal = cover.answer.model.nominal
     assert nominal.poles[nominal.poles.real > 0] == pytest.approx([100], rel=0.05)
