@@ -30,8 +30,8 @@ def spread_about(
     Parameters
     ----------
     found
-        Arguments for the measured plants: ``frequency_hz`` (F,), ``values`` and ``variance`` (F, N),
-        ``degrees`` and, if there are any, ``plants`` and ``ratios``.
+        Arguments for the measured plants: ``frequency_hz`` (F,), ``values`` and ``variance``
+        (F, N), ``degrees`` and, if there are any, ``plants`` and ``ratios``.
     spread
         Radius of the disc around each response, relative to the response; None for no disc.
     resonance_shift
