@@ -51,12 +51,10 @@ def share(text: str | None, option: str) -> float | None:
 )
 @click.option(
     "--period",
+    "dt",
     type=float,
     metavar="S",
     help="Sampling time of the controller [that of the records].",
-)
-@click.option(
-    "--period", "dt", type=float, metavar="S", help="Of the controller [that of the records]."
 )
 @click.option(
     "--delay",
