@@ -261,25 +261,26 @@ def page(runs: Mapping[str, wb.Run]) -> str:
     names = [[PEERS[peer], version_of(peer)] for peer in PEERS]
     parts = [
         "# Beside other tools\n",
-        "`make bench` runs the named problems `bench/*` and writes this page. Each row compares "
-        "the workbench with another tool on the same data, in one run, on one machine: both take "
-        "turns, and the shortest or the median of several times counts. Only the ratio says "
-        "something about your machine. The answers of both are compared as well; a row stands here "
-        "only if they agree, or if the workbench's bound is the better one.\n",
-        "The comparison is not quite fair to the workbench: most of its times contain a proof, and "
-        "the peers' do not. A proven norm or peak holds at every frequency, rounding included. "
-        "AB13DD gives no error bound; AB13MD bounds mu at 1,000 frequencies. D-K iteration goes on "
+        "`make bench` runs named problems `bench/*` and writes this page. Each row compares "
+        "the workbench with another tool on the same data, in one run, on one machine. Both take "
+        "turns, and the shortest or the median of several times counts. On your machine the times "
+        "differ, and the ratios should be similar. The answers of both are compared as well; a row "
+        "is shown only if they agree, or if the workbench's bound is the better one.\n",
+        "Most times of the workbench contain a proof, and those of the other tools do not. A "
+        "proven norm or peak holds at every frequency, rounding included. AB13DD gives no error "
+        "bound; AB13MD bounds mu at 1,000 frequencies. The workbench's D-K iteration continues "
         "until its proven peak is at most 0.975; dkpy ends with 1.036, and with 1.025 after six "
         "iterations with orders up to 4 that it finds by itself; its documentation reaches 1.0144. "
-        "A number below 1 means that the peer is faster.\n",
+        "A ratio below 1 means that the other tool is faster.\n",
         markdown(HEADS, [row.cells() for row in rows(runs)]),
         "## How times grow\n",
         "![Times over the size of a matrix, the number of frequencies and the number of states]"
         "(benchmarks.svg)\n",
-        "*Left: the upper bound of mixed mu of one matrix. Middle: of all matrices of a frequency "
-        "sweep; the peers take one matrix at a time, so their lines are their time for one, times "
-        "the number of frequencies. Right: an H-infinity controller for random plants, geometric "
-        "mean; the workbench's controllers are certified.*\n",
+        "*Left: time for the upper bound of mixed mu of one matrix. Middle: time for all matrices "
+        "of a frequency sweep; the other tools take one matrix at a time, so their lines are their "
+        "time for one matrix, times the number of frequencies. Right: time for an H-infinity "
+        "controller for random plants, geometric mean; the workbench's controllers are "
+        "certified.*\n",
         "## Fits of a measured record\n",
         "Models of the CD-player arm (a public record), chosen alike from both packages on the "
         "first half and judged on the second. A fit is 100 % where the model explains "

@@ -155,20 +155,21 @@ def page(run: wb.Run) -> str:
     limit = float(data.attrs["time_limit"])
     parts = [
         "# Which method to trust\n",
-        f"Every method on the {data.sizes['problem']} problems of the workbench that have methods "
-        f"and are not marked slow, at three accuracy levels, {limit:g} s for each cell: "
-        f"{badge(data)}. A cell is certified when the checks of the problem hold and, of "
-        "methods that claim the optimum, the gap is closed; what a solver says of itself counts "
-        "for nothing. Times are shifted geometric means of statement and solve over certified "
-        "cells. The last column is how far the worst certified answer of a method is above the "
-        "best that any method found, relative: where no bound tells the optimum, a certified "
-        "answer may still be poor. Problems are few of a kind: read orders of magnitude, not "
-        "percents. `make study` makes this page anew.\n",
+        f"Every method was run on the {data.sizes['problem']} problems of the workbench that have "
+        f"methods and are not marked slow, at three accuracy levels, with {limit:g} s for each "
+        f"cell (one method on one problem at one level): {badge(data)}. A cell is certified if the "
+        "checks of the problem hold and, for a method that claims the optimum, the gap is below "
+        "the tolerance; what a solver says about itself does not count. Times are shifted "
+        "geometric means over certified cells, for stating and solving the problem. The last "
+        "column is the relative distance of a method's worst certified answer from the best "
+        "answer of all methods: where no bound on the optimum is known, a certified answer may "
+        "still be poor. There are few problems of each kind, so compare orders of magnitude only. "
+        "`make study` makes this page anew.\n",
         "![Share of problems that a solver has certified within a multiple of the fastest "
         "method's time](study.svg)\n",
         *sections(data),
         "## False claims\n",
-        "Claims that the certificate of the problem refutes, with the command that repeats each:\n",
+        "Each claim below is refuted by the certificate. The command repeats it:\n",
         "\n".join(false_claims(data)) or "None.",
         "",
         f"Made with {versions}.\n",

@@ -110,9 +110,8 @@ def make(app: Any) -> None:
     tree = "\n".join(group.replace("/", "-") for group in GROUPS if group in places)
     write_page(
         pages / "index.md",
-        "# Gallery\n\nEvery named problem with its figure, its headline number, its certificate "
-        "and the command that computes it. The pages are made from the committed reference "
-        "results.\n\n"
+        "# Gallery\n\nEvery named problem with the command that computes it and, where a "
+        "reference result is stored, its figure, its headline number and its certificate.\n\n"
         "::::{grid} 1 2 3 3\n:gutter: 3\n\n" + "\n".join(cards) + "\n::::\n\n"
         f"```{{toctree}}\n:hidden:\n\n{tree}\n```\n",
     )

@@ -7,7 +7,7 @@ from workbench.synthesis import Implementation, MuSynthesis
 from workbench.uncertainty import CircleCover, Responses, generalised_plant
 
 BANDWIDTH = 0.02  # rad/s: the levels follow in a few minutes
-EFFORT = 0.002  # m per l/min: |K S| may be 1 / EFFORT
+EFFORT = 0.002  # m per l/min: weight of the pumps; |K S| may be at most 1 / EFFORT
 PERIOD, DELAY = 1.0, 0.5  # s, samples
 
 

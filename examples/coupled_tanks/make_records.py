@@ -1,4 +1,4 @@
-"""Records of five plants of two coupled tanks, simulated: it stands for your rig.
+"""Simulate records of five plants with two coupled tanks, in place of measurements.
 
 Two pumps fill two tanks that a pipe joins. Each pump is excited alone, so each plant has two
 records. Writes records/plant1_pump1.csv to plant5_pump2.csv.
@@ -13,7 +13,7 @@ import numpy as np
 RATE, SAMPLES, PERIODS, PLANTS = 2.0, 2000, 3, 5
 """Sampling frequency [Hz], samples of a period, periods, plants."""
 NOISE = 2e-4
-"""Of the level sensors, standard deviation [m]."""
+"""Standard deviation of the noise of the level sensors [m]."""
 
 
 def tanks(rng: np.random.Generator) -> control.StateSpace:

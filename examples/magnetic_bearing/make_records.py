@@ -1,7 +1,7 @@
-"""Records of six magnetic bearings, simulated: it stands for your rig.
+"""Simulate records of six magnetic bearings, in place of measurements.
 
-An open magnetic bearing falls to one side, so each is measured while a simple controller holds it,
-u = r - C y; r is periodic. Writes records/bearing1.csv to bearing6.csv.
+Without control the rotor falls to one side, so each bearing is measured while a simple controller
+holds it, u = r - C y; r is periodic. Writes records/bearing1.csv to bearing6.csv.
 """
 
 import sys
@@ -13,7 +13,7 @@ import numpy as np
 RATE, SAMPLES, PERIODS, PLANTS = 10e3, 2000, 4, 6
 """Sampling frequency [Hz], samples of a period, periods, bearings."""
 NOISE = 5e-8
-"""Of the gap sensor, standard deviation [m]."""
+"""Standard deviation of the noise of the gap sensor [m]."""
 HOLD = control.ss(control.tf([8000.0 * 0.003, 8000.0], [0.0002, 1.0]))
 """The controller that holds the rotor while it is measured [A/m]."""
 

@@ -1,4 +1,4 @@
-"""Records of six servos with two masses, simulated: it stands for your rig.
+"""Simulate records of six servos with two masses, in place of measurements.
 
 A motor turns a load through a shaft. Load, shaft and friction differ from servo to servo. Writes
 records/drive1.csv to drive6.csv.
@@ -13,7 +13,7 @@ import numpy as np
 RATE, SAMPLES, PERIODS, PLANTS = 2000.0, 4000, 4, 6
 """Sampling frequency [Hz], samples of a period, periods, servos."""
 NOISE = 0.003
-"""Of the speed sensor, standard deviation [rad/s]."""
+"""Standard deviation of the noise of the speed sensor [rad/s]."""
 
 
 def servo(rng: np.random.Generator) -> control.StateSpace:

@@ -1,4 +1,4 @@
-"""The same way as a script: from records to C code, every choice of a designer in sight."""
+"""The same as one script: from records to C code, with every choice of the designer."""
 
 import control
 

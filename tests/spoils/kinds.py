@@ -12,14 +12,14 @@ PROOF = "a proof"
 TOLD = "as told"
 
 MEANINGS = {
-    ANSWER: "what was designed or found. Where a changed one passes the checks it is another "
-    "answer, and every number is computed from it anew.",
-    ABOVE: "a larger one is true as well; a smaller one is caught.",
-    BELOW: "a smaller one is true as well; a larger one is caught.",
-    PROOF: "multipliers, shapes or perturbations that prove a number. Where changed ones pass they "
-    "prove the same number; how far it is from the best one is computed from them anew.",
-    TOLD: "traces of an iteration, and what a method says of itself. It stands in no metric and in "
-    "no file, and where a table shows it the table says so.",
+    ANSWER: "what was designed or found. A changed value that passes the checks is another valid "
+    "answer, and every number is computed from it again.",
+    ABOVE: "a larger value is true as well; a smaller one is caught.",
+    BELOW: "a smaller value is true as well; a larger one is caught.",
+    PROOF: "multipliers, shapes or perturbations that prove a number. Changed ones that pass prove "
+    "the same number; its distance from the best one is computed from them again.",
+    TOLD: "traces of an iteration, and what a method says about itself. They are not checked and "
+    "appear in no metric and in no exported file; a table that shows them says so.",
 }
 
 

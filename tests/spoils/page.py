@@ -11,20 +11,22 @@ from spoils import SPOILS, own_variables
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "what-is-checked.md"
 HEAD = """# What is checked of every answer
 
-A certificate says that an answer *holds*. This page says of which stored numbers. A test
-(`tests/spoils/test_spoils.py`) takes a small problem of every Program, changes each variable that
-its answer stores and asks for the certificate again. Changes are: {spoils}. Most are caught: the
-certificate fails, or the arrays are refused. The variables of which a change may pass are listed
-here, with what they are:
+A certificate says that an answer *holds*. This page says for which stored numbers this was
+tested. A test (`tests/spoils/test_spoils.py`) takes a small problem of every Program, changes
+each variable that its answer stores, and computes the certificate again. The changes are:
+{spoils}. A variable is **checked** if every change is caught: the certificate fails, or the
+arrays are refused. Some changes of other variables may pass. For these variables the tables say
+what they are:
 
 {kinds}
 
-Of each check the certificate says how: **proven** values come from arithmetic that bounds its own
-error (exact numbers, balls, or doubles with a proven rounding); **checked** ones are computed in
-doubles, and the limit beside them is the slack for that.
+For each check the certificate says how it was made. **Proven** values come from arithmetic that
+bounds its own error (exact numbers, balls, or doubles with a proven bound of the rounding
+error). **Checked** values are computed in doubles, and the limit beside them contains a slack
+for rounding.
 
-Metrics are not stored to be believed: `workbench verify` computes them anew from the variables, as
-it does the certificate. Timings are as told. A Study says in its own checks what is checked of it.
+Stored metrics are not trusted: `workbench verify` computes them again from the variables, as it
+does the certificate. Timings are not checked. A Study says in its own checks what is checked.
 
 This page is made by `python tests/spoils/page.py`.
 """

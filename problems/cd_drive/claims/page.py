@@ -16,29 +16,33 @@ from .verdicts import Lookup, Verdict
 Judged = Mapping[str, Sequence[tuple[Item, Verdict]]]
 """The items of each chapter with their verdicts."""
 INTRODUCTION = """\
-E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), item by item, in our
-words. The numbers come from the committed reference results. Nobody types a verdict: it follows
-from the numbers by a rule, whose answers are tried in this order."""
+This page lists the statements of E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
+(2003), item by item, in our words, and says of each whether it holds. The numbers come from the
+committed reference results. No verdict is written by hand: it follows from the numbers by a rule.
+The rule takes the first of these verdicts that applies."""
 RULE = {
-    Verdict.BUILT_IN: "an input of the laboratory, so that finding it again is no finding",
-    Verdict.NOT_COMPUTABLE: "with what was tried",
+    Verdict.BUILT_IN: "the simulated laboratory has it as an input, so that finding it again "
+    "proves nothing",
+    Verdict.NOT_COMPUTABLE: "it cannot be computed; the table says what was tried",
     Verdict.NOT_EXPLAINED: "the thesis measured it, and our model does not show it",
-    Verdict.REFUTED: "false under every reading; outside a 99 % interval where it is simulated",
+    Verdict.REFUTED: "false under every reading; if it is simulated, outside a 99 % interval",
     Verdict.ALL: "true under every reading that can matter",
-    Verdict.NATURAL: "true under the natural reading; others are false, or were not run",
-    Verdict.STATED: "true under another reading, or with its words taken as stated",
+    Verdict.NATURAL: "true under the natural reading; other readings make it false, or were not "
+    "run",
+    Verdict.STATED: "true under another reading, or if its words mean what the table states",
     Verdict.OPEN: "not decided: something is missing, or a reading was not run",
 }
 """What each verdict means."""
 READINGS = """\
-A reading is one choice for each of the questions that the text leaves open, and it holds for all
-items. The choices were fixed before the runs, but for the signal without delay, which was added
-when these had shown that its delay decides. The natural choice stands first."""
+The text of the thesis leaves some questions open. A reading is one choice for each of these
+questions, and it holds for all items. The choices were fixed before the runs, with one exception:
+the signal without delay was added after the runs had shown that its delay decides. The natural
+choice stands first."""
 NUMBERS = """\
-Every number of [what the thesis says, and what became of it](thesis.md), by the order of that page.
-A number with limits decides about its item: the statement is true where it lies within them. The
-brackets hold the 99 % interval of what is simulated. The run is that of the problem in `workbench
-run`."""
+These are all numbers of the page [what the thesis says, and what became of it](thesis.md), in the
+order of that page. A number with limits decides about its item: the statement is true if the number
+lies within the limits. Brackets contain the 99 % interval of a simulated number. The last column
+names the problem of `workbench run`."""
 
 
 def thesis(judged: Judged, found: Lookup) -> str:
@@ -116,20 +120,23 @@ def _together(judged: Judged, found: Lookup) -> list[str]:
     best = rows[0]
     count = usual.true + usual.false
     words = (
-        f"{count} items were run under more than one reading. The natural one makes {usual.true} "
-        f"of them true. Most, {best.true}, are true together if {_changes(best)}"
+        f"{count} items were run under more than one reading. The natural reading makes "
+        f"{usual.true} of them true. The reading that makes most of them true, {best.true}, "
+        f"{_changes(best)}"
     )
-    return [f"{words}."]
+    return [words]
 
 
 def _changes(row: Together) -> str:
-    """Where a reading is not the natural one, in words."""
+    """Where a reading is not the natural one, as a list."""
     changed = [
-        f"{one.question.rstrip('?').lower()}: {one.values[row.reading[name]]}"
+        f"- {one.question} Answer: {one.values[row.reading[name]]}."
         for name, one in variables().items()
         if row.reading[name] != one.natural
     ]
-    return "; ".join(changed) or "everything is read naturally"
+    if not changed:
+        return "is the natural one."
+    return "\n".join(["differs from the natural one by these answers:\n", *changed])
 
 
 def _words(item: Item, found: Lookup) -> str:
