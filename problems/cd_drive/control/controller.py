@@ -71,7 +71,9 @@ def controller(
         K = start.answer.K
     if order is not None:
         if K is None:
-            raise InputError(f"order = {order} reduces a controller: say after which")
+            raise InputError(
+                f"order = {order} reduces the controller of an earlier method: name it by after"
+            )
         if K.nstates > order:
             K = approximated(K, order, plant=plant)
     return LoopController(plant, start=K, units=SIGNAL_UNITS)
