@@ -198,7 +198,7 @@ def _adapter() -> TypeAdapter[Scenario]:
 
 
 def _told(error: Any) -> str:
-    """Message of one error of a script, with its place."""
+    """Message for one error in a script, with its place."""
     place = ".".join(str(step) for step in error["loc"])
     if error["type"] != "unexpected_keyword_argument":
         message = str(error["msg"]).removeprefix("Value error, ")

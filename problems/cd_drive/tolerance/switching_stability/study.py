@@ -48,7 +48,7 @@ linear.
 
 
 class Functions(NamedTuple):
-    """A proven dwell time, a longer one that is unstable [samples], and the functions P."""
+    """A proven dwell time, the longest one found unstable [samples], and the functions P."""
 
     dwell: float
     unstable: int
