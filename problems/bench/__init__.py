@@ -1,1 +1,3 @@
-"""Problems that measure the workbench itself: ratios within one run; of first answers the time."""
+"""Problems that measure the workbench itself: times as ratios within one run, of first answers in
+seconds.
+"""

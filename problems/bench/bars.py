@@ -1,4 +1,4 @@
-"""Ratios on a logarithmic axis, as the benchmarks show how much faster a method is."""
+"""Figures of ratios on a logarithmic axis, which show how much faster a method is."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from workbench._core.heavy_types import DataArray, Figure
 
 
 def ratio_bars(ratios: Mapping[str, float], x: str, wanted: Sequence[float] = ()) -> Figure:
-    """A horizontal bar for each ratio by its label, and a mark at the ratio asked for."""
+    """A horizontal bar for each labelled ratio, and a mark at the ratio asked for."""
     figure, (panel,) = figures.axes(size=(7.5, 3.4))
     place = np.arange(len(ratios))
     panel.barh(place, list(ratios.values()), color=figures.BLUE, height=0.55, label="measured")
@@ -29,13 +29,15 @@ def ratio_bars(ratios: Mapping[str, float], x: str, wanted: Sequence[float] = ()
 
 
 def ratios_by_size(over: DataArray, wanted: Mapping[int, float]) -> Figure:
-    """Times over those of eigenvalues (kind, size), and the largest that are asked for by size."""
+    """Times divided by those of eigenvalues (kind, size), and the largest ratio asked for at each
+    size.
+    """
     figure, (panel,) = figures.axes()
     for kind in over["kind"].values:
         panel.plot(over["size"], over.sel(kind=kind), "o-", label=kind)
     panel.plot(list(wanted), list(wanted.values()), "k:", label="asked for at most")
     figures.label(panel, "size of the matrix", "time over that of eigenvalues", log="xy")
     panel.set_xticks(list(wanted), map(str, wanted), minor=False)
-    panel.set_xticks([], minor=True)  # those of y are labelled
+    panel.set_xticks([], minor=True)  # the y axis has labels enough
     figures.legend_below(figure, panel, 2)
     return figure

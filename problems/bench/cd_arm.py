@@ -1,4 +1,6 @@
-"""Models of the arm against the best subspace models of a public package, chosen alike."""
+"""Our models of the arm against the best subspace models of a public package,
+chosen the same way.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,11 @@ from workbench.study import Study, check, figure, metric
 from ..cd_arm.identification import RECORD, arm_fit
 
 ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
-"""Subspace algorithms of the package; its PARSIM-S and PARSIM-P give no stable model here."""
+"""Subspace algorithms of the package. Its PARSIM-S and PARSIM-P give no stable model of this
+record.
+"""
 BLOCK_LENGTH = 50
-"""Length [samples] of the blocks of errors whose means give the standard error."""
+"""Length [samples] of the blocks of errors; the spread of their means gives the standard error."""
 
 
 @problem(
@@ -39,9 +43,9 @@ BLOCK_LENGTH = 50
 def peer(own: Run) -> PeerComparison:
     """The models of cd-arm/identification against the best subspace models of sippy_unipi.
 
-    Algorithm, horizon and order of the package's models are chosen among the same horizons and
-    orders as ours, and the same way, by validation within the first 1024 samples: its predictor
-    by the one-step fit and its simulator by the free-run fit. The rest judges, use by use.
+    The package's models are chosen among the same horizons and orders as ours, and in the same way:
+    by validation within the first 1024 samples, its predictor by the one-step fit and its simulator
+    by the free-run fit. The other samples test each model in its use.
     """
     orders = tuple(int(order) for order in own.data["order"].values)
     return PeerComparison(arm_fit(orders), own.answer)
@@ -49,7 +53,7 @@ def peer(own: Run) -> PeerComparison:
 
 @dataclass(frozen=True, eq=False)
 class PeerComparison(Study):
-    """Fits on held-out data of our models and of the package's, each in its use."""
+    """Fits on held-out data of our models and of the package's, each in its own use."""
 
     program: StateSpaceFit
     own: IdentifiedModels
@@ -67,7 +71,7 @@ class PeerComparison(Study):
         outputs = program.record.y.shape[1]
         scores = np.empty((len(ALGORITHMS), len(HORIZONS), len(orders), len(USES), outputs))
         for place in context.track(list(np.ndindex(scores.shape[:3])), "sippy_unipi"):
-            scores[place] = program.validate(self._way(place))
+            scores[place] = program.validate(self._fitter(place))
         chosen = [self._best(means) for means in np.moveaxis(scores.mean(axis=-1), -1, 0)]
         labels = [
             f"{ALGORITHMS[i]}, horizon {HORIZONS[j]}, order {orders[k]}" for (i, j, k), _ in chosen
@@ -88,7 +92,7 @@ class PeerComparison(Study):
                 ),
                 "package_ahead": (
                     ("use", "output"),
-                    self._ahead(*pairs),
+                    self._excess_in_deviations(*pairs),
                     {"units": "standard errors"},
                 ),
                 "chosen_order": (
@@ -107,8 +111,8 @@ class PeerComparison(Study):
             attrs=dict(zip(MODELS, labels, strict=True)),
         )
 
-    def _way(self, place: tuple[int, ...]) -> Fitter:
-        """The way of fitting at a place (algorithm, horizon, order)."""
+    def _fitter(self, place: tuple[int, ...]) -> Fitter:
+        """The fitting function at a place (algorithm, horizon, order)."""
         algorithm, horizon, order = place
         return fit(
             ALGORITHMS[algorithm], HORIZONS[horizon], tuple(self.program.orders or ())[order]
@@ -117,23 +121,23 @@ class PeerComparison(Study):
     def _best(self, means: Array) -> tuple[tuple[int, ...], InnovationsModel]:
         """Place (algorithm, horizon, order) of the best mean fit, and its model.
 
-        Places without a stable model of the whole estimation part are passed over.
+        Places are skipped if the package has no stable model of the whole estimation part there.
         """
         for at in np.argsort(-means, axis=None, kind="stable"):
             place = tuple(int(i) for i in np.unravel_index(int(at), means.shape))
-            model = self._way(place)(self.program.used)
+            model = self._fitter(place)(self.program.used)
             if model is not None and np.isfinite(means[place]):
                 return place, model
         raise InputError("the package gave no stable model of the whole estimation part")
 
-    def _ahead(
+    def _excess_in_deviations(
         self,
         own: tuple[InnovationsModel, InnovationsModel],
         theirs: tuple[InnovationsModel, InnovationsModel],
     ) -> Array:
         """Mean excess (uses, ny) of our squared errors over the package's, in standard errors.
 
-        The standard error comes from the means of blocks that are longer than the errors are
+        The standard error comes from the means of blocks, which are longer than the errors are
         correlated.
         """
         program, washout = self.program, self.program.washed
@@ -195,7 +199,9 @@ class PeerComparison(Study):
 
 
 def fit(algorithm: str, horizon: int, order: int) -> Fitter:
-    """A way of fitting by a subspace algorithm of the package; it gives None where that fails."""
+    """A fitting function by one subspace algorithm of the package; it returns None if
+    that fails.
+    """
     try:
         from sippy_unipi import system_identification
     except ModuleNotFoundError:

@@ -1,4 +1,4 @@
-"""Time of first answers, when nothing is compiled yet."""
+"""Time of the first answer of a new process, when nothing is compiled yet."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ CASES = {
     "upper bound of mu": (UPPER_BOUND, 20.0),
     "robust controller": (CONTROLLER, 40.0),
 }
-"""What is asked first, and the processor time [s] that it may take."""
+"""Scripts that ask for a first answer, and the processor time [s] that each may take."""
 IMPORTS = {"libraries": LIBRARIES, "synthesis": f"{LIBRARIES}\nimport workbench.synthesis"}
 IMPORT_WANTED = 0.2
-"""Processor time [s] of the import of `workbench.synthesis` beyond that of the libraries."""
+"""Largest processor time [s] of importing `workbench.synthesis`, beyond that of the libraries."""
 CLOCK = """
 import sys, time
 print(time.process_time(), file=sys.stderr)
@@ -66,17 +66,17 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 def cold_start(rounds: Annotated[int, Field(ge=1, le=20)] = 3) -> ColdStart:
     """Processor time of first answers in a new process, with and without compiled code on disk.
 
-    It is of this machine, which the run's record names; its limits are for one of 2020 or later
-    that does nothing else. A loaded machine takes up to twice as long.
+    The time is that of this machine, which the run's record names. The limits are for a machine of
+    2020 or later without other load; a loaded machine takes up to twice as long.
 
-    rounds: of warm starts and of imports, of which the least counts.
+    rounds: number of warm starts and of imports; the shortest time of each counts.
     """
     return ColdStart(rounds)
 
 
 @dataclass(frozen=True)
 class ColdStart(Study):
-    """Processor times of processes that ask one thing and end."""
+    """Processor times of processes that answer one question and end."""
 
     rounds: int
 
@@ -91,7 +91,7 @@ class ColdStart(Study):
 
     @part
     def measured(self, context: Context) -> tuple[Array, Array]:
-        """Processor times [s] (case, start), and of the import beyond the libraries (1,)."""
+        """Processor times [s] (case, start), and that of the import beyond the libraries (1,)."""
         times = np.empty((len(CASES), len(START)))
         for row, (script, _) in zip(times, context.track(CASES.values(), "cases"), strict=True):
             with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -146,9 +146,9 @@ class ColdStart(Study):
 
 
 def _processor_time(script: str, folder: Path) -> float:
-    """Processor time [s] of a process of one thread that runs a script in a folder.
+    """Processor time [s] of a single-threaded process that runs a script.
 
-    Code is compiled into the folder, where nothing of it is at first.
+    Code is compiled into the folder. An empty folder makes the start cold.
     """
     environment = (
         os.environ | dict.fromkeys(THREADS, "1") | {"NUMBA_CACHE_DIR": str(folder / "code")}

@@ -1,4 +1,4 @@
-"""Controllers of an order for plants of COMPleib, against the best norms that were published."""
+"""Fixed-order controllers for plants of COMPleib, against the best published norms."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ from .compleib_cases import APKARIAN_NOLL, STABLE, TRAN_DINH, UNPUBLISHED, ZERO
 
 Method = Literal["fixed", "bfgs", "smoothed", "evolution", "trust_region"]
 Case = tuple[str, int, bool]
-"""A plant, the order of its controller, and whether that must itself be stable."""
+"""Name of a plant, order of its controller, and whether the controller must itself be stable."""
 
 PUBLISHED: dict[Case, float] = {
     **{(name, 0, False): norm for name, norm in (TRAN_DINH | ZERO).items()},
     **{(name, order, False): norm for (name, order), norm in APKARIAN_NOLL.items()},
 }
-"""Best norms that were published, by case."""
+"""Best published norm of each case."""
 CASES: tuple[Case, ...] = (
     *PUBLISHED,
     *((name, order, False) for order, names in UNPUBLISHED.items() for name in names),
     *((name, order, True) for order, names in STABLE.items() for name in names),
 )
-"""All cases, those with published norms first."""
+"""All cases; those with published norms come first."""
 NEAR, WITHIN, OF_ZERO = 5e-3, 5e-2, 1e-3
-"""Shares above the published norm that are asked about, and the size that counts for zero."""
+"""Relative excesses over the published norm that count as near, and the norm that counts as zero.
+"""
 NEAR_SHARE, WITHIN_SHARE = 0.8, 0.95
-"""Shares of the cases that are asked to be so near."""
+"""Shares of the cases that must be within these excesses."""
 
 
 @problem("bench/compleib", slow=True)
@@ -52,23 +53,23 @@ def compleib(
 ) -> Compleib:
     """Fixed-order H-infinity controllers for plants of COMPleib, against published norms.
 
-    The cases were named before the first of them was run. The collection is its author's, so the
-    study reads the user's own copy: MAT files AC1.mat and so on with the matrices that COMPleib.m
-    returns. Where a file lacks the matrices of a channel the case is said to have no plant.
+    The cases were named before the first of them was run. The collection belongs to its author, so
+    the study reads the user's own copy: MAT files AC1.mat and so on, with the matrices that
+    COMPleib.m returns. If a file lacks the matrices of a channel, the case counts as having no
+    plant.
 
-    Beside them stand norm and time of the controller of full order. No open peer that installs
-    from Python's index takes an order or a family.
+    The norm and time of the controller of full order are shown besides. No open-source peer that
+    installs from Python's index can fix the order or use several plants.
 
-    folder: of the MAT files. searches: methods that are compared, with the same settings for all
-    cases. seconds: of each search. cases: so many from the first on; those with published norms
-    come first.
+    folder: folder of the MAT files. searches: methods that are compared, with the same settings for
+    all cases. seconds: time limit of each search [s]. cases: number of cases, from the first on.
     """
     return Compleib(folder, searches, seconds, cases)
 
 
 @dataclass(frozen=True)
 class Compleib(Study):
-    """Norms by case and method, beside published ones and the least of any order."""
+    """Norms by case and method, with the published norm and the lower bound for any order."""
 
     folder: str
     searches: tuple[str, ...]
@@ -83,7 +84,7 @@ class Compleib(Study):
 
     @dim
     def case(self) -> list[str]:
-        return [said(each) for each in CASES[: self.cases]]
+        return [case_label(each) for each in CASES[: self.cases]]
 
     @dim
     def method(self) -> list[str]:
@@ -91,11 +92,11 @@ class Compleib(Study):
 
     @part
     def found(self, context: Context) -> Array:
-        """Certified norm, level of any order, and processor time [s] (case, method, 3)."""
+        """Certified norm, lower bound for any order, and processor time [s] (case, method, 3)."""
         result = np.full((self.cases, len(self.searches), 3), np.nan)
         for place, each in enumerate(context.track(CASES[: self.cases], "cases")):
             for column, one in enumerate(self.searches):
-                result[place, column] = self._solved(each, one, context.options.seed)
+                result[place, column] = self._norm_bound_and_time(each, one, context.options.seed)
         return result
 
     @part
@@ -103,19 +104,21 @@ class Compleib(Study):
         """Certified norm of a controller of full order, and processor time [s] (case, 2)."""
         names = {name for name, _, _ in CASES[: self.cases]}
         found = {
-            name: self._solved((name, None, False), "riccati", context.options.seed)
+            name: self._norm_bound_and_time((name, None, False), "riccati", context.options.seed)
             for name in context.track(sorted(names), "controllers of full order")
         }
         return np.array([[found[name][0], found[name][2]] for name, _, _ in CASES[: self.cases]])
 
-    def _solved(
+    def _norm_bound_and_time(
         self, case: tuple[str, int | None, bool], method: str, seed: int
     ) -> tuple[float, float, float]:
-        """Norm, level and time; NaN where there is no plant or no certified controller."""
+        """Norm, lower bound and time [s]; NaN if there is no plant or no certified controller."""
         name, order, stable = case
         path = Path(self.folder) / f"{name}.mat"
         if not Path(self.folder).is_dir():
-            raise InputError(f"{self.folder} is no folder: give that of your MAT files of COMPleib")
+            raise InputError(
+                f"{self.folder} is no folder: name the folder with your MAT files of COMPleib"
+            )
         begun = time.process_time()
         try:
             program = HinfSynthesis(read_plant(path), order=order, stable=stable)
@@ -196,9 +199,9 @@ class Compleib(Study):
     ) -> tuple[list[str], list[list[str]]]:
         rows = []
         for each in CASES[: self.cases]:
-            at = {"case": said(each)}
+            at = {"case": case_label(each)}
             row = [
-                said(each),
+                case_label(each),
                 *(f"{float(x.sel(at)):.5g}" for x in (published, least, full, full_spent)),
             ]
             for one in self.searches:
@@ -209,22 +212,23 @@ class Compleib(Study):
         return [*head, *columns], rows
 
 
-def said(case: Case) -> str:
-    """A case in words."""
+def case_label(case: Case) -> str:
+    """Description of a case in words."""
     name, order, stable = case
     return f"{name}, order {order}{', stable' if stable else ''}"
 
 
 def largest(levels: Array) -> Array:
-    """The largest level of each row; NaN where none is known."""
+    """The largest lower bound of each row; NaN if none is known."""
     known = np.where(np.isnan(levels), -np.inf, levels).max(axis=1)
     return np.where(np.isfinite(known), known, np.nan)
 
 
 def share_near(norm: DataArray, published: DataArray, far: float) -> float:
-    """Share of the published cases where the first method is at most a share above.
+    """Share of the published cases in which the first method's norm exceeds the best by `far` at
+    most.
 
-    A published norm of zero asks for an absolute size.
+    If the published norm is zero, the limit is absolute.
     """
     reached, best = np.asarray(norm)[:, 0], np.asarray(published)
     known = np.isfinite(best)

@@ -1,12 +1,12 @@
 """Cases of COMPleib for controllers of an order, named before the first of them was run.
 
-F. Leibfritz, COMPleib: constrained matrix-optimization problem library (2004). The collection is
-its author's: only names of plants and published norms stand here, and matrices come from the user's
-own copy. Each case is a plant and an order; all are continuous.
+F. Leibfritz, COMPleib: constrained matrix-optimization problem library (2004). The collection
+belongs to its author: only names of plants and published norms are listed here, and the matrices
+come from the user's own copy. Each case is a plant and an order; all plants are continuous-time.
 
-The published norms were written down from memory of the papers' tables, before the first run: the
-papers were identified again, but no copy of their tables was at hand. A number that matters to you
-is to be looked up.
+The published norms were written down from memory of the papers' tables, before the first run. The
+papers were identified again, but no copy of their tables was at hand. Look up a number in its paper
+if it matters to you.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ TRAN_DINH = {
 }  # fmt: skip
 """Least norms of static gains: the best of HIFOO, PENBMI and the authors' own method.
 
-For AC9 and EB1 to EB3 the norm is HIFOO's: lower ones, which stood here before the first run, lie
-below the least norm of controllers of any order.
+For AC9 and EB1 to EB3 the norm is HIFOO's. The lower norms that were listed here before the first
+run are below what controllers of any order can reach.
 
 Q. Tran Dinh, S. Gumussoy, W. Michiels, M. Diehl, Combining convex-concave decompositions and
 linearization approaches for solving BMIs, with application to static output feedback, IEEE Trans.
@@ -40,7 +40,7 @@ P. Apkarian, D. Noll, Nonsmooth H-infinity synthesis, IEEE Trans. Automatic Cont
 """
 
 ZERO = {"AC1": 0.0}
-"""A plant whose least norm is zero: gains suppress the disturbance the more the larger they are."""
+"""A plant whose least norm is zero: larger gains suppress the disturbance ever more."""
 
 UNPUBLISHED = {
     0: ("AC4", "AC5", "AC18", "TF1", "TF2", "DIS5", "WEC1", "TMD", "FS", "NN13", "NN14", "CM1"),
@@ -48,8 +48,9 @@ UNPUBLISHED = {
     2: ("AC7", "HE2", "REA3", "MFP", "NN3", "NN8"),
     3: ("AC8", "HE1", "REA1", "TG1"),
 }
-"""Plants by order for which no published norm was at hand: judged by the least of any order, or by
-the best of long runs of every method."""
+"""Plants, by order, without a published norm at hand. They are compared with the lower bound for
+any order, or with the best of long runs of every method.
+"""
 
 STABLE = {1: ("AC4", "HE2", "NN1", "NN2", "REA1"), 2: ("AC8", "NN8", "DIS2")}
-"""Plants by order whose controller must itself be stable."""
+"""Plants, by order of the controller, whose controller must itself be stable."""

@@ -1,4 +1,4 @@
-"""Speed of a cover by stadiums, against the same steps by convex programs per frequency."""
+"""Speed of the stadium cover, against the same steps by a convex program at each frequency."""
 
 from __future__ import annotations
 
@@ -39,16 +39,17 @@ TASKS = {
     "large, joint": "joint stadiums, {} plants",
     "large, circles": "joint circles, {} plants",
 }
-"""Timed tasks, and their names in the figure."""
+"""Timed tasks, with their labels in the figure."""
 LEAST_RATIO = 70.0
-"""Least speed of the seven steps relative to the peer's."""
+"""Least speed of the seven steps, relative to the peer's."""
 LARGE_OVER_CONIC, GIBIBYTES = 1.0, 2.0
-"""Longest processor time, over the peer's for the small task, and largest memory of a cover of the
-large family."""
+"""Largest processor time of the large family, over the peer's for the small task; and the largest
+memory [GiB] of a cover of the large family.
+"""
 WIDER = 0.02
-"""Relative excess allowed for the peer's stadiums over the narrowest ones, in the median."""
+"""Largest accepted excess of the peer's radii over the smallest ones, in the median, relative."""
 NARROWER = 1e-6
-"""Relative amount by which a stadium of the peer may seem narrower than the narrowest."""
+"""Rounding error by which a radius of the peer may be below the smallest one, relative."""
 
 
 @problem("bench/covers", slow=True, data=tuple(f"../cd_drive/{name}" for name in TABLES))
@@ -59,12 +60,13 @@ def covers(
 ) -> CoverSpeed:
     """Speed of the whole focus stadium cover: ratio to the same seven steps through CVXPY.
 
-    The small task covers the twelve drives. The peer solves it with Clarabel through CVXPY: at each
-    frequency it re-solves a parametrised program for the narrowest stadium at each of a scan of
-    angles, and it solves a program for every fit. The large task covers, by both methods, a family
-    of plants drawn from the tolerances of Table 5.2.
+    The small task covers the twelve drives. The peer solves it with Clarabel through CVXPY: for the
+    narrowest stadium at each frequency it solves a parametrised program at each of many angles, and
+    it solves one program for every fit. The large task covers a family of plants drawn from the
+    tolerances of Table 5.2: by the seven steps, and jointly with stadiums and with circles.
 
-    frequencies: of the small task. plants, grid: plants and frequencies of the large task.
+    frequencies: number of frequencies of the small task. plants, grid: number of plants and of
+    frequencies of the large task.
     """
     return CoverSpeed(frequencies, plants, grid)
 
@@ -73,7 +75,8 @@ def covers(
 class CoverSpeed(Study):
     """Processor times of the seven steps and of their peer on the same responses, in one run.
 
-    Of the processor, since what else runs beside it lengthens tasks of different sizes unevenly.
+    Processor time is compared, since other load on the machine lengthens tasks of different sizes
+    unevenly.
     """
 
     frequencies: int
@@ -88,28 +91,30 @@ class CoverSpeed(Study):
 
     @part
     def cover(self) -> StadiumCover:
-        """The focus cover of the responses of the twelve drives, as the peer knows them."""
-        return _cover(_measured(self.frequencies))
+        """The focus cover of the twelve drives; the peer covers the same responses."""
+        return _cover(_drive_responses(self.frequencies))
 
     @part
     def own(self, cover: StadiumCover, context: Context) -> tuple[CoverSteps, float]:
-        """The cover by the seven steps, and its time."""
-        _timed(_cover(_measured(10)), "steps", context)  # compile
+        """The cover by the seven steps, and its processor time [s]."""
+        _timed(_cover(_drive_responses(10)), "steps", context)  # compile
         return _timed(cover, "steps", context)
 
     @part
     def peer(self, cover: StadiumCover, context: Context) -> tuple[Array, float]:
-        """Radii (F,) of the peer's first set, and the time of all its steps."""
+        """Radii (F,) of the peer's first set, and the processor time [s] of all its steps."""
         start = time.process_time()
         scan = ScannedStadiums(cover.points.shape[1], context)
-        return _by_conic(cover, scan, context), time.process_time() - start
+        return _radii_by_conic(cover, scan, context), time.process_time() - start
 
     @part
     def large(self, context: Context) -> tuple[list[float], float]:
-        """Times of the covers of the large family, and the memory of a process of their own."""
+        """Times of the covers of the large family, and the memory of a separate process that
+        computes them.
+        """
         family = _family(self.plants, self.grid, context.rng)
-        with Workers(count=1) as alone:  # the memory that this process took before would count
-            return alone.submit(_large, family, context.options).result()
+        with Workers(count=1) as alone:  # memory that this process used before must not count
+            return alone.submit(_large_family_times, family, context.options).result()
 
     task = dim(TASKS)
     frequency = dim(lambda cover: cover.responses.frequency_hz, unit="Hz")
@@ -166,13 +171,13 @@ class CoverSpeed(Study):
         return ratio_bars(found, "time over that of the seven steps, in one run")
 
 
-def _measured(frequencies: int) -> Responses:
-    """Responses of the twelve drives as if they were known at these frequencies only."""
+def _drive_responses(frequencies: int) -> Responses:
+    """Responses of the twelve drives, reduced to these frequencies."""
     return replace(measured_drives("focus", frequencies, 5.0, 5000.0), known=())
 
 
 def _over(seconds: DataArray, task: str) -> float:
-    """Time of a task over that of the seven steps for twelve drives."""
+    """Time of a task, divided by that of the seven steps for twelve drives."""
     return float(seconds.sel(task=task) / seconds.sel(task="steps"))
 
 
@@ -188,7 +193,9 @@ def _cover(responses: Responses) -> StadiumCover:
 
 
 def _timed(cover: Any, method: str, context: Context) -> tuple[CoverSteps, float]:
-    """A cover by one of its methods, and the processor time [s] with that of its certificate."""
+    """A cover by one of its methods, and the processor time [s] including that of its
+    certificate.
+    """
     start = time.process_time()
     solution = solve(cover, method=method, options=context.options)
     if solution.certificate is None or not solution.certificate.valid:
@@ -197,18 +204,18 @@ def _timed(cover: Any, method: str, context: Context) -> tuple[CoverSteps, float
     return solution.answer, time.process_time() - start
 
 
-def _large(family: Responses, options: Options) -> tuple[list[float], float]:
+def _large_family_times(family: Responses, options: Options) -> tuple[list[float], float]:
     """Processor times [s] of all covers of a family, and the peak memory of this process [GiB]."""
     context = Context(options=options)
-    _timed(_cover(_measured(10)), "steps", context)  # compile
+    _timed(_cover(_drive_responses(10)), "steps", context)  # compile
     circles = CircleCover(family, ORDER, zeros=ZEROS, complex_order=WEIGHT)
     asked = [(_cover(family), "steps"), (_cover(family), "joint"), (circles, "joint")]
     times = [_timed(cover, method, context)[1] for cover, method in asked]
     return times, _peak_memory()
 
 
-def _by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> Array:
-    """The seven steps by convex programs; the radii (F,) of their first set."""
+def _radii_by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> Array:
+    """Solve the seven steps by convex programs, and return the radii (F,) of their first set."""
     omega, points = cover.responses.omega, cover.points
     options = Options(tolerance="middle")
 
@@ -219,7 +226,7 @@ def _by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> A
         return solution.answer
 
     first, angles = scan.narrowest(points, None, "first set")
-    stadium = narrowest_stadium(points, angle=angles)  # only the place of the centre is taken
+    stadium = narrowest_stadium(points, angle=angles)  # only its centre is used
     size = np.maximum(first + stadium.half_length, 1e-3 * np.abs(stadium.center))
     weight = np.abs(stadium.center) / size**2
     nominal = fitted(ResponseFit(omega, stadium.center, ORDER, weight=weight, zeros=ZEROS))
@@ -236,7 +243,9 @@ def _by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> A
 
 
 def _family(plants: int, grid: int, rng: np.random.Generator) -> Responses:
-    """Focus actuators drawn from the tolerances of Table 5.2, with the nominal gain."""
+    """Focus actuators with parameters drawn from the tolerances of Table 5.2, and the
+    nominal gain.
+    """
     table, nominal = nominal_table("focus"), nominal_parameters("focus")
     names = [field.name for field in fields(ActuatorParameters)]
     drawn = rng.uniform(-1, 1, (plants, len(names)))
@@ -262,5 +271,5 @@ def _peak_memory() -> float:
         return float(psutil.Process().memory_info().peak_wset) / 2**30
     import resource
 
-    unit = 1 if sys.platform == "darwin" else 1024  # bytes there, kibibytes elsewhere
+    unit = 1 if sys.platform == "darwin" else 1024  # in bytes on macOS, in kibibytes elsewhere
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30

@@ -31,16 +31,16 @@ RATIOS = {
     "large_circle_over_shapely": ("shapely large circle", "exact large circle", 1 / 3),
     "large_stadium_over_shapely": ("shapely large circle", "exact large stadium", 1 / 3),
 }
-"""By ratio: the peer, the exact method, and how many times faster it is asked to be at least."""
+"""For each ratio: the peer, the exact method, and the least factor by which it must be faster."""
 PAIRS = {
     "circles, conic": ("exact circles", "conic circles", 2e-6),
     "circles, shapely": ("exact circles", "shapely circles", 1e-9),
     "stadiums, conic": ("exact stadiums", "conic stadiums", 2e-6),
     "large circle": ("exact large circle", "shapely large circle", 1e-9),
 }
-"""Tasks whose radii must agree, and the largest relative difference let pass."""
+"""Pairs of tasks whose radii must agree, and the largest accepted relative difference."""
 REPEATS = 5
-"""Runs of each fast task, of which the shortest counts."""
+"""Number of runs of each fast task; the shortest counts."""
 
 
 @problem("bench/geometry")
@@ -51,8 +51,8 @@ def geometry(
 ) -> GeometrySpeed:
     """Speed of exact circles and stadiums: ratios to CVXPY with Clarabel and to shapely.
 
-    The exact method and CVXPY solve the same sets of points. CVXPY re-solves one parametrised
-    problem set by set, for stadiums at the exact angle; shapely finds the circles in a loop. For
+    The exact method and CVXPY solve the same sets of points. CVXPY solves one parametrised problem
+    for each set in turn, for stadiums at the exact angle; shapely finds the circles in a loop. For
     one large set, the exact circle and stadium are timed against shapely's bounding circle.
 
     sets, points: number of small sets, and of points in each. large: points in the large set.
@@ -76,7 +76,7 @@ class GeometrySpeed(Study):
 
     @part
     def timed(self, context: Context) -> dict[str, tuple[float, Array]]:
-        """Least time [s] and radii of every task."""
+        """Shortest time [s] and radii of every task."""
         import shapely
 
         small = _normal(context.rng, (self.sets, self.points))
@@ -142,7 +142,7 @@ class GeometrySpeed(Study):
 
 
 def _ratios(seconds: DataArray) -> dict[str, float]:
-    """Speed of the exact method relative to the peer's."""
+    """Speed of the exact method, relative to the peer's."""
     return {
         name: float(seconds.sel(task=peer) / seconds.sel(task=own))
         for name, (peer, own, _) in RATIOS.items()
@@ -150,7 +150,7 @@ def _ratios(seconds: DataArray) -> dict[str, float]:
 
 
 def _timed(work: Callable[[], Any], repeats: Iterable[int]) -> tuple[float, Array]:
-    """Least time [s] of some runs, and the radii that the last one gave."""
+    """Shortest time [s] of some runs, and the radii of the last one."""
     best = np.inf
     for _ in repeats:
         start = time.perf_counter()
@@ -167,7 +167,7 @@ def _conic_radius(program: SmallestCircle | NarrowestStadium) -> RealArray:
 
 
 def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Complex points, both coordinates normally distributed."""
+    """Complex points whose real and imaginary parts are normally distributed."""
     return rng.normal(size=shape) + 1j * rng.normal(size=shape)
 
 

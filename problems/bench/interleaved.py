@@ -1,4 +1,4 @@
-"""Times of several calls that take turns, so that a busy moment of the computer meets them all."""
+"""Times of several calls made in turn, so that a busy moment of the computer affects them all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def interleaved(
     rounds: int,
     clock: Callable[[], float] = time.perf_counter,
 ) -> RealArray:
-    """Times [s] (rounds, calls) by a clock of calls made in turn."""
+    """Times [s] (rounds, calls) of calls made in turn, by the given clock."""
     times = np.empty((rounds, len(calls)))
     for row in times:
         for place, call in enumerate(calls):

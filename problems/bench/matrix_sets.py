@@ -1,4 +1,6 @@
-"""Speed of the smallest sets of matrices, against semidefinite programs one after the other."""
+"""Speed of the smallest sets that contain matrices, against a semidefinite program
+per frequency.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +24,11 @@ METHODS = {
     "barrier": "Newton's method along geodesics, all frequencies at once",
     "clarabel": "a compiled semidefinite program for each frequency",
 }
-"""Timed methods, and what the figure calls them."""
+"""Timed methods, with their labels in the figure."""
 LEAST_RATIO = 4.0
-"""Least speed of the barrier relative to the peer's."""
+"""Least speed of the barrier method, relative to the peer's."""
 APART = 1e-6
-"""Largest distance of the two methods' sizes, in logarithms."""
+"""Largest accepted difference of the two methods' sizes, as a natural logarithm of their ratio."""
 
 
 @problem("bench/matrix-sets")
@@ -37,10 +39,10 @@ def matrix_sets(
 ) -> MatrixSetSpeed:
     """Speed of the smallest sets that contain matrices, on one task for two methods.
 
-    Both minimise the traces, with diagonal weights; the peer's program is stated and compiled once,
+    Both methods minimise the traces, with diagonal weights. The peer's program is compiled once,
     with the matrices as parameters.
 
-    frequencies, plants, channels: size of the task; the matrices are drawn at random.
+    frequencies, plants, channels: size of the task. The matrices are drawn at random.
     """
     return MatrixSetSpeed(frequencies, plants, channels)
 
@@ -107,5 +109,5 @@ class MatrixSetSpeed(Study):
 
 
 def _ratio(seconds: DataArray, other: str = "clarabel") -> float:
-    """Time of the barrier method over another one's."""
+    """Time of the barrier method, divided by another method's."""
     return float(seconds.sel(solver="barrier") / seconds.sel(solver=other))

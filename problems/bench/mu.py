@@ -28,21 +28,23 @@ CASES: dict[int, tuple[Block, ...]] = {
     10: (*[Real(1)] * 3, *[Complex(1)] * 3, Full(2, 2), Full(2, 2)),
     20: (*[Real(1)] * 6, *[Complex(1)] * 6, Full(4, 4), Full(4, 4)),
 }
-"""Structures that AB13MD takes, by size."""
+"""Structures that AB13MD accepts, by size."""
 PEERS = {
     "ab13md": ("ab13md", 1),
     "clarabel": ("clarabel", 1),
     "clarabel_once": ("clarabel", None),
 }
-"""Method of each peer, and how many matrices it is given at a time; None: all."""
+"""Method of each peer, and the number of matrices that it is given at a time (None: all)."""
 LEAST_RATIO = {"ab13md": {3: 5.0, 4: 25.0, 6: 5.0, 10: 5.0, 20: 5.0}, "clarabel": {4: 500.0}}
-"""Least speed of the batch per matrix relative to each peer's, by size."""
+"""Least speed per matrix of the batch, relative to each peer's, by size."""
 LARGEST_EXCESS = {"ab13md": 1e-6, "clarabel": 1e-5, "clarabel_once": 1e-5}
-"""Largest relative excess over the peer's bound let pass."""
+"""Largest accepted excess over the peer's bound, relative."""
 REPEATS = 3
-"""Runs of the batch and of the certified peak, of which the shortest counts."""
+"""Number of runs of the batch and of the certified peak; the shortest counts."""
 SYSTEMS, STATES, POINTS = 3, 20, 1000
-"""Random systems whose certified peak is timed, their states, and the frequencies of AB13MD."""
+"""Number of random systems whose certified peak is timed, number of their states, and number of
+frequencies of AB13MD.
+"""
 
 
 @problem("bench/mu", slow=True)
@@ -55,12 +57,12 @@ def mu(
     """Speed of the mixed-mu upper bound: ratios to SLICOT AB13MD and to CVXPY with Clarabel.
 
     The matrices are smooth frequency responses of sizes 3, 4, 6, 10 and 20. The peers take one
-    matrix at a time. CVXPY is timed twice: it states its program anew for each matrix, or once for
-    all. The 4x4 case is also solved at 10, 100, 1000, ... frequencies. The certified peak over all
-    frequencies of a 4x4 system of 20 states is timed against AB13MD at 1,000 frequencies.
+    matrix at a time. CVXPY is timed twice: with a new program for each matrix, and with one program
+    for all. The 4x4 case is also solved at 10, 100, 1000, ... frequencies. The certified peak over
+    all frequencies of a 4x4 system of 20 states is timed against AB13MD at 1,000 frequencies.
 
-    frequencies: at each size. peers: how many of them, evenly spread, the peers get. most: largest
-    number of frequencies of the 4x4 case. largest: largest size.
+    frequencies: number of frequencies at each size. peers: number of these that the peers get,
+    evenly spread. most: largest number of frequencies of the 4x4 case. largest: largest size.
     """
     return MuSpeed(frequencies, peers, most, largest)
 
@@ -87,9 +89,11 @@ class MuSpeed(Study):
 
     @part
     def timed(self, size: DataArray, context: Context) -> Array:
-        """Times per matrix and largest excesses over the peer, (2, method, size)."""
+        """Times [s] per matrix, and largest excesses over the peer, (2, method, size)."""
         sizes = context.track(size.values.tolist(), "sizes")
-        return np.array([_compared(context.rng, n, self.frequencies, self.peers) for n in sizes]).T
+        return np.array(
+            [_times_and_excesses(context.rng, n, self.frequencies, self.peers) for n in sizes]
+        ).T
 
     seconds = array(
         dims=(by, size), unit="s", meaning="per matrix", value=lambda timed: timed[0], **WALL_TIME
@@ -103,7 +107,9 @@ class MuSpeed(Study):
 
     @part
     def grown(self, count: DataArray, context: Context) -> Array:
-        """Times and memory of the 4x4 case at each number of frequencies, (2, count)."""
+        """Times [s] and memory [byte] of the 4x4 case for each number of frequencies, (2,
+        count).
+        """
         counts = context.track(count.values.tolist(), "frequencies")
         return np.array([_time_and_memory(smooth_responses(context.rng, 4, n)) for n in counts]).T
 
@@ -138,7 +144,7 @@ class MuSpeed(Study):
     @check()
     def fast_enough(self, seconds: DataArray) -> list[Check]:
         statement = "time over the peer's, asked to be at most 1/{:.3g}"
-        faster, sizes = _faster(seconds), seconds["size"].values
+        faster, sizes = _speed_ratios(seconds), seconds["size"].values
         return [
             Check(
                 f"{name} at size {size}",
@@ -158,7 +164,7 @@ class MuSpeed(Study):
         at_most=1.0,
     )
 
-    ratios = metric("{by}_{size}", value=lambda seconds: _faster(seconds))
+    ratios = metric("{by}_{size}", value=lambda seconds: _speed_ratios(seconds))
     microseconds_per_frequency = metric(lambda growth: 1e6 * _last_per_frequency(growth))
     bytes_per_frequency = metric(lambda memory: _last_per_frequency(memory))
     peak_over_ab13md = metric(lambda peak: _peak_over_ab13md(peak))
@@ -178,7 +184,7 @@ class MuSpeed(Study):
 
     @table
     def sizes(self, seconds: DataArray) -> tuple[list[str], list[list[str]]]:
-        names, least = seconds["by"].values.tolist(), _faster(seconds).min("by")
+        names, least = seconds["by"].values.tolist(), _speed_ratios(seconds).min("by")
         rows = [
             [str(size), *(f"{1e3 * one:.4g}" for one in times), f"{ratio:.1f}"]
             for size, times, ratio in zip(
@@ -198,13 +204,13 @@ class MuSpeed(Study):
         return ["frequencies, 4 x 4", "time [ms]", "memory [MB]"], rows
 
 
-def _faster(seconds: DataArray) -> DataArray:
+def _speed_ratios(seconds: DataArray) -> DataArray:
     """Speed of the batch relative to each peer's, by peer and size."""
     return seconds.sel(by=list(PEERS)) / seconds.sel(by="fast", drop=True)
 
 
 def _last_per_frequency(grown: DataArray) -> float:
-    """Time or memory per frequency where there are the most of them."""
+    """Time or memory per frequency, at the largest number of frequencies."""
     last = grown.isel(count=-1)
     return float(last / last["count"])
 
@@ -215,7 +221,9 @@ def _peak_over_ab13md(peak: DataArray) -> float:
 
 
 def random_system(rng: np.random.Generator, size: int, states: int) -> StateSpace:
-    """A random stable system of that many inputs and outputs, its rightmost pole at -0.1 rad/s."""
+    """A random stable system with `size` inputs and outputs, whose rightmost pole is at
+    -0.1 rad/s.
+    """
     import control
 
     A = rng.normal(size=(states, states)) / np.sqrt(states)
@@ -225,40 +233,42 @@ def random_system(rng: np.random.Generator, size: int, states: int) -> StateSpac
 
 
 def smooth_responses(rng: np.random.Generator, size: int, count: int) -> Array:
-    """Response (count, size, size) of a random stable system over four decades of frequency."""
+    """Responses (count, size, size) of a random stable system over four decades of frequency."""
     return response(random_system(rng, size, 2 * size), np.logspace(-2, 2, count))
 
 
-def _compared(
+def _times_and_excesses(
     rng: np.random.Generator, size: int, frequencies: int, peers: int
 ) -> list[tuple[float, float]]:
-    """Time per matrix and largest excess over the peer's bound: of the batch, and of each peer."""
+    """Time [s] per matrix and largest excess over the peer's bound, of the batch and of
+    each peer.
+    """
     M, structure = smooth_responses(rng, size, frequencies), Structure(CASES[size])
     upper_bound(M[:1], structure)  # compile before the clock starts
     best, bound = _timed(partial(upper_bound, M, structure), REPEATS)
     found = [(best / len(M), 0.0)]
-    # A peer's matrices: evenly spread, fewer of those that cost seconds each.
+    # A peer gets matrices evenly spread, and fewer if each costs seconds.
     count = max(1, min(peers, len(M)) // (10 if size > 10 else 1))
     some = np.linspace(0, len(M) - 1, count).astype(int)
     for peer in PEERS.values():
-        best, value = _timed(partial(_by_peer, M[some], structure, *peer), 1)
+        best, value = _timed(partial(_peer_bounds, M[some], structure, *peer), 1)
         found.append((best / len(some), np.max(bound.value[some] / value - 1)))
     return found
 
 
 def _time_and_memory(M: Array) -> tuple[float, float]:
-    """Time [s] of the bounds of 4x4 matrices, and the memory [byte] that they take."""
+    """Time [s] of the bounds of 4x4 matrices, and peak memory [byte]."""
     structure = Structure(CASES[4])
     seconds, _ = _timed(partial(upper_bound, M, structure), 1)
-    tracemalloc.start()  # slows what it watches, so not on the clock
+    tracemalloc.start()  # slows the computation, so the time is measured before
     upper_bound(M, structure)
     held = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return seconds, held
 
 
-def _by_peer(M: Array, structure: Structure, method: str, together: int | None) -> Array:
-    """Bounds (F,) of matrices (F, c, r), given ``together`` at a time (None: all)."""
+def _peer_bounds(M: Array, structure: Structure, method: str, together: int | None) -> Array:
+    """Bounds (F,) of matrices (F, c, r) by a peer that gets ``together`` at a time (None: all)."""
     parts = np.array_split(M, len(M) // together if together else 1)
     options = Options(tolerance="middle")
     return np.concatenate(
@@ -267,17 +277,17 @@ def _by_peer(M: Array, structure: Structure, method: str, together: int | None) 
 
 
 def _peak_seconds(rng: np.random.Generator) -> tuple[float, float]:
-    """Times of a certified peak over all frequencies, and of AB13MD at POINTS of them."""
+    """Times [s] of a certified peak over all frequencies, and of AB13MD at POINTS frequencies."""
     system, structure = random_system(rng, 4, STATES), Structure(CASES[4])
     peak(system, structure)  # compile before the clock starts
     certified, _ = _timed(partial(peak, system, structure), REPEATS)
     M = response(system, np.logspace(-2, 2, POINTS))
-    sampled, _ = _timed(partial(_by_peer, M, structure, "ab13md", None), 1)
+    sampled, _ = _timed(partial(_peer_bounds, M, structure, "ab13md", None), 1)
     return certified, sampled
 
 
 def _timed(work: Callable[[], Any], repeats: int) -> tuple[float, Any]:
-    """Least time [s] of some runs, and what the last one gave."""
+    """Shortest time [s] of some runs, and the result of the last one."""
     best, result = np.inf, None
     for _ in range(repeats):
         start = time.perf_counter()

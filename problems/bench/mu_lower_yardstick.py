@@ -1,4 +1,4 @@
-"""Speed of the lower bound of mu over that of looking at each matrix once."""
+"""Time of the lower bound of mu, relative to that of the matrices' eigenvalues."""
 
 from __future__ import annotations
 
@@ -31,15 +31,17 @@ KINDS: dict[str, Callable[[int], tuple[Block, ...]]] = {
         Full(n - n // 4 * 2, n - n // 4 * 2),
     ),
 }
-"""Structures of n channels; a quarter of the mixed ones are real scalars, half one full block."""
+"""Structures of n channels. In the mixed ones a quarter are real scalars and half are one full
+block.
+"""
 SIZES = (4, 10, 20)
 """Sizes of the matrices."""
 ENTRIES = 1600
-"""Entries of all matrices of one size together."""
+"""Number of entries of all matrices of one size together."""
 WHAT = ("search", "bound", "eigenvalues")
-"""What is timed: the search for perturbations, the search with their proofs, the yardstick."""
+"""Timed tasks: the search for perturbations, the search with its proofs, and the yardstick."""
 WANTED = 500.0
-"""Largest ratio of a search that is asked for."""
+"""Largest accepted ratio of a search to the yardstick."""
 NOT_YET = {
     ("real scalars", 4): 700.0,
     ("real scalars", 10): 1500.0,
@@ -47,27 +49,27 @@ NOT_YET = {
     ("mixed", 10): 700.0,
     ("mixed", 20): 2500.0,
 }
-"""Limits where that is not reached."""
+"""Larger limits for kinds and sizes that do not reach this yet."""
 
 
 @problem("bench/mu-lower-yardstick", slow=True)
 def mu_lower_yardstick(rounds: Annotated[int, Field(ge=1, le=50)] = 5) -> MuLowerYardstick:
     """Time of the lower bound of mu on one core, over that of NumPy's eigenvalues of the matrices.
 
-    It is time of the processor, which other work on the computer changes little.
+    Processor time is compared, because other load on the computer changes it little.
 
     Random complex matrices of sizes 4, 10 and 20, with complex scalars, real scalars, and real and
     complex scalars with a full block. The search for perturbations is held to a limit; the proof by
     the certificate's kernel is timed as well.
 
-    rounds: of interleaved timings, of which the shortest counts.
+    rounds: number of interleaved timings; the shortest counts.
     """
     return MuLowerYardstick(rounds)
 
 
 @dataclass(frozen=True)
 class MuLowerYardstick(Study):
-    """Times of lower bounds and of eigenvalues of the same matrices, one after the other."""
+    """Times of lower bounds and of eigenvalues of the same matrices, measured in turn."""
 
     rounds: int
 
@@ -83,7 +85,7 @@ class MuLowerYardstick(Study):
 
     @part
     def timed(self, context: Context) -> Array:
-        """Times per matrix (kind, size, what)."""
+        """Times [s] per matrix (kind, size, what)."""
         cases = [(kind, size) for kind in KINDS for size in SIZES]
         found = [_timed(context.rng, *case, self.rounds) for case in context.track(cases, "cases")]
         return np.array(found).reshape(len(KINDS), len(SIZES), len(WHAT))
@@ -131,12 +133,12 @@ class MuLowerYardstick(Study):
 
 
 def _over(seconds: DataArray, what: str) -> DataArray:
-    """Time of a search, or of proven bounds, over that of eigenvalues (kind, size)."""
+    """Time of a search or of proven bounds, divided by that of eigenvalues (kind, size)."""
     return seconds.sel(what=what, drop=True) / seconds.sel(what="eigenvalues", drop=True)
 
 
 def _timed(rng: np.random.Generator, kind: str, size: int, rounds: int) -> tuple[float, ...]:
-    """Shortest processor times [s] per matrix of what is timed."""
+    """Shortest processor times [s] per matrix of the tasks in WHAT."""
     count = max(4, ENTRIES // size**2)
     real, imaginary = rng.normal(size=(2, count, size, size))
     M = real + 1j * imaginary
@@ -146,7 +148,7 @@ def _timed(rng: np.random.Generator, kind: str, size: int, rounds: int) -> tuple
         lambda: lower_bound(M, structure),
         lambda: [np.linalg.eigvalsh(hermitian) for _ in range(20)],
     ]
-    lower_bound(M[:2], structure)  # loads what is compiled
+    lower_bound(M[:2], structure)  # loads compiled code
     times = interleaved(calls, rounds, time.process_time) / count
     search, bound, eigenvalues = times.min(axis=0).tolist()
     return search, bound, eigenvalues / 20

@@ -1,4 +1,4 @@
-"""Speed of the upper bound of mu over that of looking at each matrix once."""
+"""Time of the upper bound of mu, relative to that of the matrices' eigenvalues."""
 
 from __future__ import annotations
 
@@ -31,42 +31,46 @@ KINDS: dict[str, Callable[[int], tuple[Block, ...]]] = {
 SIZES = (4, 10, 20, 50)
 """Sizes of the matrices."""
 ENTRIES = 32_000
-"""Entries of all matrices of one size together, for each of ``rounds``."""
+"""Number of entries of all matrices of one size together, for each of ``rounds``."""
 WHAT = ("bound", "eigenvalues")
-"""What is timed."""
+"""Timed tasks."""
 WANTED = {4: 15.0, 10: 40.0, 20: 40.0, 50: 40.0}
-"""Largest ratio that is asked for, by size."""
+"""Largest accepted ratio, by size."""
 SWEEPS, SWEEP, SWEEP_SIZE = 5, 1000, 4
-"""Sweeps that only ask whether bounds are below a level: how many, frequencies, size."""
+"""Sweeps that only ask whether bounds are below a level: their number, their frequencies, and the
+size of their matrices.
+"""
 SWEEP_SHARE = 1 / 3
-"""Largest share of the time of all bounds that is asked for."""
+"""Largest accepted time of these sweeps, as a share of the time of all least bounds."""
 LEVEL = 1.001
-"""That level over the largest bound."""
+"""Level of these sweeps, divided by the largest bound."""
 REPEATED = (Real(10), Full(2, 2))
-"""Blocks of the repeated scalar whose time is reported apart: Newton's matrix has 201 rows."""
+"""Blocks of the task with a repeated scalar, which is timed separately; its Newton matrix has 201
+rows.
+"""
 REPEATED_WANTED = 3600.0
-"""Largest ratio of its time, half of what it was when this was first measured."""
+"""Largest accepted ratio for the repeated scalar: half of the ratio at the first measurement."""
 NOISY = {("real scalars", 4): 20.0, ("real scalars", 50): 46.0}
-"""Limits where the noise of times reaches past that."""
+"""Larger limits for kinds and sizes whose times are too noisy for the ones above."""
 
 
 @problem("bench/mu-yardstick", slow=True)
 def mu_yardstick(rounds: Annotated[int, Field(ge=1, le=50)] = 5) -> MuYardstick:
     """Time of the upper bound of mu on one core, over that of NumPy's eigenvalues of the matrices.
 
-    Random complex matrices of sizes 4, 10, 20 and 50, with complex scalars, real scalars and full
-    2x2 blocks; beside them a real scalar that is repeated ten times, with one full block. Nothing
-    that looks at a matrix can be much faster than its eigenvalues. Responses of systems at 1,000
-    frequencies are asked whether their bounds are below a level a thousandth above the largest.
+    Random complex matrices of sizes 4, 10, 20 and 50 have complex scalars, real scalars or full 2x2
+    blocks. Separate ones have a real scalar that is repeated ten times, with one full block. No
+    method that looks at a matrix can be much faster than its eigenvalues. Sweeps of 1,000
+    frequencies ask whether the bounds are below a level that is a thousandth above the largest one.
 
-    rounds: of interleaved timings, of which the median counts.
+    rounds: number of interleaved timings; the median counts.
     """
     return MuYardstick(rounds)
 
 
 @dataclass(frozen=True)
 class MuYardstick(Study):
-    """Times of bounds and of eigenvalues of the same matrices, one after the other."""
+    """Times of bounds and of eigenvalues of the same matrices, measured in turn."""
 
     rounds: int
 
@@ -83,7 +87,7 @@ class MuYardstick(Study):
 
     @part
     def timed(self, context: Context) -> Array:
-        """Times per matrix (kind, size, what)."""
+        """Times [s] per matrix (kind, size, what)."""
         cases = [(kind, size) for kind in KINDS for size in SIZES]
         found = [
             _timed(context.rng, KINDS[one](size), self.rounds)
@@ -111,7 +115,7 @@ class MuYardstick(Study):
     )
     def sweep(self, context: Context) -> list[list[tuple[float, float]]]:
         return [
-            [_swept(context.rng, KINDS[kind](SWEEP_SIZE), self.rounds) for _ in range(SWEEPS)]
+            [_sweep_times(context.rng, KINDS[kind](SWEEP_SIZE), self.rounds) for _ in range(SWEEPS)]
             for kind in KINDS
         ]
 
@@ -172,21 +176,27 @@ class MuYardstick(Study):
 
 
 def _over(seconds: DataArray) -> DataArray:
-    """Time of bounds over that of eigenvalues."""
+    """Time of bounds, divided by that of eigenvalues."""
     return seconds.sel(what="bound", drop=True) / seconds.sel(what="eigenvalues", drop=True)
 
 
 def _share(sweep: DataArray) -> DataArray:
-    """Median time of bounds below a level over that of all bounds (kind)."""
+    """Time of bounds below a level, divided by that of least bounds; the median over systems
+    (kind).
+    """
     shares = sweep.sel(asked="level", drop=True) / sweep.sel(asked="least", drop=True)
     return shares.median("system")
 
 
-def _swept(rng: np.random.Generator, blocks: tuple[Block, ...], rounds: int) -> tuple[float, float]:
-    """Median times [s] of bounds of responses that are below a level, and of the least ones."""
+def _sweep_times(
+    rng: np.random.Generator, blocks: tuple[Block, ...], rounds: int
+) -> tuple[float, float]:
+    """Median times [s] of a sweep that asks whether bounds are below a level, and of the least
+    bounds.
+    """
     M, structure = smooth_responses(rng, SWEEP_SIZE, SWEEP), Structure(blocks)
     level = LEVEL * float(upper_bound(M, structure).value.max())
-    bounds_below(M, structure, level)  # loads what is compiled
+    bounds_below(M, structure, level)  # loads compiled code
     calls: list[Callable[[], Any]] = [
         lambda: bounds_below(M, structure, level),
         lambda: upper_bound(M, structure, executor=InProcess()),
@@ -207,6 +217,6 @@ def _timed(rng: np.random.Generator, blocks: tuple[Block, ...], rounds: int) -> 
         lambda: upper_bound(M, structure, executor=InProcess()),
         lambda: np.linalg.eigvalsh(hermitian),
     ]
-    upper_bound(M, structure, executor=InProcess())  # loads what is compiled
+    upper_bound(M, structure, executor=InProcess())  # loads compiled code
     bound, eigenvalues = (np.median(interleaved(calls, rounds), axis=0) / count).tolist()
     return bound, eigenvalues

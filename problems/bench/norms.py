@@ -1,4 +1,4 @@
-"""Speed of what is certified between frequencies, over plain linear algebra of the same size."""
+"""Time of answers certified between frequencies, over plain linear algebra of the same size."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ CASES = {
     "certificate, 120 states": ("eigenvalues of the loop's Hamiltonian", 6.0),
     "synthesis, 120 states": ("one ordered Schur form of its Hamiltonian", 60.0),
 }
-"""What is timed, what it is compared with, and the largest ratio that is asked for."""
+"""Timed cases, each with its yardstick and the largest accepted ratio."""
 TOLERANCE, LEVEL_TOLERANCE = 1e-6, 1e-3
 """Tolerances of the certificate and of the least level."""
 STEPS = ("workbench", "yardstick")
-"""What is timed."""
+"""Timed sides."""
 SLOWEST, FASTEST = 1.0, 1e3
 """Natural frequencies [rad/s] of the random plants."""
 DAMPINGS = (0.01, 0.3)
@@ -48,18 +48,19 @@ DAMPINGS = (0.01, 0.3)
 def norms(rounds: Annotated[int, Field(ge=1, le=20)] = 3) -> NormsSpeed:
     """Time of certified norms, peaks of mu and loops, over that of linear algebra of their size.
 
-    Random plants of lightly damped modes. A certified norm holds at every frequency, with rounding
-    enclosed; SLICOT's AB13DD says nothing about its errors. Peaks are for a repeated real scalar
-    and two full blocks. The loop is that of mixed sensitivity with a plant of 120 states.
+    The plants are random, with lightly damped modes. A certified norm holds at every frequency,
+    with rounding errors enclosed, while SLICOT's AB13DD gives no bound on its errors. Peaks are for
+    a repeated real scalar and two full blocks. The loop is a mixed-sensitivity loop with a plant of
+    120 states.
 
-    rounds: of interleaved timings, of which the median counts.
+    rounds: number of interleaved timings; the median counts.
     """
     return NormsSpeed(rounds)
 
 
 @dataclass(frozen=True)
 class NormsSpeed(Study):
-    """Times of certified answers and of their yardsticks, one after the other."""
+    """Times of certified answers and of their yardsticks, measured in turn."""
 
     rounds: int
 
@@ -83,7 +84,7 @@ class NormsSpeed(Study):
             "certificate, 120 states": lambda: _loop(rng, 120)[0],
             "synthesis, 120 states": lambda: _loop(rng, 120)[1],
         }
-        # The first round, uncounted, loads code.
+        # The first round loads compiled code and is not counted.
         times = [
             interleaved(makers[case](), self.rounds + 1)[1:]
             for case in context.track(CASES, "cases")
@@ -122,7 +123,7 @@ class NormsSpeed(Study):
 
 
 def _over(seconds: DataArray) -> DataArray:
-    """Time of the workbench over that of the yardstick (case,)."""
+    """Time of the workbench, divided by that of the yardstick (case,)."""
     return seconds.sel(step="workbench", drop=True) / seconds.sel(step="yardstick", drop=True)
 
 
@@ -139,7 +140,9 @@ def modal_plant(rng: np.random.Generator, states: int, channels: int) -> StateSp
 
 
 def _norm(rng: np.random.Generator, states: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
-    """A certified norm, and SLICOT's; each call has its own gain, since norms are kept."""
+    """A call for a certified norm and one for SLICOT's. Each call changes the gain, since norms are
+    cached.
+    """
     import control
 
     plant = modal_plant(rng, states, 2)
@@ -153,7 +156,7 @@ def _norm(rng: np.random.Generator, states: int) -> tuple[Callable[[], Any], Cal
 
 
 def _peak(rng: np.random.Generator, states: int) -> tuple[Callable[[], Any], Callable[[], Any]]:
-    """A peak of mixed mu of three blocks, and eigenvalues."""
+    """A call for a peak of mixed mu with three blocks, and one for eigenvalues."""
     plant = modal_plant(rng, states, 6)
     structure = Structure([Real(2), Full(2, 2), Full(2, 2)])
     size = 2 * states
@@ -166,7 +169,9 @@ def _loop(
 ) -> tuple[
     tuple[Callable[[], Any], Callable[[], Any]], tuple[Callable[[], Any], Callable[[], Any]]
 ]:
-    """The certificate of a loop with eigenvalues, and its synthesis with a Schur form."""
+    """Two pairs of calls: a loop's certificate with eigenvalues, and its synthesis with a Schur
+    form.
+    """
     from scipy.linalg import schur
 
     weight = realisation((-np.eye(1) / 10, np.eye(1), 5 * np.eye(1), np.eye(1) / 2), 0.0)
@@ -179,7 +184,9 @@ def _loop(
 
     def certified() -> Any:
         K = answer.K
-        near = realisation((K.A, next(gains) * K.B, K.C, K.D), 0.0)  # no norm that is kept
+        near = realisation(
+            (K.A, next(gains) * K.B, K.C, K.D), 0.0
+        )  # a loop whose norm is not cached
         return program.certify(replace(answer, K=near), TOLERANCE)
 
     return (
@@ -192,6 +199,8 @@ def _loop(
 
 
 def _hamiltonian(system: StateSpace, gamma: float) -> RealArray:
-    """The Hamiltonian matrix of the norm at a level, without the direct term."""
+    """The Hamiltonian matrix of the H-infinity norm at level gamma, for a system without direct
+    term.
+    """
     A, B, C = system.A, system.B / gamma, system.C
     return np.block([[A, B @ B.T], [-C.T @ C, -A.T]])

@@ -1,4 +1,6 @@
-"""Narrowest stadiums through CVXPY: the problem is convex at a given angle, so scan the angles."""
+"""Narrowest stadiums through CVXPY: at a fixed angle the problem is convex, so
+angles are scanned.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +11,13 @@ from workbench.executor import Context
 from workbench.solvers import Options, Outcome, conic_solvers, solve_conic
 
 COARSE, FINE, ROUNDS = 24, 4, 5
-"""Angles of the first scan; factor by which each further round is finer; further rounds."""
+"""Number of angles of the first scan, factor by which each further round is finer, number of these
+rounds.
+"""
 
 
 class ScannedStadiums:
-    """One parametrised program, re-solved for every set and angle."""
+    """One parametrised program, solved again for every set and angle."""
 
     def __init__(self, points: int, context: Context) -> None:
         import cvxpy as cp
@@ -29,7 +33,7 @@ class ScannedStadiums:
     def narrowest(
         self, sets: np.ndarray, center: complex | None, what: str
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Smallest radius (F,) over the angles tried, and its angle (F,)."""
+        """Smallest radius (F,) over the angles tried, and the angle (F,) that gives it."""
         found = []
         for points in self._context.track(list(sets), what):
             step = np.pi / COARSE
@@ -46,7 +50,7 @@ class ScannedStadiums:
         return radius, np.mod(angle, np.pi)
 
     def at(self, sets: np.ndarray, angles: np.ndarray, what: str) -> np.ndarray:
-        """Smallest radius (F,) about 0 at given angles (F,)."""
+        """Smallest radius (F,) of stadiums centred at 0, at given angles (F,)."""
         pairs = self._context.track(list(zip(sets, angles, strict=True)), what)
         return np.array([self._radius(points, angle, 0.0) for points, angle in pairs])
 

@@ -33,25 +33,26 @@ from .synthesis_report import of_packages, of_plants, times_and_norms
 
 T = TypeVar("T")
 PLANT_STATES = (10, 20, 40)
-"""States of the random plants."""
+"""Numbers of states of the random plants."""
 FASTER, SLOWER = 60.0, 5.0
-"""Smallest ratio asked for of dkpy's time to ours, and largest of ours to hinfsyn's.
+"""Least accepted ratio of dkpy's time to ours, and largest of ours to hinfsyn's.
 
-Ours has a proof of the peak between all frequencies in it; dkpy's has none.
+Our time includes a proof of the peak between all frequencies; dkpy gives no proof.
 """
 PEAK = 0.975
-"""Peak of mu that ours must prove; dkpy ends with 1.036, with automatic orders with 1.022 after six
-iterations, and its documentation reaches 1.0144."""
+"""Peak of mu that our method must prove. dkpy ends with 1.036, with automatic orders with 1.022
+after six iterations, and its documentation reports 1.0144.
+"""
 NORM_EXCESS = 1e-3
-"""Largest relative excess of our norm over hinfsyn's let pass."""
+"""Largest accepted excess of our norm over hinfsyn's, relative."""
 PLANT_DIFFERENCE = 1e-9
-"""Largest relative difference of the responses of the two distillation plants let pass."""
+"""Largest accepted difference between the responses of the two distillation plants, relative."""
 CLAIM_FACTOR, NORM_FACTOR = 1.01, 2.0
-"""hinfsyn fails where its loop's norm exceeds its claim, or our norm, by more than this factor."""
+"""hinfsyn counts as failed if its loop's norm exceeds its claim, or our norm, by these factors."""
 REPEATS = 3
-"""Runs of our methods, of which the shortest counts."""
+"""Number of runs of our methods; the shortest counts."""
 DENSE_OMEGA = np.logspace(-6, 6, 4000)
-"""Frequencies [rad/s] at which mu of dkpy's loop is computed again."""
+"""Frequencies [rad/s] at which mu of the loop with dkpy's controller is computed again."""
 DRIVE = "CD drive"
 
 
@@ -66,12 +67,13 @@ def synthesis(
 
     H-infinity synthesis is run on random plants of 10, 20 and 40 states, and on the control
     problems of the CD drive in SI units, nominal and with the channels of parametric uncertainty.
-    D-K iteration is run on the distillation column until the certified peak of mu is at most 0.975,
-    and by dkpy to the end of its own example, which claims 1.036 for the same plant, and with
-    scalings of an order that it finds by itself, for which its documentation claims 1.0144.
+    On the distillation column, our D-K iteration is run until the certified peak of mu is at most
+    0.975. dkpy is run to the end of its own example, which claims 1.036 for the same plant, and
+    once more with automatic orders of the scalings, for which its documentation claims 1.0144.
 
-    largest: most states of a random plant. plants: random plants of each size. drives: whether the
-    CD drive is among the plants. distillation: whether the column is; dkpy must be installed.
+    largest: largest number of states of a random plant. plants: number of random plants of each
+    size. drives: whether the CD drive is among the plants. distillation: whether the column is;
+    dkpy must be installed.
     """
     sizes = tuple(size for size in PLANT_STATES if size <= largest) or (largest,)
     return SynthesisSpeed(sizes, plants, drives, distillation)
@@ -79,7 +81,7 @@ def synthesis(
 
 @dataclass(frozen=True)
 class SynthesisSpeed(Study):
-    """Times, norms and peaks of our controllers and of the peers', taken in one run."""
+    """Times, norms and peaks of our controllers and of the peers', measured in one run."""
 
     sizes: tuple[int, ...]
     plants: int
@@ -109,7 +111,7 @@ class SynthesisSpeed(Study):
         ]
         if self.drives:
             cases += [(DRIVE, name, plant) for name, plant in drive_plants().items()]
-        rows = [_compared(plant) for _, _, plant in context.track(cases, "H-infinity")]
+        rows = [_times_and_norms(plant) for _, _, plant in context.track(cases, "H-infinity")]
         seconds, bare, norms, claims = (np.array(part) for part in zip(*rows, strict=True))
         one, wall = {"units": "1"}, {"units": "s"} | WALL_TIME
         found = xr.Dataset(
@@ -132,11 +134,13 @@ class SynthesisSpeed(Study):
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         found = []
         for group in self.groups:
-            some = _of(answer, group)
+            some = _cases_of(answer, group)
             statement = f"time over hinfsyn's, asked to be at most {SLOWER:g}, at worst"
-            found.append(Check(f"{group}, time", statement, _slower(some), SLOWER))
+            found.append(Check(f"{group}, time", statement, _largest_time_ratio(some), SLOWER))
             statement = "norm over hinfsyn's where it succeeds, less 1, at worst"
-            found.append(Check(f"{group}, norm", statement, _excess(some), NORM_EXCESS))
+            found.append(
+                Check(f"{group}, norm", statement, _largest_norm_excess(some), NORM_EXCESS)
+            )
             statement = "plants without a certified controller of ours"
             lost = float(np.isinf(some["norm"].sel(by="workbench")).sum())
             found.append(Check(f"{group}, success", statement, lost, 0.0))
@@ -157,7 +161,7 @@ class SynthesisSpeed(Study):
                 Check(
                     "time to the peak",
                     f"over dkpy's to its own, asked to be at most 1/{FASTER:g}",
-                    1.0 / _faster(answer),
+                    1.0 / _dkpy_time_ratio(answer),
                     1.0 / FASTER,
                 ),
             ]
@@ -166,14 +170,14 @@ class SynthesisSpeed(Study):
     def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for group in self.groups:
-            some, name = _of(answer, group), group.replace(" states", "").replace(" ", "_")
+            some, name = _cases_of(answer, group), group.replace(" states", "").replace(" ", "_")
             bare = some["riccati_seconds"] / some["seconds"].sel(by="hinfsyn")
-            numbers[f"hinf_over_hinfsyn_{name}"] = _slower(some)
+            numbers[f"hinf_over_hinfsyn_{name}"] = _largest_time_ratio(some)
             numbers[f"riccati_over_hinfsyn_{name}"] = float(bare.max())
-            numbers[f"norm_over_hinfsyn_{name}"] = 1.0 + _excess(some)
+            numbers[f"norm_over_hinfsyn_{name}"] = 1.0 + _largest_norm_excess(some)
             numbers[f"hinfsyn_failures_{name}"] = float(failed(some).sum())
         if self.distillation:
-            numbers["dkpy_over_ours"] = _faster(answer)
+            numbers["dkpy_over_ours"] = _dkpy_time_ratio(answer)
             peers = {"workbench": "", "dkpy": "_dkpy", AUTOMATIC: "_dkpy_automatic"}
             for package, name in peers.items():
                 one = answer.sel(package=package)
@@ -194,17 +198,19 @@ class SynthesisSpeed(Study):
 
 
 def failed(some: Dataset) -> BoolArray:
-    """Whether hinfsyn gives no controller, or one that does not stabilise or misses its claim."""
+    """Whether hinfsyn gave no controller, or one that does not stabilise or misses its claim."""
     own, theirs = (some["norm"].sel(by=name).values for name in ("workbench", "hinfsyn"))
     claimed = theirs <= CLAIM_FACTOR * some["claim"].sel(by="hinfsyn").values
     lost: BoolArray = ~(np.isfinite(theirs) & claimed & (theirs <= NORM_FACTOR * own))
     return lost
 
 
-def _compared(
+def _times_and_norms(
     plant: GeneralisedPlant,
 ) -> tuple[tuple[float, float], float, tuple[float, float], tuple[float, float]]:
-    """Times [s], time of the Riccati method alone, norms and claims, ours and hinfsyn's."""
+    """For ours and hinfsyn's: times [s], norms and claims; and the time of our Riccati method
+    alone.
+    """
     system = plant.system
     matrices = system.A, system.B, system.C, system.D
     bare = seconds = level = math.nan
@@ -222,7 +228,7 @@ def _compared(
 
 
 def _dk_iterations(context: Context) -> dict[str, Any]:
-    """Arrays of D-K iteration of the distillation column by both packages, ours first."""
+    """Arrays of D-K iteration of the distillation column, by both packages, ours first."""
     for _ in context.track([0], "dkpy"):
         peers, plant = dk_iterations()
     own = distillation_column()
@@ -233,9 +239,9 @@ def _dk_iterations(context: Context) -> dict[str, Any]:
     answer: MuController = runs[0].answer
     if answer is None:
         raise SolverError(runs[0].message)
-    seconds = min(run.seconds["solve"] for run in runs)  # a certified peak among them
+    seconds = min(run.seconds["solve"] for run in runs)  # includes a certified peak
     theirs = list(peers.values())
-    seen = [_mu_seen(program, one.K) for one in theirs]
+    seen = [_largest_mu(program, one.K) for one in theirs]
     package, one, wall = ("package",), {"units": "1"}, {"units": "s"} | WALL_TIME
     return {
         "package": (package, ["workbench", *peers]),
@@ -258,8 +264,8 @@ def _order(one: Claimed) -> int:
     return int(one.K.nstates)
 
 
-def _mu_seen(program: MuSynthesis, K: StateSpace | None) -> float:
-    """Mu of the loop of a peer's controller at many frequencies."""
+def _largest_mu(program: MuSynthesis, K: StateSpace | None) -> float:
+    """Mu of the loop with a peer's controller, the largest at many frequencies."""
     assert K is not None
     loop = program.plant.close(K)
     return float(upper_bound(response(loop, DENSE_OMEGA), program.closed).value.max())
@@ -269,32 +275,34 @@ def _states(size: int) -> str:
     return f"{size} states"
 
 
-def _of(answer: Dataset, group: str) -> Dataset:
-    """The cases of a group."""
+def _cases_of(answer: Dataset, group: str) -> Dataset:
+    """The cases of one group."""
     return answer.isel(case=np.flatnonzero(answer["group"].values == group))
 
 
-def _slower(some: Dataset) -> float:
+def _largest_time_ratio(some: Dataset) -> float:
     """The largest ratio of our time to hinfsyn's."""
     seconds = some["seconds"]
     return float((seconds.sel(by="workbench") / seconds.sel(by="hinfsyn")).max(skipna=False))
 
 
-def _excess(some: Dataset) -> float:
-    """The largest of our norm over hinfsyn's, less 1, where both stabilise; -1 where none does."""
+def _largest_norm_excess(some: Dataset) -> float:
+    """The largest excess of our norm over hinfsyn's where both stabilise, relative; -1 if none
+    does.
+    """
     own, theirs = some["norm"].sel(by="workbench"), some["norm"].sel(by="hinfsyn")
     both = np.isfinite(own) & np.isfinite(theirs)
     return float((own / theirs).where(both, 0.0).max()) - 1.0
 
 
-def _faster(answer: Dataset) -> float:
+def _dkpy_time_ratio(answer: Dataset) -> float:
     """The ratio of dkpy's time to ours."""
     seconds = answer["dk_seconds"]
     return float(seconds.sel(package="dkpy") / seconds.sel(package="workbench"))
 
 
 def _timed(work: Callable[[], T], repeats: int) -> tuple[float, T]:
-    """Least time [s] of some runs, and what the last one gave."""
+    """Shortest time [s] of some runs, and the result of the last one."""
     best = math.inf
     for _ in range(repeats):
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The peers of bench/synthesis, used as their documentation says, and what they claim."""
+"""The peers of bench/synthesis, used as their documentation shows, and their claims."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ T = TypeVar("T")
 ITERATIONS, ORDER = 3, 4
 """D-K iterations after the first controller, and order of the scalings, as in dkpy's example."""
 AUTOMATIC_ITERATIONS, FIT_ERROR = 6, 1e-2
-"""Most D-K iterations of dkpy with the order of the scalings found by itself, and the relative
-error of mu up to which it raises the order."""
+"""For dkpy with automatic orders: largest number of D-K iterations, and the relative error of mu
+above which it raises the order.
+"""
 AUTOMATIC = "dkpy, automatic order"
-"""What that way is called."""
+"""Name of this way of using dkpy."""
 OMEGA = np.logspace(-3, 3, 61)
 """Frequencies [rad/s] of dkpy's example."""
 
 
 @dataclass(frozen=True, eq=False)
 class Claimed:
-    """A controller (None: none was given) and the norm or peak of mu that its maker claims.
+    """A controller (None: none was given), and the norm or peak of mu that its maker claims.
 
-    ``failure`` is the maker's message where none was given, and ``rounds`` counts the controllers
-    that were made.
+    ``failure`` is the maker's message if there is no controller. ``rounds`` is the number of
+    controllers made.
     """
 
     K: StateSpace | None
@@ -45,7 +46,7 @@ class Claimed:
 
 
 def hinfsyn(plant: GeneralisedPlant) -> Claimed:
-    """python-control's H-infinity synthesis, SLICOT SB10AD on the plant as it is."""
+    """python-control's H-infinity synthesis, SLICOT SB10AD, on the unchanged plant."""
     import control
 
     start = time.perf_counter()
@@ -60,7 +61,7 @@ def hinfsyn(plant: GeneralisedPlant) -> Claimed:
 
 
 def achieved(plant: GeneralisedPlant, K: StateSpace | None) -> float:
-    """The norm of the loop by SLICOT AB13DD; infinite without a controller that stabilises."""
+    """The norm of the loop by SLICOT AB13DD; infinite without a stabilising controller."""
     import control
 
     if K is None or not all(np.isfinite(getattr(K, part)).all() for part in "ABCD"):
@@ -72,7 +73,7 @@ def achieved(plant: GeneralisedPlant, K: StateSpace | None) -> float:
 
 
 def need_dkpy() -> Any:
-    """The package dkpy; raises InputError where it is not installed."""
+    """The package dkpy. Raises InputError if it is not installed."""
     try:
         import dkpy
     except ModuleNotFoundError:
@@ -84,9 +85,10 @@ def need_dkpy() -> Any:
 
 
 def dk_iterations() -> tuple[dict[str, Claimed], StateSpace]:
-    """dkpy on its own example of the distillation column, by ways, and the plant of that example.
+    """Controllers of dkpy for its own example of the distillation column, by way; and that
+    example's plant.
 
-    With scalings of a fixed order, as in the example, and of an order that it finds by itself.
+    One way has scalings of a fixed order, as in the example; the other finds the order by itself.
     """
     dkpy = need_dkpy()
     example = dkpy.example_skogestad2006_p325()
@@ -113,7 +115,9 @@ def dk_iterations() -> tuple[dict[str, Claimed], StateSpace]:
 
 
 def _quiet(work: Callable[[], T]) -> T:
-    """Do the work without the peers' warnings: their controllers are judged by themselves."""
+    """Run the work without the peers' warnings, since their controllers are judged
+    independently.
+    """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         found: Any = work()

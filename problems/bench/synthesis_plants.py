@@ -1,4 +1,4 @@
-"""The plants of bench/synthesis: random ones, and the CD drive's in SI units."""
+"""The plants of bench/synthesis: random ones, and those of the CD drive in SI units."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from ..cd_drive.drive.tables import Axis
 from ..cd_drive.uncertainty.parametric_model import parametric_plant
 
 REGULARISATION = 1e-4
-"""Relative size of the signals that make the CD drive's plants regular (see `regularised`)."""
+"""Relative size of the signals that `regularised` adds to the CD drive's plants."""
 
 
 def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
-    """A stable random plant with two controls and two measurements, rightmost pole at -0.1 rad/s.
+    """A random stable plant with two controls and two measurements, and its rightmost pole at -0.1
+    rad/s.
 
     z = (C1 x, u) and y = C2 x + w2, so that every assumption of H-infinity synthesis holds.
     """
@@ -34,7 +35,9 @@ def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
 
 
 def drive_plants() -> dict[str, GeneralisedPlant]:
-    """The control problems of both axes, made regular: nominal and with parametric uncertainty."""
+    """The control problems of both axes after `regularised`, nominal and with parametric
+    uncertainty.
+    """
     found = {}
     axes: tuple[Axis, ...] = ("focus", "radial")
     for axis in axes:

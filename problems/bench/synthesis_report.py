@@ -10,7 +10,7 @@ from workbench._core.tables import Rows
 
 
 def times_and_norms(answer: Dataset) -> Figure:
-    """Times of controllers, and norms of their loops over our level."""
+    """Figure: times of synthesis, and norms of the loops relative to our level."""
     figure, (times, norms) = figures.axes(1, 2, size=(10.0, 4.4))
     place = np.arange(answer["case"].size)
     own, theirs = (answer.sel(by=name) for name in answer["by"].values)
@@ -23,7 +23,7 @@ def times_and_norms(answer: Dataset) -> Figure:
         theirs["claim"] / level, place, "s", mfc="none", label="its claim", color=figures.GREEN
     )
     ratio = theirs["norm"].values / level
-    norms.plot(ratio, place, "s", color=figures.GREEN)  # an unstable loop has none
+    norms.plot(ratio, place, "s", color=figures.GREEN)  # an unstable loop has no norm
     norms.plot(own["norm"] / level, place, "o", ms=4, color=figures.BLUE)
     norms.set_yticks(place, [""] * len(place))
     figures.label(times, "time of a controller [s]", log="x")
@@ -41,7 +41,7 @@ def times_and_norms(answer: Dataset) -> Figure:
 
 
 def of_plants(answer: Dataset) -> Rows:
-    """Times [s] and norms of each plant."""
+    """Table of times [s] and norms for each plant."""
     heads = ["plant", "time [s]", "Riccati method [s]", "hinfsyn's [s]"]
     rows = []
     for case in answer["case"].values:
@@ -55,7 +55,7 @@ def of_plants(answer: Dataset) -> Rows:
 
 
 def of_packages(answer: Dataset) -> Rows:
-    """D-K iteration of the distillation column by each package."""
+    """Table of D-K iteration of the distillation column by each package."""
     rows = [
         [
             str(package),

@@ -13,7 +13,9 @@ from workbench.identification.state_space.program import StateSpaceFit
 
 RECORD = "data/CD_player_arm.dat"
 ESTIMATION = 1024
-"""Number of samples to estimate models and choose their order; the rest judges the models."""
+"""Number of samples from which models are estimated and their order is chosen; the rest tests the
+models.
+"""
 
 
 @problem("cd-arm/identification", data=RECORD)
@@ -22,10 +24,11 @@ def identification(
 ) -> StateSpaceFit:
     """State-space models of a measured CD-player arm to predict and to simulate, on held-out data.
 
-    Two inputs, two outputs, 2048 samples (DaISy 96-007); the sampling time is not given, so
-    frequencies are in cycles per sample. Estimation and choice of orders use the first 1024
-    samples. The fits are those of the rest, whose first 50 samples give the initial state. The
-    model to predict and the model to simulate are each chosen by validation in its own use.
+    The record has two inputs, two outputs and 2048 samples (DaISy 96-007). Its sampling time is not
+    given, so frequencies are in cycles per sample. The first 1024 samples serve for estimation and
+    for the choice of orders. The fits are computed on the rest, whose first 50 samples give the
+    initial state. One model is chosen to predict and one to simulate, each by validation in its own
+    use.
 
     highest_order: orders from 2 to this one, in steps of two, are tried.
     """
@@ -34,13 +37,15 @@ def identification(
 
 
 def arm_fit(orders: tuple[int, ...], **options: Any) -> StateSpaceFit:
-    """Models of the record, which its authors turned into that of an open loop."""
+    """Models of the record, which its authors converted to open-loop data."""
     return StateSpaceFit(
         *read_record(), estimation=ESTIMATION, orders=orders, assume="open loop", **options
     )
 
 
 def read_record() -> tuple[np.ndarray, np.ndarray]:
-    """Inputs u1 u2 (actuator forces) and outputs y1 y2 (tracking), each (2048, 2), no units."""
+    """Inputs u1 u2 (actuator forces) and outputs y1 y2 (tracking), each (2048, 2),
+    without units.
+    """
     columns = np.loadtxt(Path(__file__).parent / RECORD)
     return columns[:, :2], columns[:, 2:]

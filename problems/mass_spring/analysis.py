@@ -35,23 +35,25 @@ KINDS = ("mixed", "complex")
 CHANNELS = 4
 """Channels of N: two of the perturbation, two of the performance."""
 ORDER_SLACK = 1e-6
-"""Relative amount by which two bounds of the same number may be in the wrong order."""
+"""Rounding error allowed when a lower bound is compared with an upper bound, relative."""
 CONIC_DISTANCE = 1e-4
-"""Largest relative distance from the conic solver's bound, which meets a tolerance of its own."""
+"""Largest accepted relative difference from the conic solver, which has a tolerance of its own."""
 EXCESS_OVER_MU = 1e-3
-"""Largest relative excess over mu, which the bound equals for one real and one complex scalar."""
+"""Largest accepted excess of the bound over mu, relative. For one real and one complex scalar they
+are equal.
+"""
 SMALL_MU = 1e-6
-"""Smaller values of mu count as this in that relative excess."""
+"""Smallest mu by which an excess is divided to make it relative."""
 SINGULARITY = 1e-6
-"""Largest |det(I - N Delta)| where N Delta has the eigenvalue 1; it is 1 without Delta."""
+"""Largest |det(I - N Delta)| accepted as zero; without Delta the determinant is 1."""
 SPRINGS = 201
-"""Springs between 1.2 and 2.8 N/m whose loop is checked to be stable."""
+"""Number of springs between 1.2 and 2.8 N/m for which the loop is checked to be stable."""
 AT_CASE, AT_PEER = "{kind} {question}", "at {peer_omega:.4g}"
-"""Templates of the place of a check's largest value."""
+"""Templates that name the place of a check's largest value."""
 SHOWN, LEAST_SHOWN = (1e-2, 1e2), 1e-5
-"""Frequencies [rad/s] in the figure, and the smallest mu."""
+"""Range of the frequencies [rad/s] in the figure, and the smallest mu shown."""
 Case = tuple[str, str]
-"""A question and a kind."""
+"""A question and a kind of spring."""
 
 
 @problem("mass-spring/analysis")
@@ -61,12 +63,12 @@ def analysis(
 ) -> Analysis:
     """Robust performance and stability of two masses with a real and with a complex spring.
 
-    Bounds of mu over frequency, and its peaks certified over all frequencies, for the controller
-    u = 0.005 s / (s + 0.1) y. The uncertain spring is a real scalar; as a complex one it gives the
-    bounds that are usual without real uncertainty.
+    Bounds of mu over frequency, and peaks certified over all frequencies, for the controller u =
+    0.005 s / (s + 0.1) y. The uncertain spring is a real scalar; if it is replaced by a complex
+    one, the bounds are those of an analysis that knows no real uncertainty.
 
-    peak_width: relative width of the certified peaks. peers: frequencies at which CVXPY with
-    Clarabel computes the upper bound again.
+    peak_width: relative width of the certified interval of a peak. peers: number of frequencies at
+    which CVXPY with Clarabel computes the upper bound again.
     """
     return Analysis(peak_width, peers)
 
@@ -86,7 +88,7 @@ class Analysis(Study):
 
     @part
     def plants(self) -> dict[str, GeneralisedPlant]:
-        """The plant by kind of its spring."""
+        """The generalised plant, by kind of spring."""
         plant = two_mass_plant()
         assert plant.structure is not None
         complex_ = replace(plant, structure=plant.structure.complexified())
@@ -94,7 +96,7 @@ class Analysis(Study):
 
     @part
     def found(self, plants: dict[str, GeneralisedPlant]) -> dict[str, Conditions]:
-        """Conditions of robustness by kind."""
+        """Robustness conditions of the loop, by kind of spring."""
         K = simple_controller()
         return {
             kind: conditions(plant, K, tolerance=self.peak_width) for kind, plant in plants.items()
@@ -109,18 +111,18 @@ class Analysis(Study):
 
     @peaks.checkers
     def of_the_cases(self, cases: Any) -> dict[Case, PeakChecker]:
-        """What certifies the peak of each case."""
+        """Checker that certifies the peak of each case."""
         return {case: PeakChecker(*question) for case, question in cases.items()}
 
     @part
     def cases(self, plants: Any) -> dict[Case, tuple[StateSpace, Structure]]:
-        """System that Delta closes, and structure of Delta, of each case."""
+        """For each case the system that Delta closes, and the structure of Delta."""
         of = {kind: condition_systems(plant, simple_controller()) for kind, plant in plants.items()}
         return {case: of[case[1]][f"robust_{case[0]}"] for case in product(QUESTIONS, KINDS)}
 
     @part
     def sweeps(self, cases: Any, omega: DataArray) -> dict[Case, Sweep]:
-        """Bounds of each case over frequency."""
+        """Bounds of mu over frequency, for each case."""
         return {
             case: frequency_sweep(N, structure, omega=omega.values, lower="best")
             for case, (N, structure) in cases.items()
@@ -136,7 +138,7 @@ class Analysis(Study):
 
     @part
     def peer_places(self, omega: DataArray) -> Array:
-        """Places among the frequencies where the conic solver computes the bound again."""
+        """Indices of the frequencies at which the conic solver computes the bound again."""
         shown = np.flatnonzero((omega.values >= SHOWN[0]) & (omega.values <= SHOWN[1]))
         return shown[np.linspace(0, len(shown) - 1, self.peers).astype(int)]
 
@@ -169,7 +171,7 @@ class Analysis(Study):
     Delta = array(
         dims=(*each, "row", "column"),
         unit="1",
-        value=lambda peaks: _grid(lambda c: _filled(peaks[c].Delta)),
+        value=lambda peaks: _grid(lambda c: _padded(peaks[c].Delta)),
     )
     nominal_performance = array(
         dims=(), unit="1", value=lambda found: found["mixed"].nominal_performance.upper
@@ -243,7 +245,7 @@ class Analysis(Study):
         where=AT_PEER,
     )
     def conic(self, upper: DataArray, peer: DataArray) -> DataArray:
-        return _over(upper, peer) - 1
+        return _ratio_to_conic(upper, peer) - 1
 
     @check(
         title="conic bounds of performance",
@@ -252,8 +254,9 @@ class Analysis(Study):
         where=AT_PEER,
     )
     def conic_performance(self, upper: DataArray, peer: DataArray) -> DataArray:
-        # Where stability hangs on a spring alone, G grows beyond what the conic solver resolves.
-        return abs(_over(upper, peer).sel(question="performance") - 1)
+        # If a spring alone can make the loop unstable, G grows beyond what the conic solver
+        # resolves.
+        return abs(_ratio_to_conic(upper, peer).sel(question="performance") - 1)
 
     @check(
         title="never below mu",
@@ -262,7 +265,7 @@ class Analysis(Study):
         where=AT_PEER,
     )
     def reached(self, upper: DataArray, peer_omega: DataArray) -> DataArray:
-        return 1 / _over_mu(upper, peer_omega)
+        return 1 / _ratio_to_mu(upper, peer_omega)
 
     @check(
         title="exact",
@@ -272,7 +275,7 @@ class Analysis(Study):
     )
     def tight(self, upper: DataArray, peer_omega: DataArray) -> DataArray:
         mu = real_spring_mu(peer_omega.values)
-        return (_over_mu(upper, peer_omega) - 1) * mu / np.maximum(mu, SMALL_MU)
+        return (_ratio_to_mu(upper, peer_omega) - 1) * mu / np.maximum(mu, SMALL_MU)
 
     @check(
         title="singular",
@@ -294,7 +297,9 @@ class Analysis(Study):
         over="at the frequency of each peak",
     )
     def size(self, peak: DataArray, Delta: DataArray) -> DataArray:
-        """Distance from 1 of the largest singular value of Delta times the lower bound."""
+        """Distance from 1 of the product of the lower bound and the largest singular value of
+        Delta.
+        """
         norms = [[np.linalg.norm(one, 2) for one in row] for row in Delta.values]
         return abs(peak.sel(bound="lower") * np.array(norms) - 1)
 
@@ -320,7 +325,7 @@ class Analysis(Study):
     def mu(self, answer: Dataset) -> Figure:
         figure, panels = figures.axes(2, 1, size=(7.0, 7.0), sharex=True)
         for panel, question in zip(panels, QUESTIONS, strict=True):
-            # The mixed curves lie on the complex ones or below: they are drawn last and thinner.
+            # The mixed curves lie on or below the complex ones, so they are drawn last and thinner.
             for kind, colour, width in (
                 ("complex", figures.ORANGE, 2.6),
                 ("mixed", figures.BLUE, 1),
@@ -340,23 +345,23 @@ class Analysis(Study):
 
 
 def _grid(value: Callable[[Case], Any]) -> list[list[Any]]:
-    """A value of each case, by question and kind."""
+    """A value for each case, in a table of questions by kinds."""
     return [[value((question, kind)) for kind in KINDS] for question in QUESTIONS]
 
 
-def _filled(Delta: ComplexArray) -> ComplexArray:
-    """Delta with zeros for the channels that it lacks, (CHANNELS, CHANNELS)."""
+def _padded(Delta: ComplexArray) -> ComplexArray:
+    """Delta (CHANNELS, CHANNELS), padded by zeros for channels that it does not have."""
     found = np.zeros((CHANNELS, CHANNELS), complex)
     found[: len(Delta), : len(Delta)] = Delta
     return found
 
 
-def _over(upper: DataArray, peer: DataArray) -> DataArray:
-    """The upper bound over the conic solver's, at its frequencies."""
+def _ratio_to_conic(upper: DataArray, peer: DataArray) -> DataArray:
+    """The upper bound divided by the conic solver's, at the conic solver's frequencies."""
     return peer.copy(data=upper.sel(omega=peer["peer_omega"].values).values / peer.values)
 
 
-def _over_mu(upper: DataArray, peer_omega: DataArray) -> DataArray:
-    """The upper bound of stability over the exact mu of a real spring, at the same frequencies."""
+def _ratio_to_mu(upper: DataArray, peer_omega: DataArray) -> DataArray:
+    """The upper bound of robust stability divided by the exact mu for a real spring."""
     stability = upper.sel(question="stability", kind="mixed", omega=peer_omega.values)
     return peer_omega.copy(data=stability.values / real_spring_mu(peer_omega.values))

@@ -1,4 +1,4 @@
-"""Element equations of the loop of the two masses, with which its analysis is checked."""
+"""Element equations of the two-mass loop, by which its analysis is checked."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from scipy.optimize import minimize_scalar
 from .plant import B1, B2, CORNER, GAIN, K2, M1, M2, SPRING, weights
 
 SPRINGS_TRIED = 4001
-"""Number of springs of either sign among which the worst is searched."""
+"""Number of springs of each sign among which the worst is searched."""
 DELTA_RANGE = (1e-4, 1e5)
-"""Smallest and largest |delta| of these springs."""
+"""Smallest and largest |delta| of the springs tried."""
 
 
 def determinant(omega: float, Delta: np.ndarray) -> complex:
-    """det(I - N Delta) at `omega` [rad/s], by the element equations and not by N.
+    """det(I - N Delta) at `omega` [rad/s], from the element equations instead of N.
 
-    Delta (4, 4) maps (y_m, z_k1, z_p, z_u) to (u_m, w_k1, d, n). It is the
-    determinant of the loop's equations in z1, z2, u, d, n with Delta, over that without Delta.
+    Delta (4, 4) maps (y_m, z_k1, z_p, z_u) to (u_m, w_k1, d, n). The result is the determinant of
+    the loop's equations in z1, z2, u, d, n with Delta, divided by that without Delta.
     """
     s = 1j * omega
     W = {name: complex(weight(s)) for name, weight in weights().items()}
@@ -44,7 +44,7 @@ def determinant(omega: float, Delta: np.ndarray) -> complex:
 
 
 def characteristic_roots(delta: float) -> np.ndarray:
-    """Roots [rad/s] of the loop without weights and unmodelled dynamics, u = K y."""
+    """Roots [rad/s] of the loop u = K y without weights and unmodelled dynamics."""
     k1 = SPRING.nominal * (1 + SPRING.tolerance * delta)
     link = np.array([B1, k1])
     first = np.polyadd([M1, 0, 0], link)
@@ -55,10 +55,11 @@ def characteristic_roots(delta: float) -> np.ndarray:
 
 
 def real_spring_mu(omega: np.ndarray) -> np.ndarray:
-    """mu of robust stability (F,) at `omega` [rad/s] (F,), the spring real.
+    """mu of robust stability (F,) at `omega` [rad/s] (F,), for a real spring.
 
-    det(I - N11 Delta) = a + b d + c r + e d r in the dynamics d and the spring r: to each real r
-    belongs one d, and mu is the inverse of the least max(|d|, |r|), found by a search over r.
+    With the dynamics d and the spring r, det(I - N11 Delta) = a + b d + c r + e d r. Each real r
+    has one d at which the determinant is zero. mu is the inverse of the least max(|d|, |r|), which
+    a search over r finds.
     """
     return np.array([_real_spring_mu(float(w)) for w in omega])
 

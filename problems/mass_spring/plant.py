@@ -22,7 +22,7 @@ from workbench.structure import Complex
 from workbench.uncertainty import GeneralisedPlant, Parameter, generalised_plant, parametric
 
 M1, M2 = 1.0, 2.0
-"""Masses [kg]."""
+"""Masses m1 and m2 [kg]."""
 K2, B1, B2 = 1.0, 0.05, 0.05
 """Spring to the wall [N/m]; dampers between the masses and to the wall [N s/m]."""
 SPRING = Parameter("k1", 2.0, 0.4)
@@ -49,7 +49,9 @@ def weights() -> dict[str, TransferFunction]:
 
 
 def masses(k1: Any) -> tuple[Any, Any, Any, Any]:
-    """A, B, C, D from (f1, f2) to z2, states z1, z2, z1', z2'; k1 a number or uncertain."""
+    """A, B, C, D from (f1, f2) to z2, with the states z1, z2, z1', z2'; k1 is a number or
+    uncertain.
+    """
     A = [
         [0.0, 0.0, 1.0, 0.0],
         [0.0, 0.0, 0.0, 1.0],
@@ -88,8 +90,9 @@ def two_mass_plant() -> GeneralisedPlant:
 def simple_controller() -> StateSpace:
     """The controller u = 0.005 s / (s + 0.1) y, for analysis only: it hardly moves the masses.
 
-    The nominal loop is stable with either sign of it, and with the wall at either mass: stability
-    does not tell the readings apart, so wall and sign are those of the paper.
+    The nominal loop is stable with either sign of this controller, and with the wall at either
+    mass. Stability alone cannot tell these readings of the paper apart, so the wall and the sign
+    are taken as printed.
     """
     import control
 

@@ -1,1 +1,3 @@
-"""Small named problems of every kind of Program, solved in seconds: to compare methods on."""
+"""Small problems of every kind of Program, each solved in seconds, on which methods
+are compared.
+"""

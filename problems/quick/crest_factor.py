@@ -1,4 +1,4 @@
-"""Multisines of low peaks."""
+"""Multisines with a low crest factor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ LINES = {"eight-lines": np.arange(1, 9), "odd-lines": np.arange(1, 48, 2)}
 def crest_factor(lines: Literal["eight-lines", "odd-lines"]) -> CrestFactor:
     """The phases of a flat multisine with the lowest ratio of peak to rms value.
 
-    Lines 1 to 8; or the 24 odd lines up to 47, which leave the even ones for distortions.
+    The lines are 1 to 8, or the 24 odd lines up to 47. The even lines then stay free and show
+    distortions.
     """
     chosen = LINES[lines]
     return CrestFactor(1.0, chosen, 8 * int(chosen[-1] + 1))

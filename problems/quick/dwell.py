@@ -15,21 +15,21 @@ SAMPLE = 0.1
 MASSES = (0.5, 1.0, 2.0)
 """Masses that the cart may have [kg]."""
 FEEDBACK = np.array([[1.0, 1.5]])
-"""Force for each metre [N/m] and for each metre a second [N s/m]."""
+"""Gains of the state feedback u = -K x: of the position [N/m] and of the speed [N s/m]."""
 LONGEST_LOSS = 5
-"""Samples for which the measurements may be lost."""
+"""Largest number of samples in a row without a measurement."""
 OSCILLATORS = {"soft": (0.1, 0.5), "stiff": (10.0, 1.0)}
 """Stiffness over mass [1/s^2] and damping over mass [1/s] of two oscillators."""
 STEP = 0.5
-"""Time between instants at which the oscillators may change [s]."""
+"""Sampling time of the oscillators [s]: switches happen only at its multiples."""
 
 
 @problem("quick/{loop}/dwell", loop=("oscillators", "cart"))
 def dwell(loop: Literal["oscillators", "cart"]) -> SwitchedStability:
     """The shortest stay between switches for which a switched loop is proven stable.
 
-    Two damped oscillators that take turns; a cart of uncertain mass under sampled state feedback,
-    whose measurements are lost for up to five samples.
+    Loop "oscillators": two damped oscillators that take turns. Loop "cart": a cart of uncertain
+    mass under sampled state feedback, whose measurements are lost for up to five samples in a row.
     """
     if loop == "oscillators":
         return SwitchedStability(
@@ -53,7 +53,7 @@ def dwell(loop: Literal["oscillators", "cart"]) -> SwitchedStability:
 
 
 def _oscillator(stiffness: float, damping: float) -> RealArray:
-    """Transition over one step."""
+    """State transition matrix of an oscillator over one STEP."""
     from scipy.linalg import expm
 
     A: RealArray = expm(STEP * np.array([[0.0, 1.0], [-stiffness, -damping]]))
@@ -61,6 +61,8 @@ def _oscillator(stiffness: float, damping: float) -> RealArray:
 
 
 def _cart(mass: float) -> tuple[RealArray, RealArray]:
-    """Transition of position and speed over one sample, and the effect of a held force."""
+    """State transition matrix of (position, speed) over one sample, and the input matrix of a held
+    force.
+    """
     A = np.array([[1.0, SAMPLE], [0.0, 1.0]])
     return A, np.array([[SAMPLE**2 / 2], [SAMPLE]]) / mass

@@ -14,15 +14,16 @@ from workbench.uncertainty import GeneralisedPlant, generalised_plant
 from ..mass_spring.plant import SPRING, masses
 
 NOISE = 0.05
-"""Noise of a measurement, over what is measured."""
+"""Weight of the measurement noise n: noise of size 1 adds this much to a measurement."""
 
 
 @problem("quick/{plant}/fault-filter", plant=("lag", "two-masses"))
 def fault_filter(plant: Literal["lag", "two-masses"]) -> FaultEstimation:
     """The filter that estimates a fault best while disturbances leak in least.
 
-    A sensor's fault behind an uncertain lag; the fault of an actuator of two masses with a spring,
-    the positions measured, a force on the other mass as the disturbance.
+    Plant "lag": a sensor fault behind an uncertain lag. Plant "two-masses": two masses joined by a
+    spring, where the fault is a force on one mass, the disturbance a force on the other, and both
+    positions are measured.
     """
     import control
 
@@ -44,7 +45,7 @@ def fault_filter(plant: Literal["lag", "two-masses"]) -> FaultEstimation:
 
 
 def _lag() -> GeneralisedPlant:
-    """1 / (s + 0.5), its input uncertain by 30 %, its sensor with a fault and noise."""
+    """Plant 1 / (s + 0.5) with 30 % uncertainty at its input; its sensor has a fault and noise."""
     import control
 
     return generalised_plant(
@@ -60,7 +61,9 @@ def _lag() -> GeneralisedPlant:
 
 
 def _two_masses() -> GeneralisedPlant:
-    """The nominal masses, fault force on the one, disturbance force on the other."""
+    """The two masses with the nominal spring. The fault is a force on the first, the disturbance on
+    the second.
+    """
     import control
 
     A, B, _, _ = masses(SPRING.nominal)

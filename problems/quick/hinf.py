@@ -14,7 +14,8 @@ from ..textbook.controller import PLANTS
 def hinf(plant: Literal["mass-spring", "distillation", "unstable-first-order"]) -> HinfSynthesis:
     """The controller with the least H-infinity norm of the weighted plant.
 
-    Perturbation channels count as exogenous inputs and performance outputs, so that its norm bounds
-    mu. Two masses with a spring, the ill-conditioned distillation column, an unstable plant.
+    Perturbation channels count as exogenous inputs and performance outputs, so that the norm bounds
+    mu. The plants are two masses with a spring, the ill-conditioned distillation column, and an
+    unstable plant.
     """
     return HinfSynthesis(PLANTS[plant]())

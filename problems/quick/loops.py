@@ -1,4 +1,4 @@
-"""Closed loops of the literature, for bounds of mu."""
+"""Closed loops of the literature whose mu is bounded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from ..textbook.controller import PLANTS
 from ..textbook.distillation import GAINS, TIME_CONSTANT
 
 RANGES = {"mass-spring": (1e-2, 1e2), "distillation": (1e-3, 1e2)}
-"""Frequencies [rad/s, of the column rad/min] from below the loop's bandwidth to above it."""
+"""First and last frequency, in rad/s and for the column in rad/min: from below the bandwidth of the
+loop to above it.
+"""
 INVERSE_GAIN = 0.7
 """Bandwidth of the inverse-based controller of the column [rad/min]."""
 
@@ -41,7 +43,9 @@ CONTROLLERS: dict[str, Callable[[], StateSpace]] = {
 
 
 def closed_loop(plant: str) -> GeneralisedPlant:
-    """The loop of a plant with its controller, (perturbation, exogenous) -> (.., performance)."""
+    """Closed loop of a plant with its controller: (perturbation, exogenous) -> (perturbation,
+    performance).
+    """
     whole = PLANTS[plant]()
     return GeneralisedPlant(whole.close(CONTROLLERS[plant]()), whole.structure, 0, 0)
 
@@ -51,7 +55,9 @@ Few = Annotated[int, Field(ge=2, le=1000)]
 
 
 def loop_matrices(plant: str, frequencies: int) -> tuple[Any, Structure]:
-    """N(j omega) (frequency, outputs, inputs), labelled, and the structure of performance."""
+    """Labelled N(j omega) (frequency, outputs, inputs), and the structure for robust
+    performance.
+    """
     import xarray as xr
 
     loop = closed_loop(plant)

@@ -12,7 +12,7 @@ from .shapes import OMEGA, Order, Shape
 
 @problem("quick/{shape}/magnitude-fit", shape=("delay", "half-order"))
 def magnitude_fit(shape: Shape, order: Order = 3) -> MagnitudeFit:
-    """A weight from magnitudes: over all delays up to 1 s from above, or of (1 + s)^(-1/2).
+    """A weight fitted to magnitudes: it covers all delays up to 1 s, or follows |1 + s|^(-1/2).
 
     order: number of poles.
     """

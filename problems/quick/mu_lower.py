@@ -12,8 +12,8 @@ from .loops import Few, Loop, loop_matrices
 def mu_lower(plant: Loop, frequencies: Few = 12) -> MuLowerBound:
     """Lower bound of mixed mu of a loop: the smallest perturbation found at each frequency.
 
-    The loops of quick/{plant}/mu-upper.
+    The loops are those of quick/{plant}/mu-upper.
 
-    frequencies: how many.
+    frequencies: number of frequencies.
     """
     return MuLowerBound(*loop_matrices(plant, frequencies))

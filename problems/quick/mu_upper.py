@@ -12,9 +12,9 @@ from .loops import Few, Loop, loop_matrices
 def mu_upper(plant: Loop, frequencies: Few = 12) -> MuUpperBound:
     """Upper bound of mixed mu of a loop: a D/G linear matrix inequality at each frequency.
 
-    The two masses with a simple controller have a real and a complex scalar beside the performance,
-    the distillation column with the inverse of its gains two complex scalars.
+    Besides the performance block, the two masses with a simple controller have a real and a complex
+    scalar. The distillation column with an inverse-based controller has two complex scalars.
 
-    frequencies: how many.
+    frequencies: number of frequencies.
     """
     return MuUpperBound(*loop_matrices(plant, frequencies))

@@ -1,4 +1,4 @@
-"""Functions that are not rational, to be fitted."""
+"""Frequency responses that are not rational, for rational functions to be fitted to."""
 
 from __future__ import annotations
 
@@ -10,4 +10,6 @@ from pydantic import Field
 Shape = Literal["delay", "half-order"]
 Order = Annotated[int, Field(ge=1, le=10)]
 OMEGA = np.geomspace(0.05, 50.0, 60)
-"""Frequencies [rad/s] of the data, for a delay of 1 s and a corner of 1 rad/s."""
+"""Frequencies [rad/s] of the data, on both sides of 1 rad/s, where the delay of 1 s and the corner
+act.
+"""

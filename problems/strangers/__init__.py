@@ -1,1 +1,3 @@
-"""Twelve plants that the workbench has never seen, from their loggers' files to the C file."""
+"""Twelve simulated plants that the workbench has never seen, from their loggers' files to the C
+file.
+"""

@@ -1,4 +1,4 @@
-"""The user's way: records, `workbench init`, `workbench run`, all in an empty folder."""
+"""The user's way from records to C: `workbench init` and `workbench run` in an empty folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .simulators.recorder import write_records
 from .simulators.stranger import Stranger
 
 LONGEST = 3600.0
-"""Time limit [s] of a command."""
+"""Longest time [s] that one command may take."""
 
 EVIDENCE = """
 import json, sys
@@ -43,18 +43,18 @@ frequency = runs["cover"].task.responses.frequency_hz
 band = [float(frequency[0]), float(frequency[-1])]
 print(json.dumps({"form": model.form, "band": band, "runs": told}, default=str))
 """
-"""Reads the results in the study's own folder, where its problems are known."""
+"""Script that reads the results in the study's own folder, where its problems are registered."""
 
 
 @dataclass
 class Way:
-    """How far a user came: the words of each command, its exit status, and what it said."""
+    """Record of a user's commands: for each the words, exit status, time [s] and output."""
 
     folder: Path
     steps: list[tuple[str, int, float, str]] = field(default_factory=list)
 
     def go(self, words: list[str], place: Path) -> str:
-        """Run a command of the workbench. Raises `RefusedError` where it ends with a failure."""
+        """Run a command and return its standard output. Raises `RefusedError` if it fails."""
         started = time.monotonic()
         try:
             done = subprocess.run(
@@ -75,14 +75,16 @@ class Way:
 
 
 class RefusedError(Exception):
-    """The chain does not reach its end; its words are those of the command."""
+    """A command failed or wrote no header, so the chain stops; the message quotes the command's
+    output.
+    """
 
 
 @dataclass(frozen=True)
 class Delivered:
-    """What the chain leaves: numbers of its runs, responses (F,) by name, and the header.
+    """Results of the chain: facts about its runs, responses (F,) by name, and the header file.
 
-    ``band`` [Hz]: frequencies that the cover was made for.
+    ``band`` [Hz]: frequencies for which the cover was made.
     """
 
     form: str
@@ -98,7 +100,9 @@ def name_of(plant: str) -> str:
 
 
 def delivered(plant: str, one: Stranger, way: Way, omega: RealArray) -> Delivered:
-    """Go the whole way. Raises `RefusedError` where it ends early."""
+    """Run the whole chain from records to the header file. Raises `RefusedError` if a
+    step fails.
+    """
     write_records(one, way.folder / "records")
     study = name_of(plant)
     actuator = one.inputs[0]

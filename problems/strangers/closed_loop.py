@@ -1,4 +1,4 @@
-"""The C file closes the loop with each nonlinear unit."""
+"""The C file closes the loop around the nonlinear simulation of each unit."""
 
 from __future__ import annotations
 
@@ -42,17 +42,19 @@ double advance(int unit, double r, double y)
 }
 """
 ABSOLUTE = re.compile(r"_step\([^)]*\br\[")
-"""A step that takes set-points beside measurements; an older one takes errors."""
+"""A step function that takes set-points and measurements; in older headers it takes errors."""
 QUIET, STEPPED, LOADED = 0.5, 2.0, 2.0
-"""Times at rest, after the step and after the load, over the demanded settling time."""
+"""Durations of the rest, of the phase after the step and of that after the load, over the demanded
+settling time.
+"""
 END = 0.3
-"""Part of a phase at its end, over the settling time, in which what is left is judged."""
+"""Last part of a phase, over the settling time, in which the remaining error is judged."""
 
 
 class CController:
     """A controller of one input and one output, compiled from its header.
 
-    Raises `subprocess.CalledProcessError` where the compiler refuses it.
+    Raises `subprocess.CalledProcessError` if the compiler refuses the header.
     """
 
     def __init__(self, header: Path, folder: Path) -> None:
@@ -68,18 +70,22 @@ class CController:
         self._code.advance.restype = ctypes.c_double
 
     def begin(self, r: RealArray, y: RealArray, u: RealArray) -> None:
-        """Start every unit from set-points, measurements and controls (N,) as they are."""
+        """Start the controller of every unit at these set-points, measurements and controls
+        (N,).
+        """
         for k in range(len(r)):
             self._code.begin(k, r[k], y[k], u[k])
 
     def advance(self, r: RealArray, y: RealArray) -> RealArray:
-        """Controls (N,) of every unit."""
+        """Next controls (N,) of every unit."""
         return np.array([self._code.advance(k, r[k], y[k]) for k in range(len(r))])
 
 
 @dataclass(frozen=True)
 class Driven:
-    """Time (T,), set-points, outputs and controls (T, N) of all units, and where phases begin."""
+    """Time (T,); set-points, outputs and controls (T, N) of all units; and the samples at which
+    phases end.
+    """
 
     time: RealArray
     wanted: RealArray
@@ -89,10 +95,11 @@ class Driven:
 
 
 def driven(plant: Stranger, controller: CController, delay: float, seed: int) -> Driven:
-    """Every unit from rest through a step of the set-point and a load, by the C file.
+    """Simulate every unit under the C file: at rest, after a step of the set-point, then under a
+    load.
 
-    The computer takes ``delay`` [samples], rounded up, from measurement to control. The plant has
-    its own limits, whatever the controller says.
+    The controls act ``delay`` [samples], rounded up, after the measurements. The plant limits the
+    controls itself, whatever the controller says.
     """
     rig, rng, late = Rig(plant, plant.drawn()), np.random.default_rng(seed), int(np.ceil(delay))
     settling, demand = plant.demand.settling / plant.period, plant.demand
@@ -115,12 +122,13 @@ def driven(plant: Stranger, controller: CController, delay: float, seed: int) ->
 
 
 def verdicts(plant: Stranger, one: Driven) -> dict[str, RealArray]:
-    """What became of each unit (N,), each number over what is demanded: at most 1 is well.
+    """Measures of each unit (N,), each divided by the demand: met if at most 1.
 
     ``bump``: largest move of the output at rest, and of the first control. ``overshoot``,
-    ``settling``: of the step. ``error``: mean error at the end of both phases. ``cycle``: half the
-    width of what still moves there. ``limits``: largest control beyond its limits. ``away``: the
-    share of the time at a limit at the end of both phases, where none is needed.
+    ``settling``: of the step response. ``error``: mean error at the end of both phases. ``cycle``:
+    half the width of the oscillation that remains there. ``limits``: largest control beyond its
+    limits. ``away``: share of the time that the control spends at a limit at the end of both
+    phases, where no limit is needed.
     """
     demand, channel, actuator = plant.demand, plant.outputs[0], plant.inputs[0]
     step, (begin, load, count) = demand.step[0], one.phases

@@ -1,4 +1,6 @@
-"""Each stranger judged with the truth: what the chain promises, and what its C file does."""
+"""Judge a stranger by its true plant: does the chain keep its promises, and what does its C file
+do?
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,9 @@ from .simulators.stranger import Stranger
 from .study import DELAY, StrangerStudy
 
 LEAST_BANDWIDTH = 0.5
-"""Certified bandwidth that is asked for, over that of a SIMC controller."""
+"""Demanded certified bandwidth, over the bandwidth of a SIMC controller."""
 MEASURES = ("bump", "overshoot", "settling", "error", "cycle", "limits", "away")
-"""Verdicts of the simulated loop; each is at most 1 where the loop does what is demanded."""
+"""Measures of the simulated loop; each is at most 1 if the demand is met."""
 
 
 @problem(
@@ -54,10 +56,11 @@ MEASURES = ("bump", "overshoot", "settling", "error", "cycle", "limits", "away")
 def loop(plant: str) -> StrangerLoop:
     """A plant that the workbench never saw, from its loggers' files to C in its nonlinear loop.
 
-    Records of every unit go through `workbench init` and `workbench run` in an empty folder, and
-    a C compiler. The C file then drives each nonlinear unit through a step and a load. Promises
-    are compared with the true linear plants, the loop with what was demanded beforehand, and the
-    certified bandwidth with that of a SIMC controller which knows the true nominal.
+    The records of all units go through `workbench init` and `workbench run` in an empty folder, and
+    the controller through a C compiler. The C file then drives each nonlinear unit through a step
+    and a load. The promises are compared with the true linear plants, the loop with demands that
+    were fixed beforehand, and the certified bandwidth with that of a SIMC controller designed for
+    the true nominal plant.
     """
     return StrangerLoop(plant)
 
@@ -85,7 +88,7 @@ class StrangerLoop(StrangerStudy):
         return data
 
     def _refused(self, reason: str) -> Dataset:
-        """What is known where the chain ends early."""
+        """The data that are stored if the chain stops early."""
         import xarray as xr
 
         simc = bandwidth_of_simc(self.stranger, DELAY) if len(self.stranger.inputs) == 1 else np.nan
@@ -94,7 +97,9 @@ class StrangerLoop(StrangerStudy):
         )
 
     def _judged(self, found: Delivered, place: Path) -> Dataset:
-        """Promises and the loop of what the chain delivered."""
+        """Judgement of the delivered controller: promises against the true plants, and the
+        simulated loop.
+        """
         import xarray as xr
 
         plant, omega = self.stranger, grid(self.stranger)
@@ -128,7 +133,7 @@ class StrangerLoop(StrangerStudy):
                 "peak": ((), float(design["metrics"].get("peak", np.nan))),
                 "states": ((), float(found.runs["board"]["states"] or np.nan)),
                 "unproven": ((), float(sum(not run["holds"] for run in found.runs.values()))),
-                **_courses(one, plant),
+                **_time_series(one, plant),
             },
             coords={
                 "measure": list(MEASURES),
@@ -148,7 +153,9 @@ class StrangerLoop(StrangerStudy):
         return checks + [Check(*one, limit=1.0) for one in self._promises(answer)]
 
     def _promises(self, answer: Dataset) -> list[tuple[str, str, float]]:
-        """Names, statements and numbers of all that is judged; at most 1 where it is kept."""
+        """Names, statements and numbers of all promises; each is kept if its number is at
+        most 1.
+        """
         if answer.attrs["refused"]:
             return []
         wanted = LEAST_BANDWIDTH * float(answer["simc_bandwidth"])
@@ -167,12 +174,12 @@ class StrangerLoop(StrangerStudy):
         return told
 
     def _worst(self, answer: Dataset) -> float:
-        """The largest of all numbers; infinite where the chain refused."""
+        """The largest number of all promises; infinite if the chain refused."""
         return max((value for *_, value in self._promises(answer)), default=np.inf)
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         told = {name: value for name, _, value in self._promises(answer)}
-        if told:  # outside of the measured band nothing is promised
+        if told:  # nothing is promised outside the measured band
             told["cover_everywhere"] = float(answer["excess_everywhere"].max())
         return {"worst": self._worst(answer), **told}
 
@@ -188,11 +195,11 @@ class StrangerLoop(StrangerStudy):
     def figures(self, answer: Dataset) -> dict[str, Figure]:
         if answer.attrs["refused"]:
             return {}
-        return {"loop": _drawn(answer, self.stranger)}
+        return {"loop": _loop_figure(answer, self.stranger)}
 
 
-def _courses(one: Driven, plant: Stranger) -> dict[str, Any]:
-    """Time series as variables."""
+def _time_series(one: Driven, plant: Stranger) -> dict[str, Any]:
+    """Time series as variables of a dataset."""
     both = ("time", "unit")
     output, actuator = plant.outputs[0], plant.inputs[0]
     return {
@@ -202,8 +209,8 @@ def _courses(one: Driven, plant: Stranger) -> dict[str, Any]:
     }
 
 
-def _drawn(answer: Dataset, plant: Stranger) -> Figure:
-    """Outputs from where they rested, and controls, of all units."""
+def _loop_figure(answer: Dataset, plant: Stranger) -> Figure:
+    """Figure of all units: outputs relative to their values at rest, and controls."""
     figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 5.4), sharex=True)
     time: RealArray = answer["time"].values
     rest = answer["wanted"].values[0]

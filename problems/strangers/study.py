@@ -1,4 +1,4 @@
-"""What the studies of a stranger share."""
+"""The base of all studies of strangers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DELAY = 1.0
 
 @dataclass(frozen=True, eq=False)
 class StrangerStudy(Study):
-    """A study of the units of one stranger, by its name."""
+    """A study of all units of one stranger, which is given by its name."""
 
     plant: str
 

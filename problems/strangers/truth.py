@@ -1,4 +1,4 @@
-"""The true linear plants of each stranger, found by differences of its equations."""
+"""The true linear plants of each stranger, from numerical derivatives of its equations."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ from .simulators.stranger import Array, Stranger
 from .study import DELAY, StrangerStudy
 
 SMALL, SAMPLES, HALF_PERIOD = 1e-4, 60, 7
-"""Size of a test signal over the input's range, its length and half period [samples]."""
+"""Size of the test signal over the input's range, its length and its half period [samples]."""
 NONLINEAR = 0.05
-"""Largest difference of equations and linear plants for such a signal, over the largest answer."""
+"""Largest accepted difference between equations and linear plants for this signal, over the largest
+output.
+"""
 
 
 @problem(
@@ -48,7 +50,7 @@ def truth(plant: str) -> StrangerTruth:
 
 @dataclass(frozen=True, eq=False)
 class StrangerTruth(StrangerStudy):
-    """Responses of the true linear plants, and whether the equations answer alike near rest."""
+    """Responses of the true linear plants, and whether the equations agree with them near rest."""
 
     headline: ClassVar[str] = "apart"
 
@@ -96,9 +98,9 @@ class StrangerTruth(StrangerStudy):
 
 
 def differences(plant: Stranger) -> Array:
-    """Largest difference (N,) of equations and linear plants for a small square wave.
+    """Largest difference (N,) between equations and linear plants, for a small square wave.
 
-    Relative to the largest answer of the unit. Dry friction and backlash are left out of both.
+    It is relative to the largest output of the unit. Both are without dry friction and backlash.
     """
     p = plant.linear(plant.drawn())
     rig, every = Rig(plant, p), linear_plants(plant, plant.drawn())
@@ -107,7 +109,7 @@ def differences(plant: Stranger) -> Array:
     worst = np.zeros(plant.units)
     largest = np.full(plant.units, np.finfo(float).tiny)
     states = [np.zeros(len(one.A)) for one in every]
-    moves = [_moved(one.A, one.B, step) for one in every]
+    moves = [_discretised(one.A, one.B, step) for one in every]
     late = [round(one.delay / step) for one in every]
     past: list[Array] = [np.zeros(len(plant.inputs))] * (max(late) + 1)
     for k in range(SAMPLES):
@@ -125,8 +127,8 @@ def differences(plant: Stranger) -> Array:
     return apart
 
 
-def _moved(A: Array, B: Array, step: float) -> tuple[Array, Array]:
-    """Transition of the states and effect of a held input over a step."""
+def _discretised(A: Array, B: Array, step: float) -> tuple[Array, Array]:
+    """Transition matrix of the states and input matrix of a held input, over one step."""
     n, m = B.shape
     both = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * step)
     return both[:n, :n], both[:n, n:]

@@ -1,4 +1,4 @@
-"""A benchmark's robust controller on a processor, with its C code."""
+"""A benchmark's robust controller as C code for a processor."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def board(
 ) -> Implementation:
     """The controller of the unstable plant with few states, sampled, in C.
 
-    The results folder holds controller.h. The certificate is about the sampled loop: hold, delay of
-    the computer, rounding of coefficients and signals.
+    The results folder holds controller.h. The certificate is about the sampled loop with its hold,
+    the computing delay, and the rounding of coefficients and signals.
 
-    period: sampling time [s]. delay: of the computer [samples]. precision: double, float or fixed.
-    order: to which the controller is reduced, None: not.
+    period: sampling time [s]. delay: computing delay [samples]. precision: double, float or fixed.
+    order: number of states to which the controller is reduced; None keeps all.
     """
     scale = (10.0, 10.0) if precision == "fixed" else None
     plant = unstable_first_order()

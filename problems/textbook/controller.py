@@ -1,4 +1,4 @@
-"""Benchmarks of mu synthesis, by any chain of methods."""
+"""Benchmarks of mu synthesis, each solved by one method or by a chain of two."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ PLANTS: dict[str, Callable[[], GeneralisedPlant]] = {
     "unstable-first-order": unstable_first_order,
 }
 MASS_SPRING_UNITS = {"d": "1", "n": "1", "u": "N", "y": "m"}
-"""Units of signals where the plant has any: its weights take d and n without one."""
+"""Units of the signals of the two masses. The weights scale d and n, which have no unit."""
 After = Literal["", "dk", "mu-dk", "dgk"]
 
 
 def earlier(plant: str, after: After = "", **_: Any) -> dict[str, Any]:
-    """A reference to the controller from which a chain continues; none without ``after``."""
+    """Reference to the controller from which a chain starts; empty without ``after``."""
     return {"start": ref(f"{plant}/controller", method=after)} if after else {}
 
 
@@ -47,22 +47,27 @@ def controller(
 ) -> MuSynthesis:
     """The controller with the least certified peak of mixed mu, by any method or chain of two.
 
-    The two masses with an uncertain spring, the ill-conditioned distillation column, an unstable
-    plant of first order. Method "fixed" goes on from an earlier one.
+    The plants are two masses with an uncertain spring, the ill-conditioned distillation column, and
+    an unstable plant of first order. Method "fixed" starts from the controller of an earlier
+    method.
 
-    after: the method whose controller this one starts from. order: to which that is reduced first,
-    if it has more states; None: not.
+    after: method whose controller is the start. order: number of states to which that controller is
+    reduced first; None keeps all.
     """
     chosen = PLANTS[plant]()
     unitless = dict.fromkeys((*chosen.system.input_labels, *chosen.system.output_labels), "1")
     units = MASS_SPRING_UNITS if plant == "mass-spring" else unitless
-    return MuSynthesis(chosen, start=_started(chosen, start, order), units=units)
+    return MuSynthesis(chosen, start=_starting_controller(chosen, start, order), units=units)
 
 
-def _started(plant: GeneralisedPlant, start: Run | None, order: int | None) -> StateSpace | None:
+def _starting_controller(
+    plant: GeneralisedPlant, start: Run | None, order: int | None
+) -> StateSpace | None:
     if start is None:
         if order is not None:
-            raise InputError(f"order = {order} reduces the controller of a run: say after which")
+            raise InputError(
+                f"order = {order} reduces the controller of an earlier method: name it by after"
+            )
         return None
     K = restored(start.data, "controller")
     needless = order is None or K.nstates <= order

@@ -1,4 +1,4 @@
-"""What demands on a benchmark's controller cost in mu."""
+"""How much demands on a benchmark's controller raise its peak of mu."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def demands(
 ) -> DemandCost:
     """The certified peak of mu of controllers that are small, stable themselves and slow.
 
-    orders: numbers of states. fastest_pole: largest size of a pole [rad/s], None: any.
+    orders: numbers of states. fastest_pole: largest magnitude of a pole [rad/s]; None sets no
+    limit.
     """
     return DemandCost(PLANTS[plant](), orders=orders, fastest_pole=fastest_pole)

@@ -2,9 +2,10 @@
 
     G = 1 / (75 s + 1) [[87.8, -86.4], [108.2, -109.6]],   u -> (I + w_I delta) u,   e = w + G u
 
-w_I allows 20 % at rest and more above 1 rad/min, z = w_P e with w_P an integrator all but for a
-pole at 1e-6; K acts on -e. Time in minutes. Data: S. Skogestad, M. Morari, J. Doyle, Robust control
-of ill-conditioned plants, IEEE Trans. Automatic Control 33 (1988) 1092-1105.
+The weight w_I allows an input error of 20 % at low frequencies and more above 1 rad/min. The
+performance output is z = w_P e, where w_P has a pole at -1e-6 rad/min in place of an integrator. K
+acts on -e. Time is in minutes. Data: S. Skogestad, M. Morari, J. Doyle, Robust control of
+ill-conditioned plants, IEEE Trans. Automatic Control 33 (1988) 1092-1105.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ GAINS = np.array([[87.8, -86.4], [108.2, -109.6]])
 TIME_CONSTANT = 75.0
 """Time constant of the column [min]."""
 NEAR_INTEGRATOR = 1e-6
-"""Pole of the performance weight in place of an integrator [rad/min]."""
+"""Magnitude of the performance weight's pole, which stands in place of an integrator [rad/min]."""
 
 
 def distillation_column() -> GeneralisedPlant:
-    """The plant with two complex scalars at its inputs and a 2-by-2 performance."""
+    """The plant with a complex scalar at each of its two inputs and a 2-by-2 performance block."""
     import control
 
     column = control.ss(-np.eye(2) / TIME_CONSTANT, np.eye(2), GAINS / TIME_CONSTANT, 0.0)

@@ -1,4 +1,6 @@
-"""What the forms of one estimate's uncertainty cost in mu, and how often they hold the truth."""
+"""What each form of one estimate's uncertainty costs in mu, and how often it holds
+the true plant.
+"""
 
 from __future__ import annotations
 
@@ -32,17 +34,17 @@ from .estimate_to_mu import (
 
 FORMS: tuple[Uncertainty, ...] = ("discs", "ball", "box")
 MEMBERS = 200
-"""Plants drawn from the ball and from the box."""
+"""Number of plants drawn from the ball, and from the box."""
 FREQUENCY = np.geomspace(0.02, 50.0, 300)
-"""Angular frequencies [rad/s] of drawn loops."""
+"""Angular frequencies [rad/s] at which the drawn plants and loops are computed."""
 ROUNDING = 1e-6
-"""Share by which rounding may lift a drawn loop's gain above the certified peak."""
+"""Rounding error allowed when a drawn loop's gain is compared with the certified peak, relative."""
 FINE = np.geomspace(OMEGA[0], OMEGA[-1], 300)
-"""Angular frequencies [rad/s] at which discs are asked for the true plant."""
+"""Angular frequencies [rad/s] at which it is tested whether the discs hold the true plant."""
 OTHER_DRAWS = 1000
-"""Seed of the first of the other estimates."""
+"""Seed of the first of the other estimates, which measure the coverage."""
 PROOF_WIDTH = 5e-3
-"""Largest relative distance of the certified bounds of a peak."""
+"""Largest relative width of the certified interval of a peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,7 @@ class EstimateRegions(Study):
 
     @part
     def parts(self) -> dict[str, Any]:
-        """The estimate's uncertainty in each form."""
+        """The uncertainty of the estimate, by form."""
         estimate = noisy_estimate(self.noise, self.first)
         return {form: region_of(estimate, form, self.confidence) for form in FORMS}
 
@@ -117,12 +119,12 @@ class EstimateRegions(Study):
         dims=(design, shape, member), unit="1", meaning="weighted gain of the loop of a drawn plant"
     )
     def gain(self, plants: list[ComplexArray], controllers: Any) -> RealArray:
-        return np.array([_gains(K, np.array(plants)) for K in _listed(controllers)])
+        return np.array([_gains(K, np.array(plants)) for K in _controllers_in_order(controllers)])
 
     @array(dims=design, unit="1", meaning="weighted gain of the loop of the true plant")
     def true_gain(self, controllers: Any) -> RealArray:
         truth = TRUE_PLANT.response(FREQUENCY)
-        return np.array([_gains(K, truth) for K in _listed(controllers)])
+        return np.array([_gains(K, truth) for K in _controllers_in_order(controllers)])
 
     @array(
         dims=(region, draw),
@@ -130,7 +132,9 @@ class EstimateRegions(Study):
         meaning="size of the set about another estimate that holds the true plant",
     )
     def needed(self, context: Context) -> RealArray:
-        """In units of the set's own size: the set holds the true plant where it is at most 1."""
+        """Smallest scaling of each set that would reach the true plant: the set holds it if at most
+        1.
+        """
         truth = CommonPoleModel([[TRUE_PLANT]], np.zeros((1, 1)))
         found = np.zeros((3, self.draws))
         for k in context.track(range(self.draws), "estimates"):
@@ -161,7 +165,9 @@ class EstimateRegions(Study):
         at_most=ROUNDING,
     )
     def below(self, gain: DataArray, peak: DataArray) -> DataArray:
-        """Sets whose peak is at most 1 are within what the main loop theorem speaks of."""
+        """The main loop theorem bounds the gain only if the peak is at most 1; other sets are
+        skipped.
+        """
         upper = peak.sel(bound="upper", region=["ball", "box"]).rename(region="shape")
         return (gain / upper - 1.0).where(upper <= 1.0, -1.0)
 
@@ -177,9 +183,11 @@ class EstimateRegions(Study):
 
     @metric
     def numbers(self, peak: DataArray, gain: DataArray, needed: DataArray) -> dict[str, float]:
-        """Peaks of each design on its own set, over what drawn plants show; coverage.
+        """Certified peak of each design on its own set, absolute and over the largest gain drawn;
+        coverage.
 
-        The needed size is the one at which the set would hold the promised share of true plants.
+        The needed size is the scaling with which the set would hold the promised share of true
+        plants.
         """
         found = {}
         for form in FORMS:
@@ -226,7 +234,7 @@ class EstimateRegions(Study):
         peak: DataArray,
         needed: DataArray,
     ) -> Figure:
-        """Responses of the set, gains of drawn loops beside certified peaks, and needed sizes."""
+        """Responses of the set, gains of drawn loops with the certified peaks, and needed sizes."""
         drawn, (left, middle, right) = figures.axes(1, 3, size=(12.0, 4.2))
         of = magnitude.sel(shape="ball")
         band: dict[str, Any] = {
@@ -263,13 +271,13 @@ class EstimateRegions(Study):
         return drawn
 
 
-def _listed(controllers: Any) -> list[StateSpace]:
+def _controllers_in_order(controllers: Any) -> list[StateSpace]:
     """The controllers in the order of the designs."""
     return [controllers[form] for form in FORMS] if isinstance(controllers, dict) else controllers
 
 
 def _gains(K: StateSpace, plants: ComplexArray) -> RealArray:
-    """Largest gain from r to the weighted error and control of plants (..., F)."""
+    """Largest gain over frequency from r to the weighted error and control, for plants (..., F)."""
     s, k = 1j * FREQUENCY, response(K, FREQUENCY)[:, 0, 0]
     error = np.polyval(ERROR_WEIGHT[0], s) / np.polyval(ERROR_WEIGHT[1], s)
     size = np.hypot(np.abs(error), np.abs(CONTROL_WEIGHT * k)) / np.abs(1.0 + plants * k)
@@ -279,7 +287,7 @@ def _gains(K: StateSpace, plants: ComplexArray) -> RealArray:
 def designs_for(
     noise: float = 0.2, confidence: float = 0.95, draw: int = 0, **_: Any
 ) -> dict[str, Any]:
-    """References to the controllers for the three forms."""
+    """References to the controllers that were designed for the three forms."""
     asked: dict[str, Any] = {"noise": noise, "confidence": confidence, "draw": draw}
     return {form: ref(f"textbook/{form}/estimate-to-mu", **asked) for form in FORMS}
 
@@ -299,8 +307,8 @@ def estimate_regions(
     Each of the three designs is certified on all three sets. Plants are drawn from ball and box,
     and estimates from new noise: do their sets hold the true plant?
 
-    noise: standard deviation, relative to the response. confidence: of the sets. draw: seed of the
-    noise. estimates: number of them.
+    noise: standard deviation, relative to the response. confidence: probability that a set holds
+    the true plant. draw: seed of the noise. estimates: number of estimates from new noise.
     """
     runs = {"discs": discs, "ball": ball, "box": box}
     return EstimateRegions(runs, noise, confidence, draw, estimates)

@@ -25,21 +25,25 @@ OMEGA = np.geomspace(0.1, 10.0, 30)
 TRUE_PLANT = Rational(np.zeros(0, complex), np.array([-0.1 + 0.995j, -0.1 - 0.995j]), 1.0)
 """An oscillator of 1 rad/s with a damping ratio of 0.1."""
 FLOOR = 0.02
-"""Least noise of a frequency, relative to that of the largest response."""
+"""Smallest standard deviation of the noise at a frequency, relative to that at the largest
+response.
+"""
 ERROR_WEIGHT = ([0.5, 0.7], [1.0, 0.007])
-"""Numerator and denominator of the weight of the error."""
+"""Numerator and denominator of the weight of the control error."""
 CONTROL_WEIGHT = 0.1
 COVER_ORDER = 4
-"""Order of the weight of the discs."""
+"""Order of the weight that covers the discs."""
 
 Uncertainty = Literal["discs", "ball", "box"]
-"""A cover of the response, or regions of the coefficients: a full block, or real scalars."""
+"""Discs: a cover of the response. Ball, box: regions of the coefficients, as one full block or as
+real scalars.
+"""
 
 
 def noisy_estimate(noise: float, draw: int) -> ModelUncertainty:
     """The estimate from one noisy response, with its distribution.
 
-    noise: standard deviation relative to the response. Raises SolverError where the fit fails.
+    noise: standard deviation relative to the response. Raises SolverError if the fit fails.
     """
     truth = TRUE_PLANT.response(OMEGA)[:, None, None]
     deviation = noise * np.maximum(np.abs(truth), FLOOR * np.abs(truth).max())
@@ -52,14 +56,16 @@ def noisy_estimate(noise: float, draw: int) -> ModelUncertainty:
 def region_of(
     estimate: ModelUncertainty, uncertainty: Uncertainty, confidence: float
 ) -> EstimateRegion | UncertaintyModel:
-    """One of the forms of an estimate's uncertainty."""
+    """The estimate's uncertainty in the asked form."""
     if uncertainty == "discs":
         return cover_of_estimate(estimate, COVER_ORDER, confidence=confidence, form="additive")
     return EstimateRegion(estimate, confidence=confidence, region=uncertainty)
 
 
 def weighted_loop(part: object) -> GeneralisedPlant:
-    """A model from u to its output in a loop: sensitivity and control are weighted."""
+    """Generalised plant of a loop around a model from u to y, with weighted error and control
+    signal.
+    """
     import control
 
     return generalised_plant(
@@ -90,12 +96,12 @@ def estimate_to_mu(
 ) -> MuSynthesis:
     """Mu controller for the confidence region of one estimate of an oscillator.
 
-    The response at 30 frequencies is noisy. The model that fits it is uncertain: by discs about its
-    response which a weight covers, or by its coefficients, in a ball or in a box. Each region holds
-    the true plant with the same probability.
+    The response at 30 frequencies is noisy, so the fitted model is uncertain. Its uncertainty is
+    described by discs about its response, which a weight covers, or by its coefficients in a ball
+    or in a box. Each region holds the true plant with the same probability.
 
-    noise: standard deviation, relative to the response. confidence: of the region. draw: seed of
-    the noise.
+    noise: standard deviation, relative to the response. confidence: probability that the region
+    holds the true plant. draw: seed of the noise.
     """
     estimate = noisy_estimate(noise, draw)
     return MuSynthesis(weighted_loop(region_of(estimate, uncertainty, confidence)))

@@ -1,4 +1,4 @@
-"""An experiment whose input shrinks the uncertainty that costs mu."""
+"""An experiment whose input reduces the uncertainty where it costs most mu."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from workbench.systems.generalised_plant import response
 from .estimate_to_mu import TRUE_PLANT, weighted_loop
 
 BASE = 0.1
-"""Distance of the lines [rad/s]."""
+"""Spacing of the lines [rad/s]."""
 VARIANCE = 0.05
-"""Variance of the response that one period with a line of unit power tells."""
+"""Variance of the response that is measured in one period at a line of unit power."""
 WATCHED = np.geomspace(0.05, 10.0, 40)
-"""Angular frequencies [rad/s] at which errors cost."""
+"""Angular frequencies [rad/s] at which errors of the estimate cost."""
 
 
 @cache
 def nominal_controller() -> StateSpace:
-    """The H-infinity controller of the plant that is known."""
+    """The H-infinity controller of the true plant."""
     parts = TRUE_PLANT.state_space()
     import control
 
@@ -45,7 +45,9 @@ def coefficient_slopes(plant: Rational, omega: RealArray) -> ComplexArray:
 
 
 def error_cost(omega: RealArray) -> RealArray:
-    """|K S|^2, by which an error of the response at omega [rad/s] uses up the stability margin."""
+    """|K S|^2 at omega [rad/s]: a response error e uses up the share |K S e| of the stability
+    margin.
+    """
     k = response(nominal_controller(), omega)[:, 0, 0]
     return np.abs(k / (1.0 + k * TRUE_PLANT.response(omega))) ** 2
 
@@ -57,11 +59,11 @@ def experiment_design(
 ) -> ExperimentDesign:
     """Powers of a multisine that leave a robust controller the least uncertainty where it costs.
 
-    An oscillator of 1 rad/s is excited at multiples of 0.1 rad/s with a total power of 1. An error
-    of its response costs as much as it uses up of the margin of the loop with the H-infinity
-    controller.
+    An oscillator of 1 rad/s is excited at multiples of 0.1 rad/s with a total power of 1. The cost
+    of a response error is the share of the stability margin that it uses up in the loop with the
+    H-infinity controller.
 
-    lines: number of them. largest: power that one line may have.
+    lines: number of lines. largest: largest power of one line.
     """
     omega: RealArray = BASE * np.arange(1.0, lines + 1.0)
     uses = np.vstack([np.ones(lines), np.eye(lines) / largest])

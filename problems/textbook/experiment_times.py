@@ -1,4 +1,4 @@
-"""Mu over the time of the experiment: equal and designed powers, under limits of power and size."""
+"""Mu over the duration of the experiment: equal and designed powers, with limited power or size."""
 
 from __future__ import annotations
 
@@ -24,20 +24,23 @@ from .experiment_design import BASE, VARIANCE, nominal_controller
 
 SPECTRA = ("equal powers", "designed")
 LIMITS = ("power", "size, designed phases", "size, drawn phases")
-"""Total power 1; or |u| at most that of a sine of power 1, phases designed for it or drawn."""
+"""A total power of 1; or |u| at most that of a sine of power 1, with designed or with drawn phases.
+"""
 PERIODS = (2, 4, 8, 16, 32, 64, 128)
 SILENT = 1e-6
-"""Power of a line, relative to the largest, that is none."""
+"""Power of a line, relative to the largest, below which the line counts as absent."""
 LARGEST_SIZE = float(np.sqrt(2.0))
-"""Largest |u| of the limited inputs: that of a sine of power 1."""
+"""Largest |u| of the size-limited inputs: that of a sine of power 1."""
 SIZE_ROUNDING = 1e-6
 PROOF_WIDTH = 5e-3
-"""Largest relative distance of the certified bounds of a peak."""
+"""Largest relative width of the certified interval of a peak."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExperimentTimes(Study):
-    """Certified peaks of one loop for the ball of an estimate, by input and number of periods."""
+    """Certified peaks of one loop for the confidence ball of an estimate, by input and number of
+    periods.
+    """
 
     design: Run
     confidence: float
@@ -93,7 +96,9 @@ class ExperimentTimes(Study):
         places = list(np.ndindex(found.shape[:3]))
         for i, j, k in context.track(places, "experiments"):
             power = shape.values[i] * factor.values[i, j]
-            region = EstimateRegion(_expected(power, PERIODS[k]), confidence=self.confidence)
+            region = EstimateRegion(
+                _estimate_uncertainty(power, PERIODS[k]), confidence=self.confidence
+            )
             certified = performance_peak(weighted_loop(region), K)
             if certified is not None:
                 found[i, j, k] = certified.lower, certified.upper
@@ -107,7 +112,9 @@ class ExperimentTimes(Study):
     def needed(self, shape: DataArray, context: Context) -> RealArray:
         truth, found = CommonPoleModel([[TRUE_PLANT]], np.zeros((1, 1))), []
         for power in shape.values:
-            estimates = [_expected(power, PERIODS[-1], draw) for draw in range(self.draws)]
+            estimates = [
+                _estimate_uncertainty(power, PERIODS[-1], draw) for draw in range(self.draws)
+            ]
             sizes = [
                 np.linalg.norm(EstimateRegion(one, confidence=self.confidence).coordinates(truth))
                 for one in estimates
@@ -119,7 +126,7 @@ class ExperimentTimes(Study):
 
     @check(title="size", statement="largest |u| over its limit, less 1", at_most=SIZE_ROUNDING)
     def limited(self, shape: DataArray, phase: DataArray, factor: DataArray) -> DataArray:
-        """The inputs in time, on a grid of their own."""
+        """Computed from the inputs in the time domain, on a grid that the design did not use."""
         found = np.full((len(SPECTRA), len(LIMITS)), -1.0)
         for i, power in enumerate(shape.values):
             count = 16 * power.size
@@ -147,7 +154,7 @@ class ExperimentTimes(Study):
     falling = check(
         title="longer",
         statement="peak after twice the time over that before, less 1",
-        value=lambda peak: _grown(peak),
+        value=lambda peak: _relative_growth(peak),
         at_most=PROOF_WIDTH,
     )
     coverage = check(
@@ -162,7 +169,9 @@ class ExperimentTimes(Study):
 
     @metric
     def numbers(self, peak: DataArray, factor: DataArray) -> dict[str, float]:
-        """Times to the peak that equal powers reach at the end; powers left by the size limit."""
+        """Number of periods that reach the peak of equal powers after the longest time, and the
+        share of the power that the size limit leaves.
+        """
         upper = peak.sel(bound="upper")
         goal = float(upper.sel(spectrum=SPECTRA[0], limit=LIMITS[0])[-1])
         found = {}
@@ -171,7 +180,7 @@ class ExperimentTimes(Study):
             for limit in LIMITS:
                 curve = upper.sel(spectrum=spectrum, limit=limit).values
                 which = limit.replace(", ", "_").replace(" ", "_")
-                reached = _reached(curve, goal)
+                reached = _periods_to_reach(curve, goal)
                 if reached is not None:
                     found[f"periods_{name}_{which}"] = reached
                 found[f"factor_{name}_{which}"] = float(factor.sel(spectrum=spectrum, limit=limit))
@@ -180,7 +189,7 @@ class ExperimentTimes(Study):
 
     @figure
     def mu(self, peak: DataArray, shape: DataArray) -> Figure:
-        """The spectra, and the certified peak of mu over the number of periods."""
+        """Spectra of the inputs, and the certified peak of mu over the number of periods."""
         drawn, (left, right) = figures.axes(1, 2, size=(9.0, 4.2))
         for spectrum, colour in zip(SPECTRA, (figures.ORANGE, figures.BLUE), strict=True):
             powers = shape.sel(spectrum=spectrum)
@@ -201,8 +210,12 @@ class ExperimentTimes(Study):
         return drawn
 
 
-def _expected(power: RealArray, periods: int, draw: int | None = None) -> ModelUncertainty:
-    """Distribution of the estimates about the true plant; or that of one estimate in noise."""
+def _estimate_uncertainty(
+    power: RealArray, periods: int, draw: int | None = None
+) -> ModelUncertainty:
+    """Uncertainty of estimates: around the true plant, or, with `draw`, around one
+    noisy estimate.
+    """
     used = np.flatnonzero(power)
     omega = BASE * (used + 1.0)
     response = TRUE_PLANT.response(omega)[:, None, None]
@@ -217,22 +230,26 @@ def _expected(power: RealArray, periods: int, draw: int | None = None) -> ModelU
 
 
 def _ratio(peak: DataArray) -> DataArray:
-    """Peaks of designed over equal powers where either is finite."""
+    """Ratio of the peak with designed powers to that with equal powers; 0 where both
+    are infinite.
+    """
     upper = peak.sel(bound="upper")
     even, designed = (upper.sel(spectrum=spectrum) for spectrum in SPECTRA)
     return (designed / even).where(np.isfinite(designed) | np.isfinite(even), 0.0)
 
 
-def _grown(peak: DataArray) -> DataArray:
-    """Share by which a peak is larger after a longer time."""
+def _relative_growth(peak: DataArray) -> DataArray:
+    """Relative growth of a peak from one number of periods to the next; it should not
+    be positive.
+    """
     upper = peak.sel(bound="upper")
     after = upper.isel(periods=slice(1, None))
     before = upper.isel(periods=slice(None, -1)).values
     return (after / before - 1.0).where(np.isfinite(before), -1.0)
 
 
-def _reached(curve: RealArray, goal: float) -> float | None:
-    """Number of periods, between those computed, at which a curve falls to a goal; None: never."""
+def _periods_to_reach(curve: RealArray, goal: float) -> float | None:
+    """Number of periods, interpolated, at which a curve falls to a goal; None if it never does."""
     below = np.flatnonzero(curve <= goal)
     if not below.size:
         return None
@@ -254,10 +271,11 @@ def experiment_times(
 ) -> ExperimentTimes:
     """How long an experiment must be for a peak of mu, with equal and with designed powers.
 
-    The loop of an oscillator with its H-infinity controller is judged for the ball about the
-    estimate that the experiment leaves. The inputs have the same power, or the same largest size,
-    with phases of a low crest factor or with drawn ones.
+    The loop of an oscillator with its H-infinity controller is analysed for the confidence ball of
+    the estimate that the experiment gives. The inputs have the same power, or the same largest
+    size, with phases of a low crest factor or with drawn ones.
 
-    confidence: of the ball. draws: estimates in noise that try the ball.
+    confidence: probability that the ball holds the true plant. draws: noisy estimates on which that
+    probability is tested.
     """
     return ExperimentTimes(design, confidence, draws)

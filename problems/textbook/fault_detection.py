@@ -1,4 +1,6 @@
-"""Residuals for two failing actuators: isolated exactly, and matched to a model in noise."""
+"""Residuals for two failing actuators: exactly isolated, or matched to a reference
+model in noise.
+"""
 
 from __future__ import annotations
 
@@ -41,19 +43,19 @@ from .fault_examples import (
 GENERATORS = ("exact", "approximate")
 INPUTS = ("f_u1", "f_u2", "u1", "u2")
 UNCERTAIN_VALUES = np.linspace(-0.25, 0.25, 5)
-"""Values of each of the two uncertain parameters, as the book simulates them."""
+"""Values of each of the two uncertain parameters in the simulations, as in the book."""
 STEP_DURATION = 10.0
 """Duration of the step responses [s]."""
 CHECKED = np.geomspace(1.3e-3, 0.7e4, 97)
 """Angular frequencies [rad/s] of the checks."""
 LEAKAGE = 1e-8
-"""Largest gain let pass where it must be 0; the other gains are about 1."""
+"""Largest gain accepted as zero; the other gains are about 1."""
 POLE_DISTANCE = 1e-4
-"""Largest relative distance let pass of a pole from the one asked for."""
+"""Largest accepted distance of a pole from the one asked for, relative."""
 PEAK_DISTANCE = 1e-3
-"""Largest relative distance let pass of a peak found again by another algorithm."""
+"""Largest accepted difference between the certified peak and another algorithm's, relative."""
 GENERATOR_DISTANCE = 1e-8
-"""Largest relative distance let pass from the published residual generator."""
+"""Largest accepted distance from the published residual generator, relative."""
 
 
 @problem("textbook/fault-detection")
@@ -64,14 +66,14 @@ def detection(
     """Two failing actuators told apart: exactly without noise, and best where there is noise.
 
     Varga's example 5.16 has two controls, two outputs, a fault of each actuator, and noise that
-    stands for two uncertain parameters. The exact residuals isolate both faults and let the noise
-    through. The approximate residuals have the least H-infinity error against a reference model of
-    first order. Steps of faults and controls on 25 plants of the uncertain set show how good each
-    is. Two more models of the literature give numbers to compare with: example 5.4 gives a residual
-    generator, and that of Yuan and others the structures that can be attained.
+    represents two uncertain parameters. The exact residuals isolate both faults but let the noise
+    through. The approximate residuals have the least H-infinity error against a first-order
+    reference model. Both are tried on unit steps of faults and controls, with 25 plants of the
+    uncertain set. Two more models of the literature give numbers to compare with: example 5.4 a
+    residual generator, and that of Yuan and others the attainable structures.
 
-    pole: of the residual generators and of the reference model [rad/s]. frequencies: number of
-    frequencies of the errors.
+    pole: pole of the residual generators and of the reference model [rad/s]. frequencies: number of
+    frequencies at which the errors are computed.
     """
     return FaultDetection(two_actuators(), pole, frequencies)
 
@@ -92,13 +94,13 @@ class FaultDetection(Study):
 
     @property
     def reference(self) -> StateSpace:
-        """M_r = -pole / (s - pole) for each fault."""
+        """Reference model M_r = -pole / (s - pole) of each fault."""
         one = np.eye(2)
         return realisation((self.pole * one, one, -self.pole * one, 0.0 * one), 0.0)
 
     @part
     def match(self) -> ModelMatch:
-        """The generator of least error, and its certified norm."""
+        """The residual generator with the least error, and the certified norm of that error."""
         return model_matching(self.model, self.reference, self.pole)
 
     generator, residual, kind = dim(*GENERATORS), dim("r1", "r2"), dim("weak", "strong")
@@ -151,7 +153,7 @@ class FaultDetection(Study):
         ]
 
     def _error(self, Q: StateSpace, omega: Array) -> Array:
-        """R - [M_r 0] (F, 2, 4)."""
+        """Matching error R - [M_r 0] (F, 2, 4)."""
         found = transfer(Q, self.model, (*self.model.faults, *self.model.noise), omega)
         found[:, :, :2] -= (-self.pole / (1j * omega - self.pole))[:, None, None] * np.eye(2)
         return found
@@ -165,7 +167,7 @@ class FaultDetection(Study):
         pole = "real part of its slowest pole [rad/s]"
         for name, Q in filters.items():
             slowest = float(np.linalg.eigvals(Q.A).real.max())
-            gain = np.abs(self._through(Q, self.model.controls, CHECKED)).max(axis=(1, 2))
+            gain = np.abs(self._residual_response(Q, self.model.controls, CHECKED)).max(axis=(1, 2))
             where = f"at {CHECKED[np.argmax(gain)]:.4g} rad/s"
             found += [
                 Check(f"poles {name}", pole, slowest, -1e-9, over=THIS_SYSTEM),
@@ -182,20 +184,22 @@ class FaultDetection(Study):
 
     @check(title="isolation", statement="largest gain from the other fault", at_most=LEAKAGE)
     def isolation(self, filters: dict[str, StateSpace]) -> float:
-        G_rf = self._through(filters["exact"], self.model.faults, np.append(0.0, CHECKED))
+        G_rf = self._residual_response(filters["exact"], self.model.faults, np.append(0.0, CHECKED))
         return float(np.abs(G_rf[:, [0, 1], [1, 0]]).max())
 
     @check(title="gain", statement="distance of the static gain from 1", at_most=LEAKAGE)
     def gain(self, filters: dict[str, StateSpace]) -> float:
-        G_rf = self._through(filters["exact"], self.model.faults, np.array([0.0]))
+        G_rf = self._residual_response(filters["exact"], self.model.faults, np.array([0.0]))
         return float(np.abs(G_rf[0] - np.eye(2)).max())
 
     @check(over=EVERY_FREQUENCY)
     def best(
         self, filters: dict[str, StateSpace], norm: DataArray, bound: DataArray
     ) -> list[Check]:
-        """The certified norm is the peak of the error, and near the least one."""
-        residual = _joined(filters["approximate"], self.model, self.model.system.A)
+        """The certified norm equals the peak of the error, and is close to the least
+        possible norm.
+        """
+        residual = _residual_matrices(filters["approximate"], self.model, self.model.system.A)
         again, certified = _peak_gain(residual, self.reference), float(norm)
         over = "peak of the error by another algorithm over the certified norm, less 1"
         under = "certified norm over that peak, less 1"
@@ -230,8 +234,10 @@ class FaultDetection(Study):
         each="kind",
     )
 
-    def _through(self, Q: StateSpace, names: tuple[str, ...], omega: Array) -> Array:
-        """Response (F, 2, m) from controls or faults to the residuals, from the stored matrices."""
+    def _residual_response(self, Q: StateSpace, names: tuple[str, ...], omega: Array) -> Array:
+        """Response (F, 2, m) from controls or faults to the residuals, computed from the stored
+        matrices.
+        """
         system = self.model.system
         columns = [list(system.input_labels).index(name) for name in names]
         plant = realisation((system.A, system.B[:, columns], system.C, system.D[:, columns]), 0.0)
@@ -264,8 +270,10 @@ class FaultDetection(Study):
         return {"steps": drawn.steps(answer), "matching": drawn.matching(answer)}
 
 
-def _joined(Q: StateSpace, model: FaultModel, A: Array) -> Matrices:
-    """Matrices from (faults, noise, controls) to the residuals, of a plant with this `A`."""
+def _residual_matrices(Q: StateSpace, model: FaultModel, A: Array) -> Matrices:
+    """State-space matrices from (faults, noise, controls) to the residuals, for a plant with this
+    `A`.
+    """
     faults, controls = len(model.faults), len(model.controls)
     names = (*model.faults, *model.noise, *model.controls)
     system = model.system
@@ -284,18 +292,22 @@ def _joined(Q: StateSpace, model: FaultModel, A: Array) -> Matrices:
 
 
 def _envelope(Q: StateSpace, model: FaultModel, time: Array) -> Array:
-    """Step responses (3, T, 2, 4) of the nominal plant, and least and most of uncertain plants."""
+    """Step responses (3, T, 2, 4): nominal plant, and pointwise least and largest of the uncertain
+    plants.
+    """
     curves = [
-        _steps(_joined(Q, model, uncertain_dynamics(rho1, rho2)), time)
+        _steps(_residual_matrices(Q, model, uncertain_dynamics(rho1, rho2)), time)
         for rho1 in UNCERTAIN_VALUES
         for rho2 in UNCERTAIN_VALUES
     ]
-    nominal = _steps(_joined(Q, model, uncertain_dynamics(0.0, 0.0)), time)
+    nominal = _steps(_residual_matrices(Q, model, uncertain_dynamics(0.0, 0.0)), time)
     return np.array([nominal, np.min(curves, axis=0), np.max(curves, axis=0)])
 
 
 def _steps(matrices: Matrices, time: Array) -> Array:
-    """Unit steps of faults and controls (T, residuals, inputs), exact at the samples."""
+    """Responses to unit steps of faults and controls (T, residuals, inputs), exact at
+    the samples.
+    """
     A, B, C, D = matrices
     columns = [0, 1, B.shape[1] - 2, B.shape[1] - 1]
     B, D = B[:, columns], D[:, columns]
@@ -310,7 +322,7 @@ def _steps(matrices: Matrices, time: Array) -> Array:
 
 
 def _response(system: Any, omega: Array) -> Array:
-    """Response C (j omega I - A)^-1 B + D, (F, outputs, inputs)."""
+    """Frequency response C (j omega I - A)^-1 B + D, (F, outputs, inputs)."""
     s = 1j * np.asarray(omega)[:, None, None]
     return system.C @ np.linalg.solve(s * np.eye(len(system.A)) - system.A, system.B) + system.D
 

@@ -17,7 +17,7 @@ TITLES = {
 
 
 def steps(answer: Dataset) -> Figure:
-    """Residuals after unit steps, nominal and over the uncertain plants."""
+    """Residuals after unit steps, for the nominal and the uncertain plants."""
     rows, columns = answer["residual"].values, answer["input"].values
     figure, panels = figures.axes(2, 4, size=(9.6, 5.0), sharex=True, sharey="row")
     places = [(row, column) for row in rows for column in columns]
@@ -41,7 +41,7 @@ def steps(answer: Dataset) -> Figure:
 
 
 def matching(answer: Dataset) -> Figure:
-    """Errors against the reference model, and the bound that no generator can go below."""
+    """Matching errors over frequency, and the lower bound on the error of any generator."""
     figure, (panel,) = figures.axes(size=(7.0, 4.2))
     for name, (colour, label) in LOOKS.items():
         error = answer["error"].sel(generator=name)

@@ -1,8 +1,8 @@
 """Models with faults of the literature.
 
 A. Varga, Solving Fault Diagnosis Problems: Linear Synthesis Techniques (Springer, 2017); Z. Yuan,
-G. C. Vansteenkiste, C. Y. Wen, International Journal of Control (1997). Data as in the scripts that
-accompany the book.
+G. C. Vansteenkiste, C. Y. Wen, International Journal of Control (1997). The data are those of the
+scripts that accompany the book.
 """
 
 from __future__ import annotations
@@ -14,16 +14,19 @@ from workbench.diagnosis import FaultModel
 from workbench.systems.realisation import realisation
 
 YUAN_ROWS = {"weak": 18, "strong": 12}
-"""Attainable rows of `four_compartments`: generic, and at 0 and 1 rad/s."""
+"""Number of attainable rows of `four_compartments`: weakly (generic), and strongly at 0 and 1
+rad/s.
+"""
 SUBOPTIMAL = 2e-3
-"""Distance of the error of the book's generator for `two_actuators` from the best, for its M_r."""
+"""Excess of the book's matching error for `two_actuators` over the least error, with its M_r."""
 
 
 def two_actuators() -> FaultModel:
-    """Examples 2.2 and 5.16: two actuators that fail, noise in place of two uncertain parameters.
+    """Examples 2.2 and 5.16: two failing actuators, with noise in place of two uncertain
+    parameters.
 
-    A's real part -0.5 (1 + rho1) and imaginary part 0.6 (1 + rho2) of its pair of poles are
-    uncertain by 25 %; the noise w has the columns of their effects, 0.25 times.
+    A pair of poles of A has the real part -0.5 (1 + rho1) and the imaginary part 0.6 (1 + rho2),
+    each uncertain by 25 %. The noise w enters where these parameters act, with a gain of 0.25.
     """
     B = np.array([[1.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
     noise = 0.25 * np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
@@ -38,13 +41,14 @@ def two_actuators() -> FaultModel:
 
 
 def uncertain_dynamics(rho1: float, rho2: float) -> np.ndarray:
-    """Matrix A of `two_actuators` with its two parameters changed by these fractions."""
+    """Matrix A of `two_actuators` after relative changes rho1 and rho2 of its two parameters."""
     real, imaginary = -0.5 * (1.0 + rho1), 0.6 * (1.0 + rho2)
     return np.array([[-0.8, 0.0, 0.0], [0.0, real, imaginary], [0.0, -imaginary, real]])
 
 
 def unstable_sensor() -> FaultModel:
-    """Example 5.4: an unstable plant of two outputs, a disturbance, an actuator and a sensor fault.
+    """Example 5.4: an unstable plant with two outputs, a disturbance, an actuator and a sensor
+    fault.
 
     y1 = (s+1)/(s-2) (u + f_u) + (s-1)/(s+2) d, y2 = (s+2)/(s-3) (u + f_u) + f_y2.
     """
@@ -61,7 +65,9 @@ def unstable_sensor() -> FaultModel:
 
 
 def unstable_sensor_residual(s: np.ndarray) -> np.ndarray:
-    """Published generator (F, 1, 3) from (y1, y2, u) of `unstable_sensor`, with the pole -3."""
+    """Published residual generator (F, 1, 3) from (y1, y2, u) of `unstable_sensor`, with a pole at
+    -3.
+    """
     row = np.array([0.0 * s, (s - 3.0) / (s + 3.0), -(s + 2.0) / (s + 3.0)])
     return row.T[:, None, :]
 

@@ -20,8 +20,8 @@ BAND = (0.05, 100.0)
 class TwoByTwo(NamedTuple):
     """Parameters of the plant.
 
-    On the diagonal two resonances of natural frequency `w` [rad/s], damping ratio `z` and gain 1;
-    beside it two lags of gain `k` and time constant `t` [s].
+    The diagonal holds two resonances of natural frequency `w` [rad/s], damping ratio `z` and gain
+    1. The off-diagonal entries are two lags of gain `k` and time constant `t` [s].
     """
 
     w: tuple[float, float]
@@ -43,13 +43,13 @@ class TwoByTwo(NamedTuple):
 
 
 NOMINAL = TwoByTwo((5.0, 1.0), (0.4, 0.6), (3.0, 10.0), (0.1, 0.5))
-"""The example of the package dkpy (MIT licence), github.com/decargroup/dkpy."""
+"""Parameters of the example in the package dkpy (MIT licence), github.com/decargroup/dkpy."""
 SPREAD = TwoByTwo((0.2, 0.2), (0.2, 0.2), (0.05, 0.05), (0.25, 0.25))
 """Largest relative change of each parameter."""
 
 
 def scattered(count: int, rng: np.random.Generator) -> list[StateSpace]:
-    """So many plants, with parameters spread evenly about the nominal ones."""
+    """This many plants, with parameters drawn uniformly around the nominal ones."""
     found = []
     for _ in range(count):
         factors = 1 + np.array(SPREAD) * rng.uniform(-1, 1, (len(SPREAD), 2))
@@ -69,7 +69,8 @@ def matrix_cover(
     """Weights on both sides of one Delta such that a model contains plants of two channels.
 
     form: where Delta acts. left, right: shapes of the weights, full, diagonal or scalar. order:
-    poles of each channel of a weight. plants: number of them. frequencies: number of them.
+    number of poles of each channel of a weight. plants, frequencies: number of plants and of
+    frequencies.
     """
     omega = np.geomspace(*BAND, frequencies)
     known = MatrixResponses.of_systems(scattered(plants, np.random.default_rng(0)), omega)

@@ -12,7 +12,9 @@ from workbench.identification import RationalModelFit
 OMEGA = np.geomspace(0.05, 50.0, 60)
 """Frequencies [rad/s] of the data."""
 NOISE = 0.01
-"""Standard deviation of a response, relative to its size or to a hundredth of the largest."""
+"""Standard deviation of the noise, relative to the response, or to a hundredth of the largest
+response where that is more.
+"""
 
 
 @problem("textbook/{plant}/rational-model", plant=("delay", "two-masses"), slow=True)
@@ -21,11 +23,11 @@ def rational_model(
 ) -> RationalModelFit:
     """Rational model from noisy responses, its order chosen by tests of the residuals.
 
-    Of a lag behind a delay of 1 s, which is fitted too; or of two masses of 1 kg, with a spring of
-    1 N/m to the wall and one of 4 N/m between them, from the force on the first mass to both
-    positions.
+    Plant "delay": a lag behind a delay of 1 s, which is fitted too. Plant "two-masses": two masses
+    of 1 kg with a spring of 1 N/m to the wall and one of 4 N/m between them, from the force on the
+    first mass to both positions.
 
-    stable: whether poles must be stable. draw: seed of the noise.
+    stable: whether the poles must be stable. draw: seed of the noise.
     """
     s = 1j * OMEGA
     if plant == "delay":

@@ -1,10 +1,10 @@
 """Mu of real uncertainties alone jumps with the data, and a small complex part makes it continuous.
 
-That the margin of real parameters need not be continuous is due to B. Barmish, P. Khargonekar,
-Z. Shi and R. Tempo, "Robustness margin need not be a continuous function of the problem data",
-Systems & Control Letters 15 (1990) 91-98; the remedy to A. Packard and P. Pandey, "Continuity
+B. Barmish, P. Khargonekar, Z. Shi and R. Tempo showed that the margin of real parameters need not
+be continuous: "Robustness margin need not be a continuous function of the problem data", Systems &
+Control Letters 15 (1990) 91-98. The remedy is due to A. Packard and P. Pandey, "Continuity
 properties of the real/complex structured singular value", IEEE Trans. Automatic Control 38 (1993)
-415-428. The example here is smaller than theirs, so that mu is known by hand.
+415-428. The example here is smaller than theirs, so that mu can be computed by hand.
 
     M(p) = [1; 1] [1 + j p, 1 - 3 j p],    Delta = diag(d_1, d_2)
 
@@ -30,29 +30,31 @@ from workbench.structure import Complex, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 PARTS = (0.0, 0.01, 0.1)
-"""Complex parts, as shares of the real scalars."""
+"""Sizes of the complex parts, relative to the real scalars."""
 SIZES = (1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
-"""Sizes of the parameter p beside 0."""
+"""Magnitudes of the parameter p that are tried besides 0."""
 DIRECTIONS, ZOOMS = 1001, 4
-"""Directions of the half planes that bound the set of values from outside, refined so often."""
+"""Number of half planes that bound the value set from outside, and how often their directions are
+refined around the best one.
+"""
 BOUNDS_APART = 1e-2
-"""Largest relative distance between the certified bounds."""
+"""Largest relative width of the certified interval."""
 EXACT_ROUNDING = 1e-6
-"""Relative distance by which the value by hand may lie outside the bounds."""
+"""Largest accepted relative distance of the value by hand outside the certified bounds."""
 
 
 def exact_mu(p: float, complex_part: float) -> float:
-    """Mu by the set of values of (1 + j p) d_1 + (1 - 3 j p) d_2, knowing no multiplier.
+    """Mu from the value set of (1 + j p) d_1 + (1 - 3 j p) d_2, without any multiplier.
 
-    With complex parts the values for |d| <= k are k times a sum of two segments and a disc. That
-    set has 1 inside if every half plane around it has, so mu is the least support function of the
-    set over that of 1.
+    With complex parts the value set for |d| <= k is k times the sum of two segments and a disc. It
+    contains 1 if every half plane that contains the set contains 1. So mu is the least ratio, over
+    all directions, of the support function of the set to that of the point 1.
     """
     c = np.array([1 + 1j * p, 1 - 3j * p])
     if complex_part == 0.0:
         return 2.0 if p == 0.0 else 4 / 3
     low, high, least = -np.pi / 2, np.pi / 2, np.inf
-    for _ in range(ZOOMS):  # the quotient has one minimum
+    for _ in range(ZOOMS):  # the ratio has one minimum
         turn = np.linspace(low, high, DIRECTIONS)[1:-1]
         normal = np.exp(-1j * turn)
         support = abs((normal[:, None] * c).real).sum(axis=1) + complex_part * abs(c).sum()
@@ -66,7 +68,7 @@ def exact_mu(p: float, complex_part: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class RealMuJump(Study):
-    """Mu over the parameter p, by hand and by certified bounds."""
+    """Mu over the parameter p: by hand, and certified bounds."""
 
     apart: float
 
@@ -86,7 +88,7 @@ class RealMuJump(Study):
 
     @part
     def found(self, context: Context) -> RealArray:
-        """Certified bounds (parts, p, 2)."""
+        """Certified bounds of mu (complex parts, p, 2)."""
         bounds = []
         every = [0.0, *SIZES]
         for share in context.track(PARTS, "complex parts"):
@@ -124,7 +126,7 @@ class RealMuJump(Study):
 
     @metric
     def jumps(self, bounds: DataArray) -> dict[str, float]:
-        """Proven decrease of mu from p = 0 to the nearest p: at least, and at most, relative."""
+        """Relative decrease of mu from p = 0 to the nearest p: proven least and most."""
         numbers = {}
         for share in PARTS:
             one = bounds.sel(complex_part=share)
@@ -154,7 +156,7 @@ class RealMuJump(Study):
 
     @figure
     def mu(self, bounds: DataArray, exact: DataArray) -> Figure:
-        """Mu over the parameter, without and with complex parts."""
+        """Mu over the parameter p, without and with complex parts."""
         drawn, (panel,) = figures.axes()
         for share, colour in zip(PARTS, figures.CYCLE, strict=False):
             one = exact.sel(complex_part=share)
@@ -179,6 +181,6 @@ def real_mu_jump(gap: Annotated[float, Field(gt=0, lt=0.1)] = 1e-3) -> RealMuJum
     Mu of a 2 x 2 matrix over its parameter p, by hand and by certified bounds, with real scalars
     alone and with complex parts of 1 % and 10 %. At p = 0 real mu is 2, at any other p it is 4/3.
 
-    gap: relative distance of the certified bounds that branch and bound aims at.
+    gap: relative width of the certified interval at which branch and bound stops.
     """
     return RealMuJump(gap)

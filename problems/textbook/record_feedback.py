@@ -1,4 +1,6 @@
-"""Feedback straight from the record of an unstable plant, for every plant that it allows."""
+"""Feedback straight from the record of an unstable plant, proven for every plant that the record
+allows.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,14 @@ B = np.array([[1.431, 0.705], [1.620, -1.129], [0.913, 0.369]])
 (2022) 162-175, with poles at 1.5, 1 and -0.9."""
 C = np.vstack([np.eye(3), np.zeros((2, 3))])
 D = np.vstack([np.zeros((3, 2)), np.eye(2)])
-"""Performance: states and inputs, with the same weight."""
+"""Performance outputs: all states and inputs, with equal weights."""
 
 
 def experiment(samples: int, radius: float, rng: np.random.Generator) -> tuple[RealArray, ...]:
-    """States (3, T), inputs (2, T) and following states (3, T) of one experiment.
+    """States (3, T), inputs (2, T) and next states (3, T) of one experiment.
 
-    Inputs and first state are normal with variance 1; noise is uniform in the ball of a radius.
+    Inputs and the first state are normal with variance 1. The noise is uniform in a ball of this
+    radius.
     """
     states, inputs = [rng.standard_normal(3)], rng.standard_normal((2, samples))
     for u in inputs.T:
@@ -38,7 +41,9 @@ def experiment(samples: int, radius: float, rng: np.random.Generator) -> tuple[R
 def bounded_records(
     samples: int, radius: float, rng: np.random.Generator, experiments: int = 1
 ) -> StateRecords:
-    """Records of experiments of equal length, with noise known to be at most `radius`."""
+    """Records of experiments of equal length, where each noise sample is known to be at most
+    `radius`.
+    """
     parts = [experiment(samples, radius, rng) for _ in range(experiments)]
     states, inputs, following = (np.hstack(each) for each in zip(*parts, strict=True))
     noise = NoiseEnergy.of_samples(radius, 3, experiments * samples)
@@ -54,10 +59,11 @@ def record_feedback(
 ) -> FeedbackFromRecords:
     """State feedback from one noisy record of an unstable plant, with no model in between.
 
-    The gain is proven for every plant that the record and the noise bound allow. It has the least
-    rate per sample, or the least H2 or H-infinity norm from noise to states and inputs.
+    The gain is proven for every plant that agrees with the record and the noise bound. It has the
+    least decay rate per sample, or the least H2 or H-infinity norm from noise to states and inputs.
 
-    samples: of the record. radius: bound of each noise sample. draw: seed of the record.
+    samples: number of samples of the record. radius: bound on each noise sample. draw: seed of the
+    record.
     """
     records = bounded_records(samples, radius, np.random.default_rng(draw))
     if criterion == "decay":

@@ -1,4 +1,4 @@
-"""What a record must be like for a feedback without a model: its length, its noise, what is known.
+"""Which records allow a feedback without a model: effects of their length, noise and noise bound.
 
 After figure 1 and the table of section VI of van Waarde, Camlibel and Mesbahi, IEEE Trans.
 Automatic Control 67 (2022) 162-175.
@@ -24,20 +24,22 @@ from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
 from .record_feedback import A, B, C, D, bounded_records
 
 SAMPLES = 8
-"""Samples of each experiment: in more of them the unstable states grow out of proportion."""
+"""Samples of each experiment. In longer ones the unstable states would grow too large."""
 EXPERIMENTS = (2, 4, 8, 16, 32, 64)
 RADII = (0.05, 0.3, 0.6, 1.0)
 KNOWN = ("each sample", "energy")
-"""What is known of the noise: a bound of each sample, or 1.05 times the energy that it has."""
+"""What is known of the noise: a bound on each sample, or 1.05 times its true energy."""
 ABOVE_ENERGY = 1.05
 ROUNDING = 1e-6
-"""Share by which rounding may put a norm beside what bounds it."""
+"""Rounding error allowed when a norm is compared with its bound, relative."""
 STABLE, NONE, OPEN = 1, 0, -1
-"""Verdicts: a gain is proven, it is proven that none is, or neither."""
+"""Verdicts: a gain is proven; it is proven that none exists; or neither."""
 
 
 def known_plant_norm() -> float:
-    """The least H2 norm of a state feedback for the known plant, by the Riccati equation."""
+    """The least H2 norm that state feedback can reach for the known plant, from the Riccati
+    equation.
+    """
     P = solve_discrete_are(A, B, C.T @ C, D.T @ D)
     return float(np.sqrt(np.trace(P)))
 
@@ -68,7 +70,10 @@ class RecordLengths(Study):
         """Norm, gain and verdict of each record."""
         return [
             [
-                [[self._one(*at, draw, context) for draw in range(self.draws)] for at in row]
+                [
+                    [self._record_result(*at, draw, context) for draw in range(self.draws)]
+                    for at in row
+                ]
                 for row in rows
             ]
             for rows in context.track(self._places(), "records")
@@ -80,7 +85,7 @@ class RecordLengths(Study):
             for known in KNOWN
         ]
 
-    def _one(
+    def _record_result(
         self, known: str, radius: float, count: int, draw: int, context: Context
     ) -> tuple[float, RealArray, int]:
         rng = np.random.default_rng([draw, count])
@@ -100,12 +105,12 @@ class RecordLengths(Study):
     places = (known, radius, experiments, draw)
     verdict = array(
         dims=places, unit="1", meaning="1: proven gain, 0: proven that none is, -1: neither"
-    )(lambda found: _each(found, 2))
+    )(lambda found: _field_of_records(found, 2))
     level = array(dims=places, unit="1", meaning="proven H2 norm for every plant")(
-        lambda found: _each(found, 0)
+        lambda found: _field_of_records(found, 0)
     )
     gain = array(dims=(*places, entry, column), unit="1", meaning="gain")(
-        lambda found: _each(found, 1)
+        lambda found: _field_of_records(found, 1)
     )
 
     @array(dims=places, unit="1", meaning="H2 norm of the loop of the true plant")
@@ -134,7 +139,9 @@ class RecordLengths(Study):
 
     @metric
     def norms(self, level: DataArray, true_norm: DataArray, best: DataArray) -> dict[str, float]:
-        """Of the longest record with the least noise, relative to the known plant, less 1."""
+        """Excess of the H2 norms over the known plant's least one, for the longest record with the
+        least noise.
+        """
         at = {"known": "energy", "radius": RADII[0], "experiments": EXPERIMENTS[-1]}
         return {
             "norm_above_known": float((level.sel(at) / best).median()) - 1.0,
@@ -143,7 +150,7 @@ class RecordLengths(Study):
 
     @metric
     def shares(self, verdict: DataArray) -> dict[str, float]:
-        """Shares of all records with a proven gain."""
+        """Share of the records with a proven gain."""
         return {
             f"proven_{known.replace(' ', '_')}": float((verdict.sel(known=known) == STABLE).mean())
             for known in KNOWN
@@ -153,7 +160,9 @@ class RecordLengths(Study):
     def norms_over_length(
         self, level: DataArray, true_norm: DataArray, verdict: DataArray, best: DataArray
     ) -> Figure:
-        """Proven norms and those of the true plant's loop, over the known plant's least one."""
+        """H2 norms, proven and of the true plant's loop, relative to the least norm of the known
+        plant.
+        """
         drawn, panels = figures.axes(1, 2, size=(9.0, 4.2), sharex=True, sharey=True)
         for panel, known in zip(panels, KNOWN, strict=True):
             for radius, colour in zip(RADII, figures.CYCLE, strict=False):
@@ -173,13 +182,13 @@ class RecordLengths(Study):
         return drawn
 
 
-def _each(found: Any, place: int) -> RealArray:
-    """One of norm, gain and verdict of every record."""
+def _field_of_records(found: Any, place: int) -> RealArray:
+    """One field of all records: 0 is the norm, 1 the gain, 2 the verdict."""
     return np.array([[[[one[place] for one in a] for a in b] for b in c] for c in found], float)
 
 
 def _norm(K: RealArray) -> float:
-    """H2 norm from noise to states and inputs of the true plant's loop; infinite if unstable."""
+    """H2 norm of the true plant's loop from noise to states and inputs; infinite if unstable."""
     from scipy.linalg import solve_discrete_lyapunov
 
     loop, seen = A + B @ K, C + D @ K
@@ -194,10 +203,10 @@ def _norm(K: RealArray) -> float:
 def record_lengths(draws: Annotated[int, Field(ge=1, le=100)] = 3) -> RecordLengths:
     """How long a record, with how much noise, gives a feedback without a model.
 
-    Proven H2 norms over the number of samples, beside the least norm of the known plant, for three
-    sizes of the noise of which either each sample or only the energy is bounded. Records that allow
-    no feedback are proven to allow none.
+    Proven H2 norms over the number of samples are compared with the least norm of the known plant.
+    There are four sizes of noise, and either each noise sample is bounded or only the energy.
+    Records that allow no feedback are proven to allow none.
 
-    draws: records of each kind.
+    draws: number of records of each kind.
     """
     return RecordLengths(draws)

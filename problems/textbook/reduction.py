@@ -19,11 +19,11 @@ from workbench.uncertainty import GeneralisedPlant
 from .controller import PLANTS
 
 PEAK_SLACK = 1e-3
-"""Relative amount by which a certified peak may exceed the one that it should not exceed."""
+"""Largest accepted relative excess of a certified peak over its limit."""
 
 
 def needs(plant: str, after: str = "mu-dk", **_: Any) -> dict[str, Any]:
-    """The controller of full order."""
+    """Reference to the controller of full order."""
     return {"full": ref(f"{plant}/controller", method=after)}
 
 
@@ -41,23 +41,26 @@ def reduction(
 ) -> ReductionCurve:
     """The certified peak of mu against the controller's order, and the least order below a target.
 
-    Weighted balanced reduction of the full controller; what then exceeds the target is refined by
-    nonsmooth optimisation of the peak. Each loop's stability and peak are certified anew.
+    The full controller is reduced by weighted balanced reduction. Reduced controllers that exceed
+    the target are refined by nonsmooth optimisation of the peak. Stability and peak of each loop
+    are certified anew.
 
-    after: the method whose controller is reduced. target: the largest peak accepted.
+    after: method whose controller is reduced. target: largest accepted peak.
     """
     return ReductionCurve(plant, PLANTS[plant](), full, target)
 
 
 HIGHEST_SHOWN = 10.0
-"""Certified peak above which orders are left out of the figure."""
+"""Orders with a larger certified peak are left out of the figure."""
 HIGHEST_RATIO = 1.5
-"""Ratio to the highest refined peak above which reduced controllers are left out of the figure."""
+"""Reduced controllers whose peak exceeds the highest refined peak by this factor are left out of
+the figure.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ReductionCurve(Study):
-    """Certified peaks of every order, reduced alone and refined."""
+    """Certified peaks of every order, with and without refinement."""
 
     name: str
     plant: GeneralisedPlant
@@ -72,12 +75,12 @@ class ReductionCurve(Study):
 
     @part
     def plain(self) -> Any:
-        """Every order by balanced reduction alone."""
+        """Controllers of every order from balanced reduction alone."""
         return reduce_order(self.plant, self.full.answer.K, target=self.target)
 
     @part
     def best(self, context: Context) -> Any:
-        """Every order, refined where the reduced controller exceeds the target."""
+        """Controllers of every order, refined if the reduced one exceeds the target."""
         K = self.full.answer.K
         return reduce_order(self.plant, K, target=self.target, refine=True, context=context)
 
@@ -100,7 +103,7 @@ class ReductionCurve(Study):
 
     @system
     def controller(self, best: Any) -> StateSpace | None:
-        """The controller of the least order below the target."""
+        """The controller of the least order that meets the target; None if there is none."""
         return None if best.smallest is None else best.smallest.K
 
     @check(

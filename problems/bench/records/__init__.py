@@ -1,1 +1,1 @@
-"""Public records on which our models are judged beside those of other packages."""
+"""Public records on which our models are compared with those of other packages."""

@@ -1,7 +1,7 @@
-"""Public records of inputs and outputs: what they are, whose they are, and how their files read.
+"""Public records of inputs and outputs: contents, sources, and how to read their files.
 
-The files stand in no repository of ours: most come without terms that allow it. A user brings
-copies of their own in one folder, under the names that they were published by.
+The files are not in our repository, since most come without terms that allow it. Users bring their
+own copies in one folder, under the published names.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ DAISY_TERMS = "public, to be cited; no licence stated"
 
 @dataclass(frozen=True)
 class Section:
-    """Columns of a file, counted from zero, or by name where the file names them."""
+    """Columns of a file, counted from zero, or by name if the file names them."""
 
     file: str
     inputs: Columns
@@ -28,10 +28,11 @@ class Section:
 
 @dataclass(frozen=True)
 class PublicRecord:
-    """A record with its source: ``sections`` are its two halves, or one section is halved.
+    """A record with its source: ``sections`` are its two halves, or one section that is cut in
+    half.
 
-    ``sample_time`` [s] is None where it was not published; ``longest`` is the number of samples
-    that are taken of a longer record.
+    ``sample_time`` [s] is None if it was not published. ``longest`` is the largest number of
+    samples that are used of a record.
     """
 
     name: str

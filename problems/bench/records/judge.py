@@ -1,14 +1,14 @@
-"""Judge our models of public records beside those of other packages, on halves held back.
+"""Compare our models of public records with those of other packages, on held-back halves.
 
     python -m problems.bench.records.judge FOLDER --part develop     # first halves alone
     python -m problems.bench.records.judge FOLDER --part judged      # second halves, once
 
-Every package estimates on the first half of a record. What it offers (algorithms, orders, lags) are
-its candidates: for one-step predictions and for simulations it takes the one that validates best
-within the first half, on the folds that ours are validated on, and fits it to the whole half. The
-second half judges both once. With ``--part develop`` the first half is halved again instead, so
-that no second half is seen. Each record makes one file of rows in the folder of results; records
-that have one are passed over.
+Every package estimates on the first half of a record. Its algorithms, orders and lags give its
+candidates. For one-step predictions and for simulations it takes the candidate that validates best
+within the first half, on the same folds as ours, and fits it to the whole half. The second half
+then tests both once. With ``--part develop`` the first half is cut in half again instead, so that
+no second half is seen. Each record makes one file of rows in the folder of results; records that
+have a file are skipped.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ PEERS: dict[str, Callable[[int, int, int], Iterator[tuple[str, Fitting]]]] = {
     "SysIdentPy, nonlinear": partial(sysidentpy, linear=False),
 }
 METHOD = "averaged"
-"""Method of ours that is judged."""
+"""Our method that is judged."""
 PATIENCE = 300.0
-"""Seconds after which a package is given no further candidates of a record."""
+"""Time [s] after which a package gets no more candidates for a record."""
 WORST_OWN_FIT = -100.0
-"""Fit [%] on its own half below which a package's model is passed over: it diverges."""
+"""Fit [%] on its own half below which a package's model is skipped, because it diverges."""
 FIELDS = ("record", "package", "use", "output", "fit", "model", "seconds")
 
 
 def ours(program: StateSpaceFit) -> Iterator[tuple[str, RealArray, str, float]]:
-    """Use, fits (ny,) [%], model and seconds of our method."""
+    """Use, fits (ny,) [%], description of the model and seconds, for our method."""
     start = time.perf_counter()
     solution = solve(program, method=METHOD)
     seconds = time.perf_counter() - start
@@ -66,7 +66,9 @@ def ours(program: StateSpaceFit) -> Iterator[tuple[str, RealArray, str, float]]:
 
 
 def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArray, str, float]]:
-    """Use, fits (ny,) [%], model and seconds of the candidates of a package that validate best."""
+    """Use, fits (ny,) [%], description of the model and seconds, for a package's best
+    candidates.
+    """
     start = time.perf_counter()
     used = program.used
     nu, ny = used.u.shape[1], used.y.shape[1]
@@ -75,7 +77,7 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
     for label, fit in ways.items():
         if time.perf_counter() - start > PATIENCE:
             break
-        scores[label] = _validated(program, fit)
+        scores[label] = _validation_fits(program, fit)
     for place, use in enumerate(USES):
         ranked = sorted(scores, key=lambda label: -scores[label][place])
         for label in ranked:
@@ -90,7 +92,7 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
             yield use, np.full(ny, np.nan), "no model", time.perf_counter() - start
 
 
-def _validated(program: StateSpaceFit, fit: Fitting) -> RealArray:
+def _validation_fits(program: StateSpaceFit, fit: Fitting) -> RealArray:
     """Mean validation fits (uses,) over outputs and folds; minus infinity without a model."""
     total = np.zeros(len(USES))
     folds = program.folds or [_last_third_held_back(program.used)]
@@ -100,23 +102,25 @@ def _validated(program: StateSpaceFit, fit: Fitting) -> RealArray:
 
 
 def _last_third_held_back(record: Experiments) -> tuple[Experiments, Experiments]:
-    """A fold for records of which ours, whose folds need inputs that move, holds nothing back."""
+    """A fold for records without folds of ours, which need inputs that move."""
     cut = round(len(record) * (1 - VALIDATION_SHARE))
     return record.part(0, cut), record.part(cut, len(record))
 
 
 def tried(fit: Fitting, record: Experiments) -> object | None:
-    """The model of a package on a record, without its warnings; None where it raises."""
+    """The model of a package on a record, without its warnings; None if the package raises an
+    error.
+    """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         try:
             return fit(record)
-        except Exception:  # packages raise whatever they like
+        except Exception:  # packages raise all kinds of errors
             return None
 
 
 def _scores(program: StateSpaceFit, model: object | None, record: Experiments) -> RealArray:
-    """Fits (uses, ny) [%] on a record; minus infinity where there is none."""
+    """Fits (uses, ny) [%] on a record; minus infinity where there is no model."""
     found = np.full((len(USES), record.y.shape[1]), -np.inf)
     for place, use in enumerate(USES):
         run = getattr(model, use, None)
@@ -134,7 +138,7 @@ def _scores(program: StateSpaceFit, model: object | None, record: Experiments) -
 def rows_of(
     record: PublicRecord, folder: Path, part: str, packages: list[str]
 ) -> Iterator[dict[str, str]]:
-    """Rows of results of a record."""
+    """Rows of the file of results for one record."""
     first, second = read_halves(record, folder)
     if part == "develop":
         first, second = first.halved()

@@ -1,7 +1,7 @@
-"""Linear models by sippy_unipi, nfoursid and statsmodels, as candidates of a choice.
+"""Linear models by sippy_unipi, nfoursid and statsmodels, as candidates to choose from.
 
-Every package sees signals without means and of unit spread. Its models are stated as innovations
-models, so that predictions and simulations of all packages are made by the same code.
+Every package gets signals with zero mean and unit standard deviation. Its models are written as
+innovations models, so that the same code predicts and simulates for all packages.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.polynomials.regressions import arx_from_lags
 
 Scaled = Callable[[RealArray, RealArray], InnovationsModel | None]
-"""Function of scaled inputs (N, nu) and outputs (N, ny) that gives a model, or None."""
+"""Function of scaled inputs (N, nu) and outputs (N, ny) that returns a model, or None."""
 Fitting = Callable[[Experiments], Any]
-"""Function of one experiment that gives a model, or None."""
+"""Function of one experiment that returns a model, or None."""
 
 ORDERS = (1, 2, 3, 4, 6, 8, 10, 12, 16)
 HORIZONS = (5, 10, 20, 40)
@@ -33,14 +33,14 @@ SIPPY_ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
 BLOCK_ROWS = (5, 10, 20)
 LAGS = (1, 2, 3, 4, 6, 8, 12, 20)
 NOISES = ((1, 0), (2, 0), (2, 2))
-"""Autoregressive and moving-average orders of the noise of SARIMAX."""
+"""Autoregressive and moving-average orders of the noise in SARIMAX."""
 FIR_LAGS = (5, 15)
 LARGEST_SARIMAX = 2500
-"""Most samples of a record with one output for which SARIMAX, whose cost is high, is tried."""
+"""Largest number of samples for which SARIMAX is tried, since its cost is high."""
 
 
 def sippy(nu: int, ny: int, samples: int) -> Iterator[tuple[str, Fitting]]:
-    """Subspace models by sippy_unipi: every algorithm, horizon and order."""
+    """Subspace models by sippy_unipi for every algorithm, horizon and order."""
     for algorithm in SIPPY_ALGORITHMS:
         for horizon in HORIZONS:
             if horizon * (nu + ny) * 2 < samples // 3:
@@ -65,14 +65,14 @@ def _sippy(algorithm: str, horizon: int, order: int) -> Scaled:
                 SS_D_required=True,
             )
         if np.shape(system.K) != (len(system.A), y.shape[1]) or len(system.A) != order:
-            return None  # no Kalman gain was found, or the order was lowered
+            return None  # no Kalman gain was found, or the package lowered the order
         return _unscaled(system.A, system.B, system.C, system.D, system.K)
 
     return fit
 
 
 def nfoursid(nu: int, ny: int, samples: int) -> Iterator[tuple[str, Fitting]]:
-    """Subspace models by nfoursid: every number of block rows and order."""
+    """Subspace models by nfoursid for every number of block rows and every order."""
     for rows in BLOCK_ROWS:
         if rows * (nu + ny) * 2 < samples // 3:
             for order in ORDERS:
@@ -112,7 +112,7 @@ def statsmodels(nu: int, ny: int, samples: int) -> Iterator[tuple[str, Fitting]]
 
 
 def _ardl(lags: int) -> Scaled:
-    """Each output on past outputs, and on inputs, up to now."""
+    """Each output depends on its own past, on past other outputs, and on inputs up to now."""
     import pandas as pd
     from statsmodels.tsa.ardl import ARDL
 
@@ -141,7 +141,7 @@ def _ardl(lags: int) -> Scaled:
 
 
 def _sarimax(noise: tuple[int, int], lags: int) -> Scaled:
-    """y(t) = c + sum of b_k u(t - k) + w(t), w of autoregressive and moving-average order."""
+    """y(t) = c + sum of b_k u(t - k) + w(t), where w is an ARMA process."""
     from statsmodels.tsa.statespace.sarimax import SARIMAX
 
     def fit(u: RealArray, y: RealArray) -> InnovationsModel:
@@ -161,7 +161,7 @@ def _sarimax(noise: tuple[int, int], lags: int) -> Scaled:
         B = np.vstack([np.zeros((order, nu)), enters])
         C = np.hstack([np.eye(1, order), taps[1:].reshape(1, -1)])
         K = np.concatenate([past + moving, np.zeros(nu * lags)])[:, None]
-        # With exogenous inputs the constant stands in the equation of the noise.
+        # With exogenous inputs the constant is in the equation of the noise.
         level = np.array([found["intercept"] / (1 - past.sum())])
         return replace(_unscaled(A, B, C, taps[:1], K), y_offset=level)
 
@@ -174,7 +174,7 @@ def _unscaled(*matrices: Any) -> InnovationsModel:
 
 
 def _scaled(fit: Scaled) -> Fitting:
-    """A fitting function for records, from one for scaled signals."""
+    """A fitting function for records, made from one for scaled signals."""
 
     def fitted(record: Experiments) -> InnovationsModel | None:
         scaling = Scaling.of(record)

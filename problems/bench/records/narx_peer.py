@@ -1,4 +1,4 @@
-"""Polynomial models by SysIdentPy, linear and not, as candidates of a choice."""
+"""Polynomial models by SysIdentPy, linear and nonlinear, as candidates to choose from."""
 
 from __future__ import annotations
 
@@ -18,22 +18,24 @@ from .linear_peers import Fitting
 
 LINEAR_LAGS = (2, 4, 8, 12)
 TERMS = {1: 40, 2: 30, 3: 25}
-"""Most terms for each degree of the polynomial."""
+"""Largest number of terms, by degree of the polynomial."""
 NONLINEAR_LAGS = {2: (2, 4), 3: (2,)}
-"""Lags for each degree above one."""
+"""Lags that are tried, by degree above one."""
 MOST_REGRESSORS = 160
-"""Most candidates of terms among which the package selects."""
+"""Largest number of candidate terms from which the package selects."""
 
 
 @dataclass(frozen=True, eq=False)
 class NarxModel:
-    """Models of the package, one for each output, of scaled signals."""
+    """Models of the package for scaled signals, one for each output."""
 
     parts: list[Any]
     scaling: Scaling
 
     def one_step(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
-        """One-step predictions (N, ny); samples of the longest lag are those measured."""
+        """One-step predictions (N, ny); the first samples, as many as the longest lag, are the
+        measured ones.
+        """
         return self._run(u, y, 0, 1)
 
     def free_run(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
@@ -54,7 +56,9 @@ class NarxModel:
 
 
 def sysidentpy(nu: int, ny: int, samples: int, linear: bool) -> Iterator[tuple[str, Fitting]]:
-    """Polynomials of the first degree, or of higher ones, selected by orthogonal least squares."""
+    """Polynomials of the first degree or of higher degrees, selected by orthogonal
+    least squares.
+    """
     degrees = {1: LINEAR_LAGS} if linear else NONLINEAR_LAGS
     for degree, every in degrees.items():
         for lags in every:
@@ -90,5 +94,7 @@ def _frols(degree: int, lags: int, terms: int) -> Fitting:
 
 
 def _now(u: RealArray) -> RealArray:
-    """Inputs one sample early: the package's first lag is then the input at the same time."""
+    """Inputs shifted one sample earlier: the package's first lag then means the input at the same
+    time.
+    """
     return np.vstack([u[1:], u[-1:]])

@@ -1,4 +1,4 @@
-"""Halves of public records, read from a user's folder of copies."""
+"""Halves of public records, read from the user's folder of copies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workbench.identification.state_space.program import StateSpaceFit
 from .catalogue import Columns, PublicRecord, Section
 
 HIGHER_ORDERS = (10, 12, 16)
-"""Orders that are tried beside the usual ones, as far as a record determines them."""
+"""Orders that are tried beyond the usual ones, if the record has enough samples for them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Half:
     y: RealArray
 
     def halved(self) -> tuple[Half, Half]:
-        """Its own halves, in time."""
+        """The first and the second half of this half."""
         middle = len(self.u) // 2
         return Half(self.u[:middle], self.y[:middle]), Half(self.u[middle:], self.y[middle:])
 
@@ -34,7 +34,7 @@ class Half:
 def read_halves(record: PublicRecord, folder: Path) -> tuple[Half, Half]:
     """First and second half of a record whose files are in a folder.
 
-    Raises InputError where a file is missing or has other columns.
+    Raises InputError if a file is missing or has other columns.
     """
     parts = [_read(record, section, folder) for section in record.sections]
     if len(parts) == 1:
@@ -44,7 +44,7 @@ def read_halves(record: PublicRecord, folder: Path) -> tuple[Half, Half]:
 
 
 def question(first: Half, second: Half, title: str, sample_time: float | None) -> StateSpaceFit:
-    """The models that are asked for: estimated on the first half, judged on the second."""
+    """The fit that is asked of us: models estimated on the first half and judged on the second."""
 
     def asked(orders: tuple[int, ...] | None) -> StateSpaceFit:
         return StateSpaceFit(
@@ -61,7 +61,7 @@ def question(first: Half, second: Half, title: str, sample_time: float | None) -
     for order in HIGHER_ORDERS:
         try:
             program = asked((*(program.orders or ()), order))
-        except InputError:  # the record does not determine it
+        except InputError:  # the record has too few samples for it
             break
     return program
 

@@ -1,4 +1,4 @@
-"""Tables of what `judge` has written: fits of each package, and how far ours are from the best.
+"""Tables of the results of `judge`: fits of each package, and how far ours are from the best.
 
 python -m problems.bench.records.summary problems/bench/records/results.csv
 """
@@ -19,9 +19,9 @@ from workbench.identification.state_space.identified import USES
 OURS = "workbench"
 NONLINEAR = "SysIdentPy, nonlinear"
 NEAR = 0.5
-"""Points [%] below the best peer that still count as level with it."""
+"""Distance [percentage points] below the best peer that still counts as level with it."""
 FAR = 2.0
-"""Points [%] that ours may be below the best peer at most."""
+"""Largest accepted distance [percentage points] of ours below the best peer."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class Cell:
     fits: dict[str, float]
 
     def ahead(self, nonlinear: bool, package: str = OURS) -> float:
-        """Fit of a package less that of the best of the others, in points.
+        """Fit of a package minus that of the best of the others, in percentage points.
 
-        Nonlinear models are among the others or not. A package without a model is infinitely far
-        below.
+        `nonlinear` says whether nonlinear models are among the others. A package without a model
+        has minus infinity.
         """
         others = [
             fit
@@ -48,7 +48,9 @@ class Cell:
 
 
 def cells(results: Path) -> list[Cell]:
-    """The cells of a file of results, or of all files in a folder; InputError where none is."""
+    """The cells of a file of results, or of all files in a folder. Raises InputError if there is
+    none.
+    """
     import pandas as pd
 
     files = sorted(results.glob("*.csv")) if results.is_dir() else [results]
@@ -58,21 +60,23 @@ def cells(results: Path) -> list[Cell]:
     fits: dict[tuple[str, str], dict[str, float]] = {}
     for (record, use, package), part in table.groupby(["record", "use", "package"], sort=False):
         fits.setdefault((record, use), {})[package] = float(np.mean(part["fit"].to_numpy()))
-    return [Cell(*key, fits[key]) for record in table["record"].unique() for key in _of(record)]
+    return [
+        Cell(*key, fits[key]) for record in table["record"].unique() for key in _keys_of(record)
+    ]
 
 
-def _of(record: str) -> list[tuple[str, str]]:
+def _keys_of(record: str) -> list[tuple[str, str]]:
     return [(record, use) for use in USES]
 
 
 def fits_table(found: list[Cell]) -> str:
-    """Fits of all packages and the distances, in Markdown."""
+    """Fits of all packages and distances from the best, in Markdown."""
     packages = list(dict.fromkeys(package for cell in found for package in cell.fits))
     rows = [
         [
             cell.record,
             cell.use.replace("_", " "),
-            *(_told(cell.fits.get(package, np.nan)) for package in packages),
+            *(_points_or_dash(cell.fits.get(package, np.nan)) for package in packages),
             f"{cell.ahead(False):+.2f}",
             f"{cell.ahead(True):+.2f}",
         ]
@@ -81,12 +85,12 @@ def fits_table(found: list[Cell]) -> str:
     return markdown(["record", "use", *packages, "ahead of linear", "ahead of all"], rows)
 
 
-def _told(fit: float) -> str:
+def _points_or_dash(fit: float) -> str:
     return f"{fit:.2f}" if np.isfinite(fit) else "-"
 
 
 def verdict(found: list[Cell], nonlinear: bool) -> str:
-    """In how many cells ours are level with the best peer or ahead, and where they are farthest."""
+    """Number of cells in which ours are level with the best peer or ahead, and the worst cell."""
     ahead = np.array([cell.ahead(nonlinear) for cell in found])
     kind = "all peers" if nonlinear else "linear peers"
     return (
@@ -97,14 +101,14 @@ def verdict(found: list[Cell], nonlinear: bool) -> str:
 
 
 def _worst(found: list[Cell], ahead: RealArray) -> str:
-    """The least distance ahead of all cells, and which cell has it."""
+    """The smallest lead over all cells, and the cell that has it."""
     place = int(ahead.argmin())
     cell = found[place]
     return f"{ahead[place]:+.2f} ({cell.record}, {cell.use.replace('_', ' ')})"
 
 
 def standings(found: list[Cell]) -> str:
-    """Every package against the best of the others, in Markdown: the same measure for all."""
+    """Every package against the best of the others, in Markdown, by the same measure for all."""
     rows = []
     for package in dict.fromkeys(package for cell in found for package in cell.fits):
         ahead = np.array([cell.ahead(True, package) for cell in found])
@@ -127,7 +131,9 @@ def standings(found: list[Cell]) -> str:
 
 
 def duels(found: list[Cell]) -> str:
-    """Ours against each package by itself, in Markdown; a cell without its model is won."""
+    """Ours against each package alone, in Markdown; a cell in which it has no model
+    counts as won.
+    """
     rows = []
     for package in dict.fromkeys(package for cell in found for package in cell.fits):
         if package == OURS:

@@ -1,1 +1,1 @@
-"""Whether regions of responses that are estimated from records hold the true plants."""
+"""Whether regions of responses that are estimated from records contain the true plants."""

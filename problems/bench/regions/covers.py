@@ -1,4 +1,6 @@
-"""Whether covers of the regions of six heaters hold all true plants, at all frequencies at once."""
+"""Whether covers of the regions of six heaters contain all true plants, at all
+frequencies at once.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +21,21 @@ SECONDS = 5.0
 """Sampling time of the heaters [s]."""
 DECIBELS = 40.0
 MOST = 40
-"""Frequencies of a cover."""
+"""Number of frequencies of a cover."""
 ORDER = 2
-"""Order of a cover's nominal and weights."""
+"""Order of a cover's nominal model and weights."""
 BANDS = 4
-"""Bands in which points outside are told."""
+"""Number of bands for which the share of points outside is shown."""
 FORMER_DEGREE, FORMER_WIDTH = 2, 14
-"""Local polynomials that were taken of every record before."""
+"""Degree and width of the local polynomials that every record was fitted by in an older version."""
 LENGTHS = ("30 time constants", "18 time constants")
 
 
 def heater_draw(length: str, draw: int, seed: int) -> tuple[bool, RealArray, RealArray]:
-    """Of one draw of six records: whether the cover holds all plants, shares of points outside.
+    """For one draw of six records: whether the cover contains all plants, and shares of points
+    outside.
 
-    The shares (BANDS,) are those of today's regions, and of the former local polynomials'.
+    The shares (BANDS,) are those of today's regions and of the older local polynomials.
     """
     plants = heaters()
     pairs = []
@@ -45,7 +48,9 @@ def heater_draw(length: str, draw: int, seed: int) -> tuple[bool, RealArray, Rea
     found = Responses.from_estimates(estimates)
     exact = _truth(found.frequency_hz)
     outside = np.abs(found.values - exact) > region_radius(found, 0.95)
-    former = _former(pairs, plants[0].long if length == LENGTHS[0] else plants[0].short)
+    former = _shares_of_older_regions(
+        pairs, plants[0].long if length == LENGTHS[0] else plants[0].short
+    )
     inside = region_radius(found, 0.95) < np.abs(found.values)
     last = found.frequency_hz[np.argmin(inside.all(axis=1)) - 1] if not inside.all() else np.inf
     clear = found.within(0.0, last)
@@ -56,8 +61,8 @@ def heater_draw(length: str, draw: int, seed: int) -> tuple[bool, RealArray, Rea
     return held, _shares(outside), former
 
 
-def _former(pairs: list[tuple[RealArray, RealArray]], shortest: int) -> RealArray:
-    """Shares (BANDS,) of points outside the regions of the former local polynomials."""
+def _shares_of_older_regions(pairs: list[tuple[RealArray, RealArray]], shortest: int) -> RealArray:
+    """Shares (BANDS,) of points outside the regions of the older local polynomials."""
     at = np.unique(np.geomspace(1, (shortest - 1) // 2, MOST).astype(int))
     outside = []
     for k, (u, y) in enumerate(pairs):
@@ -73,7 +78,7 @@ def _former(pairs: list[tuple[RealArray, RealArray]], shortest: int) -> RealArra
 
 
 def _shares(outside: BoolArray) -> RealArray:
-    """Share (BANDS,) of points (F, N) outside in each band."""
+    """Share (BANDS,) of points (F, N) that are outside, in each band."""
     return np.array([part.mean() for part in np.array_split(outside, BANDS)])
 
 

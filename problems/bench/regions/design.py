@@ -1,4 +1,4 @@
-"""The cases: a fraction of all plants, excitations, lengths and sizes of noise."""
+"""The test cases: a fraction of all combinations of plants, excitations, lengths and noise."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from .plants import PLANTS, Plant
 from .records import EXCITATIONS
 
 DECIBELS = (20.0, 30.0, 40.0, 60.0)
-"""Sizes of the output over the noise."""
+"""Ratios of output to noise [dB]."""
 COLOURS = (0.0, 0.8)
-"""Factors of the noise from sample to sample: white, and slow."""
+"""Correlation of the noise from sample to sample: white, and slow."""
 CASES_OF_A_PLANT = 4
-"""Each plant meets so many of the excitations, each length twice, each size of noise once."""
+"""Cases of each plant: this many excitations, each length twice, each size of noise once."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One plant, excitation, length [samples] and size of noise [dB]."""
+    """One plant, with an excitation, a length [samples], a size and a colour of the noise."""
 
     name: str
     plant: Plant

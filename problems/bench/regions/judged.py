@@ -1,4 +1,4 @@
-"""What is counted of the regions of one case: do they hold the truth, and how wide are they?"""
+"""Judgement of one case's regions: do they hold the truth, and how wide are they?"""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ from .plants import Channel
 from .records import BITS, EXCITATIONS, PERIODS, USED, quantised, record
 
 THIRDS = 3
-"""Parts of a case's band."""
+"""Number of parts of a case's band."""
 REALISATIONS, RUN_OUT = 300, 400
-"""Records, and samples after them, from which a best linear approximation is computed."""
+"""Number of records, and of samples after each, from which a best linear approximation is computed.
+"""
 Estimator = Callable[[RealArray, RealArray, RealArray], ResponseEstimate]
-"""Of u (N, nu), y (N, 1) and frequencies (F,) [cycles/sample]: an estimate."""
+"""Function of u (N, nu), y (N, 1) and frequencies (F,) [cycles/sample] that returns an estimate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
     """Regions of R records at F frequencies [cycles/sample], for nu inputs.
 
-    ``held`` (R, F, nu): the truth lies inside; ``radius`` (R, F, nu); ``told`` (R, F): not left
-    out; ``truth`` (F, nu); ``clear`` (F,): some input's part of the output exceeds the noise.
+    ``held`` (R, F, nu): the region holds the truth; ``radius`` (R, F, nu); ``told`` (R, F): the
+    estimator gave a region; ``truth`` (F, nu); ``clear`` (F,): some input's part of the output
+    exceeds the noise.
     """
 
     frequency: RealArray
@@ -43,10 +45,10 @@ class Judged:
     clear: BoolArray
 
     def thirds(self) -> list[tuple[float, float]]:
-        """Of each third of the band the coverage, and the upper end of its 99 % interval.
+        """For each third of the band the coverage, and the upper end of its 99 % interval.
 
-        What was left out counts as a miss where the truth is clear, else not at all. Records are
-        independent of each other, the frequencies of one are not.
+        A frequency without a region counts as a miss where the truth is clear, and is not counted
+        elsewhere. Different records are independent, but the frequencies of one record are not.
         """
         found = []
         for part in np.array_split(np.flatnonzero(self.clear), THIRDS):
@@ -57,27 +59,31 @@ class Judged:
 
     @property
     def width(self) -> float:
-        """Median radius over the size of the response."""
+        """Median of the radius divided by the size of the response."""
         relative = self.radius / np.abs(self.truth)
         return float(np.median(np.where(self.told[..., None], relative, np.inf)[:, self.clear]))
 
 
 def places(case: Case, most: int) -> RealArray:
-    """Frequencies [cycles/sample] that are asked for: lines, of periodic records excited ones."""
+    """Frequencies [cycles/sample] at which regions are asked for; of a multisine the
+    excited lines.
+    """
     period = case.samples // PERIODS if case.excitation == "multisine" else case.samples
     highest = case.plant.band[1] if case.excitation == "multisine" else 0.5
     return spaced_in_log(np.arange(1.0, np.ceil(highest * period)), most) / period
 
 
 def truth(case: Case, frequency: RealArray) -> ComplexArray:
-    """True response (F, nu); of a nonlinear plant its best linear approximation to the input."""
+    """True response (F, nu). For a nonlinear plant it is the best linear approximation for the
+    input.
+    """
     channels = case.plant.channels
     if all(isinstance(channel, Channel) for channel in channels):
         return np.stack([c.response(frequency) for c in channels if isinstance(c, Channel)], axis=1)
     rngs = [np.random.default_rng([0, k]) for k in range(REALISATIONS)]
     make = EXCITATIONS[case.excitation]
     u = quantised(np.array([make(rng, case.samples, case.plant.band) for rng in rngs]))
-    u = np.concatenate([u, np.zeros((len(u), RUN_OUT))], axis=1)  # from rest to rest
+    u = np.concatenate([u, np.zeros((len(u), RUN_OUT))], axis=1)  # records start and end at rest
     turn = np.exp(-2j * np.pi * np.outer(np.arange(u.shape[1]), frequency))
     U, Y = u @ turn, channels[0].output(u) @ turn
     found: ComplexArray = (np.sum(Y * U.conj(), axis=0) / np.sum(np.abs(U) ** 2, axis=0))[:, None]
@@ -85,15 +91,15 @@ def truth(case: Case, frequency: RealArray) -> ComplexArray:
 
 
 def records(case: Case, count: int, seed: int) -> tuple[RealArray, RealArray, RealArray]:
-    """Records (count, ...) of a case, as `record`."""
+    """Records (count, ...) of a case, as `record` makes them."""
     rngs = [np.random.default_rng([seed, k]) for k in range(count)]
     return record(case.plant, case.excitation, case.samples, case.decibels, rngs, case.colour)
 
 
 def judged(case: Case, made: tuple[RealArray, RealArray, RealArray], most: int) -> Judged:
-    """What `local_response` says of records of a case, of periodic ones of their mean period.
+    """Regions of `local_response` for records of a case; periodic records are averaged first.
 
-    A record that it refuses tells nothing at all.
+    A record that `local_response` refuses has no region at any frequency.
     """
 
     def ours(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
@@ -117,7 +123,7 @@ def judged_with(
     frequency: RealArray,
     exact: ComplexArray,
 ) -> Judged:
-    """What an estimator says of the same records, against the truth (F, nu)."""
+    """Regions of any estimator for the same records, against the truth (F, nu)."""
     held, radius, kept = [], [], []
     for u, y in zip(made[0], made[1], strict=True):
         with warnings.catch_warnings():
@@ -138,7 +144,7 @@ def _clear(
     frequency: RealArray,
     exact: ComplexArray,
 ) -> BoolArray:
-    """Frequencies (F,) at which an input's part of the output exceeds the noise, in the mean."""
+    """Frequencies (F,) at which some input's part of the output exceeds the noise, on average."""
     u, y, size = made
     centred = u - u.mean(axis=-1, keepdims=True)
     turn = np.exp(-2j * np.pi * np.outer(np.arange(case.samples), frequency))

@@ -1,4 +1,4 @@
-"""Plants whose true response is known, sampled exactly behind a hold, one sample a second."""
+"""Plants with known true responses, sampled exactly behind a hold, one sample per second."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench._core.arrays import ComplexArray, RealArray
 
 @dataclass(frozen=True)
 class Mode:
-    """One pole [rad/s] of a plant with its residue."""
+    """One pole [rad/s] of a plant, and its residue."""
 
     pole: complex
     residue: complex
@@ -20,16 +20,16 @@ class Mode:
 
 @dataclass(frozen=True)
 class Channel:
-    """Sum of residue / (s - pole), delayed, from one input that is held for a sample.
+    """Sum of residue / (s - pole), delayed, from one input that is held over each sample.
 
-    A pole off the real axis stands for its conjugate, too.
+    A pole with an imaginary part also represents its conjugate.
     """
 
     modes: tuple[Mode, ...]
     delay: float = 0.0
 
     def _parts(self) -> list[tuple[complex, complex, complex]]:
-        """Of each mode the factor exp(p), and the weights of the newer and of the older input."""
+        """For each mode the factor exp(p), and the weights of the newer and the older input."""
         late = self.delay % 1.0
         found = []
         for mode in self.modes:
@@ -43,7 +43,9 @@ class Channel:
         return found
 
     def response(self, frequency: RealArray) -> ComplexArray:
-        """From samples of the input to samples of the output, at frequencies [cycles/sample]."""
+        """Response from samples of the input to samples of the output, at frequencies
+        [cycles/sample].
+        """
         z = np.exp(2j * np.pi * frequency)
         total = np.zeros(z.shape, complex)
         for mode, (factor, newer, older) in zip(self.modes, self._parts(), strict=True):
@@ -67,11 +69,13 @@ class Channel:
             above += top
         for _, bottom in parts:
             below = np.convolve(below, bottom)
-        last = len(above) if self.delay % 1.0 else len(above) - 1  # no older input: one term less
+        last = (
+            len(above) if self.delay % 1.0 else len(above) - 1
+        )  # no older input, so one term less
         return above.real[:last], below.real
 
     def output(self, u: RealArray) -> RealArray:
-        """Output of records (..., N) that start at rest."""
+        """Output for inputs (..., N), from rest."""
         total = np.zeros(u.shape)
         for mode, (factor, newer, older) in zip(self.modes, self._parts(), strict=True):
             part = lfilter([0.0, newer, older], [1.0, -factor], u, axis=-1)
@@ -84,7 +88,7 @@ class Channel:
 class Friction:
     """A mass with viscous and dry friction, from force to speed.
 
-    Its response is its best linear approximation: it has none of its own.
+    It has no linear response of its own; its true response is the best linear approximation.
     """
 
     lag: float
@@ -92,7 +96,7 @@ class Friction:
     steps: int = 4
 
     def output(self, u: RealArray) -> RealArray:
-        """Speed of records (..., N) of the force, by the classical Runge-Kutta method."""
+        """Speed for records (..., N) of the force, by the classical Runge-Kutta method."""
         h = 1.0 / self.steps
 
         def slope(v: RealArray, force: RealArray) -> RealArray:
@@ -114,9 +118,9 @@ class Friction:
 
 @dataclass(frozen=True)
 class Plant:
-    """A plant with one channel an input, and the lengths [samples] of its short and long records.
+    """A plant with one channel per input, and the lengths [samples] of its short and long records.
 
-    ``band`` are the lowest and the highest frequency [cycles/sample] that experiments excite.
+    ``band`` holds the lowest and highest frequency [cycles/sample] that experiments excite.
     """
 
     channels: tuple[Channel | Friction, ...]
@@ -125,14 +129,16 @@ class Plant:
     band: tuple[float, float]
 
     def output(self, u: RealArray) -> RealArray:
-        """Output (..., N) of inputs (..., inputs, N), from rest."""
+        """Output (..., N) for inputs (..., inputs, N), from rest."""
         parts = [channel.output(u[..., k, :]) for k, channel in enumerate(self.channels)]
         total: RealArray = np.sum(parts, axis=0)
         return total
 
 
 def lags(gain: float, *constants: float, delay: float = 0.0, zero: float = 0.0) -> Channel:
-    """Gain (1 + zero s) exp(-delay s) / prod(1 + constant s), of unlike time constants [s]."""
+    """Channel gain (1 + zero s) exp(-delay s) / prod(1 + constant s); the time constants [s] must
+    differ.
+    """
     poles = [-1.0 / one for one in constants]
     modes = []
     for p in poles:
@@ -142,20 +148,22 @@ def lags(gain: float, *constants: float, delay: float = 0.0, zero: float = 0.0) 
 
 
 def resonance(gain: float, at: float, damping: float) -> Mode:
-    """Mode of gain w^2 / (s^2 + 2 damping w s + w^2) at so many cycles a sample."""
+    """Mode of gain w^2 / (s^2 + 2 damping w s + w^2), with its frequency `at` in cycles
+    per sample.
+    """
     w = 2 * np.pi * at
     damped = w * np.sqrt(1 - damping**2)
     return Mode(complex(-damping * w, damped), gain * w**2 / (2j * damped))
 
 
 def modes(*found: Mode | Channel) -> Channel:
-    """One channel of modes and of the modes of other channels without delay."""
+    """One channel that holds these modes and those of other channels without delay."""
     parts = [one.modes if isinstance(one, Channel) else (one,) for one in found]
     return Channel(tuple(mode for part in parts for mode in part))
 
 
 def _integrator(gain: float, lag: float) -> Channel:
-    """Gain / (s (1 + lag s))."""
+    """Channel gain / (s (1 + lag s))."""
     return Channel((Mode(0.0, gain), Mode(-1 / lag, -gain)))
 
 
@@ -198,7 +206,9 @@ PLANTS: dict[str, Plant] = {
 
 
 def heaters() -> list[Plant]:
-    """Six two-tank heaters: lags of 160 to 230 s and dead times of 13 to 18 s, at 5 s a sample."""
+    """Six two-tank heaters: time constants of 160 to 230 s, dead times of 13 to 18 s, sampled every
+    5 s.
+    """
     found = []
     for k in range(6):
         slow = (160.0 + 14.0 * k) / 5.0

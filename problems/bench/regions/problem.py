@@ -1,4 +1,4 @@
-"""Regions of responses from records, judged on plants whose truth is known."""
+"""Regions of responses from records, judged on plants whose true responses are known."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ from .judged import THIRDS, judged, records
 from .yardsticks import narrowest, output_error_width
 
 LEAST_COVERAGE, LEAST_END = 0.93, 0.88
-"""Coverage over all, and the least upper end of the 99 % interval of a third of a case's band."""
+"""Least coverage over all cases; and for a third of a case's band the least upper end of its 99 %
+interval.
+"""
 LARGEST_WIDTH = 1.5
-"""Median width of a case over that of the narrowest setting that keeps its coverage on it."""
+"""Largest accepted width of a case, over that of the narrowest setting that keeps its coverage."""
 LEAST_HELD = 184 / 200
-"""Share of draws in which a cover holds all plants at once."""
+"""Least share of draws in which a cover contains all plants at once."""
 FREQUENCIES = 40
-"""Frequencies that are asked for of each record."""
+"""Number of frequencies at which each record's regions are asked for."""
 COMPARED = 12
-"""Records of a case by which settings are compared."""
+"""Number of records of a case on which settings are compared."""
 
 
 @problem("bench/regions", slow=True)
@@ -39,10 +41,11 @@ def regions(
 ) -> Regions:
     """Do the 95 % regions of responses from records hold the true plants, and how wide are they?
 
-    Plants with lags, dead time, resonances, an integrator, a zero right of the axis, friction and
-    two inputs; six kinds of excitation, two lengths, noise of 20 to 60 dB and 12 bits. Widths are
-    compared with the narrowest setting of the library's local polynomials and local rational
-    functions that keeps its coverage, chosen with the truth. Covers are those of six heaters.
+    The plants have lags, dead time, resonances, an integrator, a zero in the right half plane,
+    friction or two inputs. There are six kinds of excitation, two lengths, noise of 20 to 60 dB and
+    converters of 12 bits. Widths are compared with the narrowest setting of the library's local
+    polynomials and local rational functions that keeps its coverage, chosen with knowledge of the
+    truth. Covers are those of six heaters.
 
     records: of each case, all with seeds of their own.
     draws: of six heaters' records, each with a cover.
@@ -76,7 +79,9 @@ class Regions(Study):
 
     @part
     def found(self, context: Context) -> list[tuple[RealArray, float, float, float]]:
-        """Of each case: thirds (THIRDS, 2), our width, the narrowest, and that of output error."""
+        """For each case: thirds (THIRDS, 2), our width, the narrowest width, and that of output
+        error.
+        """
         seed = int(context.rng.integers(2**31))
         answers = []
         for case in context.track(self._cases, "cases"):
@@ -103,7 +108,7 @@ class Regions(Study):
 
     @part
     def heated(self, context: Context) -> list[list[tuple[bool, RealArray, RealArray]]]:
-        """Of each length and draw what `heater_draw` says."""
+        """For each length and draw the answer of `heater_draw`."""
         seed = int(context.rng.integers(2**31))
         return [
             [heater_draw(length, k, seed) for k in context.track(range(self.draws), length)]
@@ -163,7 +168,9 @@ class Regions(Study):
         narrowest_width: DataArray,
         output_error: DataArray,
     ) -> dict[str, float]:
-        """Shares and ratios; cases in which no setting keeps its coverage have ratio 0."""
+        """Shares and ratios of widths; a case in which no setting keeps its coverage has the ratio
+        0.
+        """
         over = width / narrowest_width
         return {
             "coverage": float(coverage.sel(end="mean").mean()),

@@ -1,4 +1,4 @@
-"""Records of plants: what excites them, and what a data acquisition of 12 bits makes of it."""
+"""Records of plants: excitations, and a data acquisition of 12 bits."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from .plants import Plant
 
 Band = tuple[float, float]
 Excitation = Callable[[np.random.Generator, int, Band], RealArray]
-"""A signal (N,) of about unit size that excites a band [cycles/sample]."""
+"""Function that makes a signal (N,) of about unit size that excites a band [cycles/sample]."""
 BITS = 12
 """Bits of the converters of input and output."""
 PERIODS = 3
-"""Periods of a multisine in a record."""
+"""Number of periods of a multisine in a record."""
 USED = 0.8
 """Share of a converter's range that a signal uses."""
 
 
 def prbs(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
-    """A binary signal that may change at each tick of a clock."""
+    """A binary signal that may change only at multiples of a clock's tick."""
     tick = max(1, int(0.4 / band[1]))
     return held(rng.choice([-1.0, 1.0], -(-samples // tick)), tick, samples)
 
 
 def steps(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
-    """Steps up and down between two levels, at slightly irregular instants."""
+    """Steps between two levels at slightly irregular instants."""
     count = 8
     each = samples // count
     holds = rng.integers(int(0.6 * each), int(1.4 * each), 2 * count)
@@ -38,7 +38,7 @@ def steps(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
 
 
 def sweep(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
-    """A sine whose frequency rises through the band, by the same factor a second."""
+    """A sine whose frequency rises through the band, by the same factor every second."""
     low, high = max(band[0], 3 / samples), band[1]
     rate = np.log(high / low) / samples
     phase = 2 * np.pi * low * np.expm1(rate * np.arange(samples)) / rate
@@ -47,7 +47,9 @@ def sweep(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
 
 
 def multisine(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
-    """A few periods of sines of random phases, of equal size up to the end of the band."""
+    """A few periods of a multisine with random phases, and equal amplitudes up to the end of the
+    band.
+    """
     period = samples // PERIODS
     lines = np.arange(1, int(band[1] * period))
     spectrum = np.zeros(period // 2 + 1, complex)
@@ -57,14 +59,14 @@ def multisine(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
 
 
 def noise(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
-    """Gaussian noise through a lag that ends in the band."""
+    """Gaussian noise through a lag with its corner at the end of the band."""
     factor = np.exp(-2 * np.pi * band[1] / 2)
     found = lfilter([1.0], [1.0, -factor], rng.standard_normal(samples))
     return np.asarray(found / found.std())
 
 
 def working_log(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
-    """Set-points of random size that change at random instants, as operators do it."""
+    """Set-points of random size that change at random instants, as operators change them."""
     count = 25
     instants = np.sort(rng.integers(0, samples, count))
     levels = rng.uniform(-1.5, 1.5, count + 1)
@@ -72,7 +74,7 @@ def working_log(rng: np.random.Generator, samples: int, band: Band) -> RealArray
 
 
 def held(values: RealArray, tick: int, samples: int) -> RealArray:
-    """Each value for a tick of so many samples."""
+    """Each value is held for a tick of this many samples."""
     return np.repeat(values, tick)[:samples]
 
 
@@ -84,13 +86,13 @@ EXCITATIONS: dict[str, Excitation] = {
     "noise": noise,
     "working log": working_log,
 }
-"""What excites the plants, by name."""
+"""Excitations of the plants, by name."""
 RUNNING = ("noise", "working log")
-"""Excitations of plants that run already when the record begins."""
+"""Excitations with which the plant is already running when the record begins."""
 
 
 def quantised(x: RealArray) -> RealArray:
-    """Signals (..., N) as converters give them whose range they use in part."""
+    """Signals (..., N) as a converter shows them if they use a part of its range."""
     step = 2 * np.abs(x).max(axis=-1, keepdims=True) / (USED * 2**BITS)
     return np.round(x / step) * step
 
@@ -103,15 +105,16 @@ def record(
     rngs: list[np.random.Generator],
     colour: float = 0.0,
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """Inputs (R, inputs, N) and outputs (R, N) of a record a generator, and the noise's size (R,).
+    """Inputs (R, inputs, N) and outputs (R, N), one record per generator, and the noise's size
+    (R,).
 
-    The input is what the converter gives out, so that it is known exactly. Offsets stand on both.
-    ``colour`` is the factor of the noise from sample to sample.
+    The input is the output of the converter, so that it is known exactly. Both signals have
+    offsets. ``colour`` is the correlation of the noise from sample to sample.
     """
     before = samples if excitation in RUNNING else 0
     make, count = EXCITATIONS[excitation], len(plant.channels)
     u = np.array([[make(rng, before + samples, plant.band) for _ in range(count)] for rng in rngs])
-    u[:, 1::2] = u[:, 1::2, ::-1]  # every second input runs backwards: sweeps are not alike
+    u[:, 1::2] = u[:, 1::2, ::-1]  # every second input runs backwards, so that two sweeps differ
     u = quantised(u)
     clean = plant.output(u)[:, before:]
     u = u[..., before:]

@@ -1,4 +1,4 @@
-"""What widths are compared with: the library's other local estimators, and output error."""
+"""Yardsticks for the widths: the library's other local estimators, and output error."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .judged import Estimator, Judged, judged_with
 from .plants import Channel
 
 WIDTHS = (14, 20, 28, 40, 57, 80, 113, 160)
-"""Lines of bands that are tried."""
+"""Numbers of lines in a band that are tried."""
 POLYNOMIALS, RATIONALS = (1, 2, 4), (1, 2, 3)
 """Degrees that are tried."""
 KEEPS, KEEPS_IN_A_THIRD = 0.93, 0.88
-"""Coverage of a setting that counts, over all and in each third of the band."""
+"""Least coverage of a setting that counts, over all and in each third of the band."""
 
 
 def narrowest(
@@ -27,7 +27,8 @@ def narrowest(
 ) -> tuple[float, str]:
     """Median relative radius of the narrowest setting that keeps its coverage, and its name.
 
-    It is chosen with the truth, and infinite where none keeps it.
+    The setting is chosen with knowledge of the truth. The radius is infinite if none keeps its
+    coverage.
     """
     best = (np.inf, "none")
     nu = len(case.plant.channels)
@@ -50,7 +51,7 @@ def narrowest(
 
 
 def _setting(kind: str, degree: int, width: int, free: int) -> Estimator:
-    """A local estimator of the library with a degree and a width of bands."""
+    """A local estimator of the library with this degree and width of bands."""
     fit = local_polynomial if kind == "polynomial" else local_rational
 
     def estimate(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
@@ -64,9 +65,9 @@ def _setting(kind: str, degree: int, width: int, free: int) -> Estimator:
 
 
 def output_error_width(case: Case, u: RealArray, size: float, ours: Judged) -> float:
-    """Median relative radius of output error of the true order, by its Cramer-Rao bound.
+    """Median relative radius of output error of the true order, from its Cramer-Rao bound.
 
-    One record u (N,), white noise of this size; NaN for other plants and noise.
+    It is for one record u (N,) with white noise of this size; NaN for other plants and noise.
     """
     channel = case.plant.channels[0]
     if len(case.plant.channels) > 1 or not isinstance(channel, Channel) or case.colour:
@@ -74,7 +75,7 @@ def output_error_width(case: Case, u: RealArray, size: float, ours: Judged) -> f
     above, below = channel.polynomials()
     late = int(channel.delay)
     n = len(below) - 1
-    delayed = _shifted(u, late)
+    delayed = _delayed(u, late)
     start = np.eye(1, len(u))[0]
     through = {
         "u": lfilter([1.0], below, delayed),
@@ -82,9 +83,9 @@ def output_error_width(case: Case, u: RealArray, size: float, ours: Judged) -> f
         "start": lfilter([1.0], below, start),
     }
     numerators = range(1, len(above))
-    slopes = [_shifted(through["u"], k) for k in numerators]
-    slopes += [-_shifted(through["y"], k) for k in range(1, n + 1)]
-    slopes += [_shifted(through["start"], k) for k in range(n)] + [np.ones(len(u))]
+    slopes = [_delayed(through["u"], k) for k in numerators]
+    slopes += [-_delayed(through["y"], k) for k in range(1, n + 1)]
+    slopes += [_delayed(through["start"], k) for k in range(n)] + [np.ones(len(u))]
     X = np.stack(slopes, axis=1)
     scale = np.linalg.norm(X, axis=0)
     inverse = np.linalg.pinv(X / scale)
@@ -99,6 +100,6 @@ def output_error_width(case: Case, u: RealArray, size: float, ours: Judged) -> f
     return float(np.median((radius / np.abs(ours.truth[:, 0]))[ours.clear]))
 
 
-def _shifted(x: RealArray, count: int) -> RealArray:
-    """A signal so many samples later."""
+def _delayed(x: RealArray, count: int) -> RealArray:
+    """A signal delayed by this many samples."""
     return np.concatenate([np.zeros(count), x[: len(x) - count]])

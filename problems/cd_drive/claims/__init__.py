@@ -1,1 +1,1 @@
-"""What the thesis says, item by item, and what became of it."""
+"""Statements of the thesis, item by item, with the verdict on each."""

@@ -1,7 +1,8 @@
-"""What the text of the thesis leaves open: variables, and complete assignments of values to them.
+"""Questions that the text of the thesis leaves open, as variables, and assignments of values to
+them.
 
-A reading of the thesis is one assignment. It holds for all items of the ledger. The variables and
-their values stand in tables/readings.toml and were fixed before the runs.
+A reading of the thesis is one complete assignment, which holds for all items of the ledger. The
+variables and their values are in tables/readings.toml and were fixed before the runs.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from typing import Any
 
 TABLES = Path(__file__).parent / "tables"
 Assignment = Mapping[str, str]
-"""Values of variables, by the names of these."""
+"""Values of variables, by name of the variable."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """The parameter by which problems are run under a variable.
+    """The parameter that sets a variable in the runs of problems.
 
-    problems: patterns of names. stored: the value under which the reference result was made.
+    problems: patterns of names. stored: the value with which the reference result was made.
     """
 
     problems: tuple[str, ...]
@@ -35,10 +36,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Variable:
-    """Something that the text leaves open.
+    """A question that the text leaves open.
 
-    values: with what each means; the natural one stands first. touches: patterns of the problems
-    whose numbers depend on it, whether or not they can be run under another value.
+    values: each with its meaning; the natural one is first. touches: patterns of the problems whose
+    numbers depend on the variable, whether or not they can be run with another value.
     """
 
     name: str
@@ -49,11 +50,11 @@ class Variable:
 
     @property
     def natural(self) -> str:
-        """The value that a reader takes who is not told otherwise."""
+        """The value that a reader assumes without further information."""
         return next(iter(self.values))
 
     def setting(self, problem: str) -> Setting | None:
-        """How a problem is run under the variable, if it can be."""
+        """The setting by which a problem is run with the variable; None if it cannot be."""
         return next((one for one in self.settings if _fits(problem, one.problems)), None)
 
     def touching(self, problem: str) -> bool:
@@ -63,14 +64,14 @@ class Variable:
 
 @cache
 def of_problem(problem: str) -> dict[str, Setting | None]:
-    """The variables that numbers of a problem depend on, each with how it is set, if it can be."""
+    """Variables on which numbers of a problem depend, each with its setting, or None."""
     return {
         name: one.setting(problem) for name, one in variables().items() if one.touching(problem)
     }
 
 
 def settable(problem: str) -> list[str]:
-    """The variables that parameters of a problem set."""
+    """Variables that a problem's parameters can set."""
     return [name for name, setting in of_problem(problem).items() if setting is not None]
 
 
@@ -104,7 +105,7 @@ def natural() -> dict[str, str]:
 
 
 def assignments(names: Iterable[str]) -> Iterator[dict[str, str]]:
-    """Every assignment of values to some variables, the natural one first."""
+    """Every assignment of values to some variables; the natural one is first."""
     chosen = [name for name in variables() if name in set(names)]
     for values in product(*(variables()[name].values for name in chosen)):
         yield dict(zip(chosen, values, strict=True))
@@ -113,8 +114,8 @@ def assignments(names: Iterable[str]) -> Iterator[dict[str, str]]:
 def asked(problem: str, reading: Assignment, told: Iterable[str] = ()) -> dict[str, Any] | None:
     """Parameters of the run that shows a problem under a reading; empty for the reference result.
 
-    told: variables whose values can all be read from one run. None where another variable touches
-    the problem, has not its natural value, and no parameter sets it.
+    told: variables whose values can all be read from a single run. None if another variable affects
+    the problem, does not have its natural value, and no parameter sets it.
     """
     parameters = {}
     for name, setting in of_problem(problem).items():

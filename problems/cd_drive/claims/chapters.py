@@ -1,4 +1,4 @@
-"""The items of each chapter, from their tables."""
+"""The items of each chapter, read from their tables."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def numbers() -> Iterator[Number]:
 
 
 def sources() -> list[str]:
-    """Names of the problems that numbers of the ledger come from, in order."""
+    """Names of the problems from which numbers of the ledger come, in order."""
     return sorted({number.run for number in numbers()})
 
 
@@ -53,7 +53,7 @@ def _items(chapter: str) -> Iterator[Item]:
 
 
 def _numbers(row: Mapping[str, Any]) -> Iterator[Number]:
-    """The number of a row; both axes' where its run is that of {axis}."""
+    """The numbers of a row: one for each axis if its run names {axis}."""
     if "{axis}" not in row["run"]:
         yield _number(row)
         return
@@ -64,7 +64,7 @@ def _numbers(row: Mapping[str, Any]) -> Iterator[Number]:
 
 
 def _number(row: Mapping[str, Any]) -> Number:
-    """A number of a row: read from a `metric`, or by a function `read` with arguments `with`."""
+    """A number of a row: a `metric`, or a function `read` with the arguments `with`."""
     if "metric" in row:
         quantity = Quantity(row["metric"])
     else:

@@ -1,4 +1,4 @@
-"""The 99 % interval of a number that is read from simulated draws."""
+"""The 99 % interval of a number that comes from simulated draws."""
 
 from __future__ import annotations
 
@@ -26,43 +26,45 @@ UNTOLD = (
     "cd/*/multisine-linearity",
     "cd/playability",
 )
-"""Simulations that store what all circumstances give together: no interval can be told from it."""
+"""Simulations that store only the results over all circumstances, so no interval can be computed.
+"""
 GROUPS = 10
-"""Groups of draws that are left out in turn."""
+"""Number of groups of draws that are left out in turn."""
 CONFIDENCE = 0.99
 
 
 @dataclass(frozen=True)
 class Resampled:
-    """A run of which some draws are left out; what a quantity reads of a run is read of it."""
+    """A run without some of its draws. A quantity reads it like a complete run."""
 
     run: Run
     data: Dataset
 
     @property
     def certificate(self) -> Any:
-        """That of the whole run."""
+        """The certificate of the whole run."""
         return self.run.certificate
 
     @cached_property
     def metrics(self) -> Mapping[str, float]:
-        """Metrics of the draws that are kept."""
+        """Metrics of the remaining draws."""
         return self.run.task.metrics(self.data)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A stored run with the parts of it that the interval of its numbers takes.
+    """A stored run, with the parts of it that are needed for the intervals of its numbers.
 
-    By the delete-a-group jackknife: the number is computed anew without each of ten groups of
-    draws (as many as there are draws, if these are fewer), and its spread gives the standard error.
+    The method is the delete-a-group jackknife: the number is computed again without each of ten
+    groups of draws (or without each draw, if there are fewer), and the spread gives the standard
+    error.
     """
 
     run: Run
 
     @cached_property
     def without(self) -> list[Resampled]:
-        """The run without each group of its draws in turn; empty where it has no draws."""
+        """The run without each group of its draws in turn; empty if it has no draws."""
         data = self.run.data
         dimension = next((name for name in DRAWN if name in data.sizes), None)
         if dimension is None:
@@ -84,7 +86,7 @@ class Measured:
         if n == 1:
             return Found(value, -math.inf, math.inf)
         others = np.array([quantity.of(one) for one in self.without])  # type: ignore[arg-type]
-        if not np.ptp(others):  # it does not come from single draws, or they all agree
+        if not np.ptp(others):  # it does not depend on single draws, or all draws agree
             return Found(value, -math.inf, math.inf)
         error = np.sqrt((n - 1) * np.mean((others - others.mean()) ** 2))
         reach = float(stats.t.ppf(0.5 + CONFIDENCE / 2, n - 1) * error)

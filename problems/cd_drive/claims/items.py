@@ -1,4 +1,4 @@
-"""Items of the ledger: what the thesis says, and the numbers that decide about it.
+"""Items of the ledger: statements of the thesis, and the numbers that decide about them.
 
 Place names are sections, equations, tables and figures of E. Vidal Sanchez, Robust and Fault
 Tolerant Control of CD-players (2003).
@@ -19,7 +19,9 @@ from .values import VALUES
 
 
 class Found(NamedTuple):
-    """A number of a run, and the ends of its 99 % interval: itself where nothing is random."""
+    """A number of a run and the ends of its 99 % interval; without randomness all three
+    are equal.
+    """
 
     value: float
     low: float
@@ -28,9 +30,9 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is read from a run: a metric by its name, or a function of VALUES with arguments.
+    """A value read from a run: a metric by its name, or a function of VALUES with arguments.
 
-    An argument "$name" is the value that the reading gives to the variable of that name.
+    An argument "$name" stands for the value that the reading gives to the variable of that name.
     """
 
     name: str
@@ -38,12 +40,12 @@ class Quantity:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Variables of the reading that the arguments name."""
+        """Variables of the reading that appear in the arguments."""
         texts = [one for one in (self.arguments or {}).values() if isinstance(one, str)]
         return tuple(one[1:] for one in texts if one.startswith("$"))
 
     def under(self, reading: Assignment) -> Quantity:
-        """The quantity with the variables of its arguments filled in."""
+        """The quantity with these variables replaced by their values in the reading."""
         if self.arguments is None:
             return self
         filled = {
@@ -68,9 +70,9 @@ class Quantity:
 class Number:
     """A number of a problem's run, and the limits between which the statement is true.
 
-    ``run`` is a problem's name; ``printed`` is what the thesis says of the number, if it does. A
-    number without limits decides nothing: it is told beside the others. ``exact``: it depends
-    neither on the draws of a run that has some nor on variables that no parameter of it sets.
+    ``run`` is a problem's name. ``printed`` is the value in the thesis, if it states one. A number
+    without limits decides nothing and is only shown. ``exact``: whether the number is independent
+    of the draws of its run and of variables that no parameter of the run sets.
     """
 
     what: str
@@ -83,7 +85,7 @@ class Number:
 
     @property
     def told(self) -> tuple[str, ...]:
-        """Variables of the reading that need no other run: one run shows all of their values."""
+        """Variables of the reading whose values can all be read from one run."""
         return tuple(variables()) if self.exact else self.quantity.variables
 
     def depends_on(self, name: str) -> bool:
@@ -100,7 +102,7 @@ class Number:
         return math.isfinite(self.low) or math.isfinite(self.high)
 
     def judge(self, found: Found) -> bool | None:
-        """Whether a number is within its limits; None where its 99 % interval meets them only."""
+        """Whether a number is within its limits; None if a limit is inside its 99 % interval."""
         if self.low <= found.value <= self.high:
             return True
         outside = self.exact or found.high < self.low or found.low > self.high
@@ -109,12 +111,12 @@ class Number:
 
 @dataclass(frozen=True)
 class Item:
-    """A statement of the thesis, in our words, and what is known of it beside numbers.
+    """A statement of the thesis, in our words, with further information about it.
 
-    found: what a reader should know of the numbers. reading: how the words are taken, where they
-    could be taken otherwise. measured: the thesis measured it. built_in: where the laboratory has
-    it as an input. tried: what was tried to compute it, in vain. needs: what is missing. shown: the
-    table or figure that shows it.
+    found: remarks about the numbers. reading: interpretation of the words, if they could also be
+    understood otherwise. measured: whether the thesis measured it. built_in: place where the
+    laboratory has it as an input. tried: attempts to compute it that failed. needs: what is
+    missing. shown: table or figure that shows it.
     """
 
     place: str

@@ -14,7 +14,7 @@ from .readings import Together, together
 from .verdicts import Lookup, Verdict
 
 Judged = Mapping[str, Sequence[tuple[Item, Verdict]]]
-"""The items of each chapter with their verdicts."""
+"""The items of each chapter, with their verdicts."""
 INTRODUCTION = """\
 This page lists the statements of E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
 (2003), item by item, in our words, and says of each whether it holds. The numbers come from the
@@ -32,7 +32,7 @@ RULE = {
     Verdict.STATED: "true under another reading, or if its words mean what the table states",
     Verdict.OPEN: "not decided: something is missing, or a reading was not run",
 }
-"""What each verdict means."""
+"""Meaning of each verdict."""
 READINGS = """\
 The text of the thesis leaves some questions open. A reading is one choice for each of these
 questions, and it holds for all items. The choices were fixed before the runs, with one exception:
@@ -87,14 +87,14 @@ def every_number(judged: Judged, found: Lookup) -> str:
 
 
 def _headline(judged: Judged) -> str:
-    """How many items have each verdict, and what it means."""
+    """Number of items with each verdict, and the verdict's meaning."""
     told = [one for every in judged.values() for _, one in every]
     lines = [f"- **{told.count(one)} {one}**: {words}." for one, words in RULE.items()]
     return "\n".join(lines)
 
 
 def _findings(judged: Judged) -> list[str]:
-    """The findings in plain words, each with the items that it rests on and their verdicts."""
+    """The findings in plain words, each with the items on which it is based, and their verdicts."""
     rows = tomllib.loads((TABLES / "findings.toml").read_text(encoding="utf-8"))["finding"]
     found = {(item.place, item.says): one for every in judged.values() for item, one in every}
     lines = []
@@ -114,7 +114,7 @@ def _questions() -> str:
 
 
 def _together(judged: Judged, found: Lookup) -> list[str]:
-    """The reading that makes most items true, beside the natural one."""
+    """The reading under which most items are true, compared with the natural one."""
     rows = together((item for every in judged.values() for item, _ in every), found)
     usual = next(row for row in rows if row.reading == natural())
     best = rows[0]
@@ -128,7 +128,13 @@ def _together(judged: Judged, found: Lookup) -> list[str]:
 
 
 def _changes(row: Together) -> str:
+<<<<<<< ours
     """Where a reading is not the natural one, as a list."""
+||||||| base
+    """Where a reading is not the natural one, in words."""
+=======
+    """Description of the differences between a reading and the natural one."""
+>>>>>>> theirs
     changed = [
         f"- {one.question} Answer: {one.values[row.reading[name]]}."
         for name, one in variables().items()
@@ -140,7 +146,7 @@ def _changes(row: Together) -> str:
 
 
 def _words(item: Item, found: Lookup) -> str:
-    """What was found, in a sentence; the first number that decides where nothing else is said."""
+    """A sentence about what was found; by default the first number that decides."""
     words = [
         one for one in (item.built_in, item.tried, item.reading, item.found, item.needs) if one
     ]
@@ -162,12 +168,12 @@ def _value(number: Number, found: Lookup) -> str:
 
 
 def _random(found: Found) -> bool:
-    """Whether a number has an interval that can be told."""
+    """Whether a number has an interval that can be computed."""
     return found.low < found.high and math.isfinite(found.low)
 
 
 def _limits(number: Number) -> str:
-    """Limits of a number in words."""
+    """Description of a number's limits."""
     if not number.decides:
         return "told beside"
     if number.low == number.high:

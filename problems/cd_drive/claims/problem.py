@@ -1,4 +1,4 @@
-"""The ledger of the thesis: every statement that can be judged, and the verdict on it.
+"""The ledger of the thesis: every statement that can be judged, with its verdict.
 
 Section, equation, table and figure numbers are those of E. Vidal Sanchez, Robust and Fault Tolerant
 Control of CD-players (2003).
@@ -55,14 +55,16 @@ REPEATED = (
     "unlike-arms",
     "wrong-rotation",
 )
-"""Random experiments whose number of draws is asked for."""
+"""Random experiments for which the ledger asks for a number of draws."""
 STORED = 1e-12
-"""Relative difference of a number from that of its run, by rounding."""
+"""Rounding error allowed when a number is compared with that of its run, relative."""
 TABLES = ("readings.toml", "summaries.csv", "findings.toml", *map(file_of, NAMES))
 
 
 def needs(draws: int = 50, **_: Any) -> dict[str, list[Ref]]:
-    """Every run that a number comes from, random experiments of so many draws."""
+    """References to every run from which a number comes, with this number of draws for random
+    experiments.
+    """
     return {
         "runs": [
             ref(name, draws=draws) if name.rpartition("/")[2] in REPEATED else ref(name)
@@ -80,19 +82,19 @@ def needs(draws: int = 50, **_: Any) -> dict[str, list[Ref]]:
 def claims(runs: list[Run], draws: Annotated[int, Field(ge=1, le=1000)] = 50) -> Ledger:
     """What the thesis says, item by item, and the verdict that stored results give on it.
 
-    A reading of the thesis is one assignment of values to what its text leaves open. The verdict on
-    an item follows by rule from its numbers under every reading: those of the runs, and those of
-    other readings' runs, of which summaries are stored. In an empty results folder it runs all that
-    it needs, which takes hours.
+    A reading of the thesis is one assignment of values to the questions that its text leaves open.
+    The verdict on an item follows by rule from its numbers under every reading: numbers of the
+    stored runs, and numbers of runs under other readings, of which summaries are stored. In an
+    empty results folder everything needed is run first, which takes hours.
 
-    draws: of the random experiments that are compared over draws.
+    draws: number of draws of the random experiments.
     """
     return Ledger({run.problem: run for run in runs})
 
 
 @dataclass(frozen=True, eq=False)
 class Ledger(Study):
-    """The numbers of every item, from the runs that they name."""
+    """The numbers of every item, from the runs that the numbers name."""
 
     runs: dict[str, Run]
 
@@ -104,7 +106,7 @@ class Ledger(Study):
 
     @cached_property
     def asked_for(self) -> list[tuple[str, Quantity]]:
-        """Every quantity of every run, once, under each reading that the stored run shows."""
+        """Every quantity of every run, once, under each reading that the stored run can show."""
         found: dict[tuple[str, str], Quantity] = {}
         for number in numbers():
             names = number.quantity.variables
@@ -132,7 +134,7 @@ class Ledger(Study):
     )
 
     def lookup(self, answer: Dataset) -> Any:
-        """Numbers by reading: of the stored runs, and of the summaries of the others."""
+        """Numbers by reading: from the stored runs, and from the summaries of other runs."""
         ends = answer[list(Found._fields)].to_array().transpose("entry", "variable").values
         own = {
             (run, str(quantity)): Found(*row)
@@ -168,7 +170,9 @@ class Ledger(Study):
 
     @metric
     def by_verdict(self, answer: Dataset) -> dict[str, float]:
-        """Number of items of each verdict, and of all that are reproduced under some reading."""
+        """Number of items with each verdict, and of all items that are reproduced under some
+        reading.
+        """
         told = [one for every in self.judged(answer).values() for _, one in every]
         counts = {str(one).replace(" ", "_"): float(told.count(one)) for one in Verdict}
         reproduced = float(sum(one.reproduced for one in told))
@@ -199,6 +203,6 @@ class Ledger(Study):
 
 
 def _relative(now: RealArray, stored: RealArray) -> RealArray:
-    """Relative differences of numbers; 0 where both are the same, finite or not."""
+    """Relative differences of numbers; 0 if both are equal, or equally infinite or NaN."""
     off = np.abs(now - stored) / np.maximum(np.abs(stored), np.finfo(float).tiny)
     return np.where(now == stored, 0.0, off)

@@ -1,4 +1,4 @@
-"""Which reading makes most items true together."""
+"""The readings under which most items are true at the same time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .verdicts import Lookup, standings
 
 
 class Together(NamedTuple):
-    """How many items are true, and how many are not, under one reading."""
+    """Numbers of items that are true, and that are not, under one reading."""
 
     reading: dict[str, str]
     true: int
@@ -19,18 +19,20 @@ class Together(NamedTuple):
 
 
 class Varied(NamedTuple):
-    """An item that was tried under several readings: the variables that were varied for it."""
+    """An item that was tried under several readings, with the variables that were varied for it."""
 
     names: tuple[str, ...]
     told: dict[tuple[str, ...], bool | None]
 
     def under(self, reading: Assignment) -> bool | None:
-        """Whether the item is true under a reading; variables that no run varies stay natural."""
+        """Whether the item is true under a reading; variables that no run varies keep their natural
+        values.
+        """
         return self.told.get(tuple(reading[name] for name in self.names))
 
 
 def varied(item: Item, found: Lookup) -> Varied | None:
-    """How an item stands under the readings that were tried; None where only one was."""
+    """Truth of an item under the readings that were tried; None if there was only one."""
     usual = natural()
     known = [(own, one) for own, one in standings(item, found) if one is not None]
     names = tuple(
@@ -49,8 +51,8 @@ def varied(item: Item, found: Lookup) -> Varied | None:
 def together(items: Iterable[Item], found: Lookup) -> list[Together]:
     """Every reading with the items that are true under it, most of them first.
 
-    Counted are items that were tried under several readings; all others stand as they do in every
-    row. Of equal readings that which is nearest to the natural one stands first.
+    Only items that were tried under several readings are counted; all others are the same in every
+    row. Of equal readings, the one closest to the natural reading is first.
     """
     tried = [one for one in (varied(item, found) for item in items) if one is not None]
     usual = natural()

@@ -1,7 +1,8 @@
-"""Numbers of the runs that show a problem under another reading, stored as a table.
+"""Numbers of runs under other readings, stored as a table.
 
-A row has the key of its run, by which `workbench run <problem> --set ...` makes it again. The table
-is written by `make readings`; the reference results hold the runs of the natural reading only.
+A row has the key of its run, with which `workbench run <problem> --set ...` makes the run again.
+The table is written by `make readings`; the reference results hold only the runs of the natural
+reading.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ SHORTER: dict[str, dict[str, Any]] = {
     "diode-plane": {"draws": 1, "defects": 4},
     "position-estimator": {"draws": 10},
 }
-"""Parameters by which runs under another reading are shorter than the reference results."""
+"""Parameters that make runs under another reading shorter than the reference results."""
 Key = tuple[str, str, str]
 """Problem, its parameters as JSON, and the quantity."""
 
@@ -35,8 +36,8 @@ Key = tuple[str, str, str]
 class Summary:
     """A number of a run under another reading.
 
-    checks: those of the run's certificate that do not hold; a run that is judged otherwise under
-    another reading still shows its numbers.
+    checks: checks of the run's certificate that do not hold. A run that fails checks under another
+    reading still shows its numbers.
     """
 
     problem: str
@@ -50,7 +51,7 @@ class Summary:
 
 
 def words(parameters: Mapping[str, Any]) -> str:
-    """Parameters of a run as one text."""
+    """Parameters of a run, as one text."""
     return json.dumps(dict(parameters), sort_keys=True)
 
 
@@ -73,7 +74,9 @@ def read() -> list[Summary]:
 
 
 def wanted() -> dict[tuple[str, str], tuple[dict[str, Any], dict[str, Quantity]]]:
-    """Runs under other readings that numbers of the ledger ask for, and what is read of each."""
+    """Runs under other readings that the ledger needs, and the quantities that are read
+    from each.
+    """
     found: dict[tuple[str, str], tuple[dict[str, Any], dict[str, Quantity]]] = {}
     for number in numbers():
         for own in assignments([*settable(number.run), *number.quantity.variables]):
@@ -87,12 +90,12 @@ def wanted() -> dict[tuple[str, str], tuple[dict[str, Any], dict[str, Quantity]]
 
 
 def shorter(problem: str) -> dict[str, Any]:
-    """Parameters by which runs of a problem under another reading are made shorter."""
+    """Parameters that make a problem's runs under another reading shorter."""
     return SHORTER.get(problem.rpartition("/")[2], {})
 
 
 def made(run: Callable[[str, Mapping[str, Any]], Run | None]) -> Iterator[Summary]:
-    """Rows of all runs that are wanted; `run` gives the run of a problem, or None."""
+    """Rows of all wanted runs; `run` returns the run of a problem, or None."""
     for (problem, text), (parameters, quantities) in wanted().items():
         one = run(problem, {**parameters, **shorter(problem)})
         if one is not None:

@@ -1,4 +1,4 @@
-"""The verdict on an item, by rule from its numbers under every reading. Nobody types a verdict."""
+"""The verdict on an item, by a fixed rule from its numbers under every reading."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from .assignments import Assignment, assignments, natural, variables
 from .items import Found, Item, Number
 
 Lookup = Callable[[Number, Assignment], Found | None]
-"""The number under a reading; None where no run shows it."""
+"""The number under a reading; None if no run shows it."""
 
 
 class Verdict(StrEnum):
-    """What became of a statement of the thesis, in the order in which the rule asks."""
+    """Verdict on a statement of the thesis, in the order in which the rule tries them."""
 
     BUILT_IN = "built in"
     NOT_COMPUTABLE = "not computable"
@@ -31,13 +31,13 @@ class Verdict(StrEnum):
 
 
 def depends_on(item: Item) -> tuple[str, ...]:
-    """Variables that can change the numbers which decide about an item."""
+    """Variables that can change the numbers that decide about an item."""
     deciding = [number for number in item.numbers if number.decides]
     return tuple(name for name in variables() if any(one.depends_on(name) for one in deciding))
 
 
 def stands(item: Item, reading: Assignment, found: Lookup) -> bool | None:
-    """Whether an item is true under a complete reading; None where that cannot be told."""
+    """Whether an item is true under a complete reading; None if that is unknown."""
     judged = []
     for number in item.numbers:
         if number.decides:
@@ -47,7 +47,7 @@ def stands(item: Item, reading: Assignment, found: Lookup) -> bool | None:
 
 
 def all_of(judged: Iterable[bool | None]) -> bool | None:
-    """False if one is, else None if one is unknown or there is none, else True."""
+    """False if any is false, else None if any is unknown or there is none, else True."""
     every = list(judged)
     if False in every:
         return False
@@ -55,15 +55,17 @@ def all_of(judged: Iterable[bool | None]) -> bool | None:
 
 
 def standings(item: Item, found: Lookup) -> list[tuple[dict[str, str], bool | None]]:
-    """Every reading that differs for an item, with whether it is true; the natural one first."""
+    """Every reading that differs for an item, and whether the item is true; the natural one is
+    first.
+    """
     return [(own, stands(item, natural() | own, found)) for own in assignments(depends_on(item))]
 
 
 def verdict(item: Item, found: Lookup) -> Verdict:
     """The verdict on an item.
 
-    What is true only with its words taken in a stated way is reproduced under a stated reading at
-    best, and is never refuted: the words could be taken otherwise.
+    A statement that is true only if its words are taken in a stated way is at best reproduced under
+    a stated reading, and is never refuted, since the words could be taken otherwise.
     """
     if item.built_in:
         return Verdict.BUILT_IN

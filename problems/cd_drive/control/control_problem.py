@@ -26,10 +26,12 @@ from ..drive.plants import ANTIALIASING
 from ..drive.tables import Axis, check_axis, drives
 
 WEIGHTS = {"focus": (2.0, 0.004, 230.0, 10.0), "radial": (2.0, 0.2 / 70, 145.0, 5.0)}
-"""M, A, w_B / 2 pi [Hz] and w_I / 2 pi [Hz] of eq. 6.11; the thesis gives those of the focus loop,
-the radial ones follow its reasoning: 0.2 um of error at 70 um and 0.4 m/s^2 of disc."""
+"""M, A, w_B / 2 pi [Hz] and w_I / 2 pi [Hz] of eq. 6.11. The thesis gives those of the focus loop.
+The radial ones follow its reasoning: an error of 0.2 um with a disc that deviates by 70 um and 0.4
+m/s^2.
+"""
 LEAK = 0.001
-"""Pole of the integrator of eq. 6.11 [rad/s]."""
+"""Magnitude of the pole that replaces the integrator of eq. 6.11 [rad/s]."""
 
 
 def optical_gain(axis: Axis) -> float:
@@ -44,7 +46,7 @@ def performance_weight(axis: Axis, speed: float = 1.0) -> StateSpace:
 
 
 def performance_function(axis: Axis, speed: float = 1.0) -> Rational:
-    """W_p by its zeros and poles; `speed` is the factor X of the disc's nominal one.
+    """W_p by its zeros and poles; `speed` is the disc's speed over the nominal one, X.
 
     Raises InputError for an unknown axis and a speed that is not positive and finite.
     """
@@ -68,14 +70,15 @@ def control_weight(axis: Axis) -> StateSpace:
 
 
 def control_gain(axis: Axis) -> float:
-    """The number that W_u is."""
+    """The value of the constant weight W_u."""
     return 1 / (100 * optical_gain(axis))
 
 
 def generalised(
     axis: Axis, uncertainty: UncertaintyModel | ParametricModel, speed: float = 1.0
 ) -> GeneralisedPlant:
-    """The generalised plant (w_p, w_u, u) -> (z_p, z_u, f_en) behind the uncertainty's channels.
+    """The generalised plant (w_p, w_u, u) -> (z_p, z_u, f_en), with the uncertainty's channels
+    first.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class LoopController(MuSynthesis):
 
 
 def needs(axis: str, after: After = "reference", **parameters: Any) -> dict[str, Any]:
-    """The cover, and the controller of the method before in a chain."""
+    """References to the cover, and to the controller of the previous method in a chain."""
     found = cover_of(axis, **parameters)
     if after not in ("", "reference"):
         parameters.pop("order", None)
@@ -56,10 +56,11 @@ def controller(
 ) -> LoopController:
     """The controller with the least certified peak of mixed mu, from w_p to z_p and z_u.
 
-    form: of the uncertainty. cover, gain, frequencies: of the circles' and stadiums' models, as
-    `cd/<axis>/circle-cover` and `/stadium-cover`. speed: X of the disc. after: where the method
-    starts, at the "reference" controller (eq. 6.12) or at that of another method, reduced to an
-    order (None: not). Method "fixed", the default, needs one.
+    form: form of the uncertainty. cover, gain, frequencies: of the circle or stadium models, as in
+    `cd/<axis>/circle-cover` and `/stadium-cover`. speed: speed X of the disc. after: start of the
+    method, either the "reference" controller (eq. 6.12) or that of another method. order: number of
+    states to which the start is reduced first; None keeps all. Method "fixed", the default, needs a
+    start.
     """
     plant = synthesis_plant(axis, uncertainty(axis, covered), speed)
     K: StateSpace | None = None
@@ -71,7 +72,9 @@ def controller(
         K = start.answer.K
     if order is not None:
         if K is None:
-            raise InputError(f"order = {order} reduces a controller: say after which")
+            raise InputError(
+                f"order = {order} reduces the controller of an earlier method: name it by after"
+            )
         if K.nstates > order:
             K = approximated(K, order, plant=plant)
     return LoopController(plant, start=K, units=SIGNAL_UNITS)

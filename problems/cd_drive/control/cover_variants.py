@@ -1,4 +1,5 @@
-"""What stadiums of minimum phase, and of drives beyond the twelve, cost in size and in mu (9.2).
+"""Cost in size and in mu of minimum-phase stadiums, and of covers for drives beyond the twelve
+(9.2).
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -31,12 +32,14 @@ from .loop_weights import CHANNELS
 
 VARIANTS = ("default", "minimum phase", "extrapolated")
 QUANTITIES = ("width", "length", "fitted width", "fitted length")
-"""Radius and half-length of the narrowest sets about the nominal, and the fitted weights."""
+"""Radius and half-length of the narrowest sets about the nominal, and of the fitted weights."""
 CHANNEL = "disturbance"
 
 
 def needs(axis: str, frequencies: int = 400, content: float = 0.9, **_: Any) -> dict[str, Any]:
-    """The stadiums by steps, with a real weight of minimum phase, and of widened responses."""
+    """References to the stadiums: by steps, with a minimum-phase real weight, and for widened
+    responses.
+    """
     asked: dict[str, dict[str, Any]] = {
         "default": {},
         "minimum_phase": {"minimum_phase": True},
@@ -86,7 +89,7 @@ class CoverVariants(Study):
         dims=(variant, bound), unit="1", meaning="certified bounds of the peak of mu, w_p to z_p"
     )
     def peak(self, context: Context) -> RealArray:
-        """NaN where the nominal loop is unstable."""
+        """NaN if the nominal loop is unstable."""
         found = []
         for variant in context.track(VARIANTS, "peaks"):
             one = performance_peak(self.plant(variant), controller(self.axis), tolerance=1e-4)
@@ -143,7 +146,9 @@ class CoverVariants(Study):
     def numbers(
         self, peak: DataArray, size: DataArray, rightmost_zero: DataArray
     ) -> dict[str, float]:
-        """Peaks, and sizes over those of the default cover: largest, and median of the quotient."""
+        """Peaks, and sizes relative to those of the default cover: largest, and median of the
+        quotient.
+        """
         found: dict[str, float] = {}
         for variant in VARIANTS:
             name = variant.replace(" ", "_")
@@ -209,12 +214,13 @@ def cover_variants(
     """What stadiums of minimum phase, and those beyond the twelve drives, cost (5.4.4, 9.2).
 
     Section 5.4.4 fits the length of the stadiums by a real weight that is stable and of minimum
-    phase; the default cover leaves its zeros free. Section 9.2 asks for a set that stands for all
-    possible drives: with normally distributed responses, ellipses that contain a further drive with
-    probability ``content`` take the place of the twelve points. Sizes of the covers, and certified
-    peaks of mu of the reference controller's loop, beside the default cover.
+    phase; the default cover leaves its zeros free. Section 9.2 asks for a set that represents all
+    possible drives: the twelve points are replaced by ellipses that contain a further drive with
+    probability ``content``, if responses are normally distributed. Sizes of the covers, and
+    certified peaks of mu with the reference controller, are compared with the default cover.
 
-    frequencies: of the covers. content: probability that a further drive lies within.
+    frequencies: number of frequencies of the covers. content: probability that the ellipses contain
+    a further drive.
     """
     runs = dict(zip(VARIANTS, (default, minimum_phase, extrapolated), strict=True))
     return CoverVariants(axis, runs)

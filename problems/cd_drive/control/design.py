@@ -1,4 +1,4 @@
-"""The plant that controllers of a CD drive are designed for, and its uncertainty."""
+"""The plant for which controllers of a CD drive are designed, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def cover_of(
     gain: Gain = "own",
     **_: Any,
 ) -> dict[str, Any]:
-    """The need of a problem about a form of uncertainty; the parametric one has none."""
+    """Reference to the cover of a form of uncertainty; the parametric form needs none."""
     if form == "parametric":
         return {}
     name = f"cd/{axis}/{form}-cover"
@@ -47,12 +47,13 @@ def uncertainty(axis: Axis, covered: Run | None) -> UncertaintyModel | Parametri
 def synthesis_plant(
     axis: Axis, uncertain: UncertaintyModel | ParametricModel, speed: float = 1.0
 ) -> GeneralisedPlant:
-    """The plant that controllers are made for: w_p and a little noise to (z_p, z_u), u to f_en.
+    """The plant for controller design: w_p and a little noise to (z_p, z_u), u to f_en.
 
-    w_p and w_u enter the loop at one place, so that w_p alone drives both channels: a 2 x 2
-    performance block would count one disturbance twice, and its mu be up to sqrt(2) times that of
-    the channels. No disturbance reaches f_en at once; noise above the corner of the anti-aliasing
-    filter, NOISE of f_en's response there, keeps controllers from being infinitely fast.
+    w_p and w_u enter the loop at the same place, so w_p alone drives both channels: a 2 x 2
+    performance block would count one disturbance twice, and its mu could be sqrt(2) times that of
+    the channels. No disturbance reaches f_en directly. Noise above the corner of the anti-aliasing
+    filter, of size MEASUREMENT_NOISE relative to the response of f_en there, keeps controllers from
+    being infinitely fast.
 
     Raises InputError as `performance_weight`.
     """

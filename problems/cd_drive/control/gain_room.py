@@ -1,4 +1,4 @@
-"""Room to change the reference controller's gain with robust performance kept (section 6.4).
+"""Range of the reference controller's gain in which robust performance is kept (section 6.4).
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -29,11 +29,13 @@ from .loop_weights import CHANNELS
 
 FORMS = ("parametric", "circle", "stadium")
 FACTORS = np.round(np.geomspace(0.4, 2.5, 13), 6)
-"""Factors of the gain whose peaks are drawn; 1 is the one in the middle."""
+"""Factors on the gain for which peaks are drawn; the middle one is 1."""
 ENDS = ("below", "low", "high", "above")
-"""Factors proven to lose, to keep, to keep and to lose robust performance."""
+"""Names of the factors: proven to lose robust performance, to keep it, to keep it, and to lose it.
+"""
 EDGE_TOLERANCE = 1e-3
-"""Relative distance between a factor that keeps robust performance and one that loses it."""
+"""Relative width of the interval between a factor that keeps and one that loses robust performance.
+"""
 CURVE_TOLERANCE = 1e-3
 """Relative width of the interval that certifies a peak of the curve."""
 Plants = dict[tuple[str, str], GeneralisedPlant]
@@ -43,7 +45,7 @@ Plants = dict[tuple[str, str], GeneralisedPlant]
 def needs(
     axis: str, cover: CoverMethod = "steps", frequencies: int = 400, **_: Any
 ) -> dict[str, Any]:
-    """Circles and stadiums about fitted nominals."""
+    """References to the circles and stadiums about fitted nominals."""
     return {
         form: ref(f"cd/{axis}/{form}-cover", method=cover, frequencies=frequencies)
         for form in FORMS[1:]
@@ -81,7 +83,7 @@ class ReferenceGainRoom(Study):
 
     @answers
     def factor_peaks(self, plants: Plants, context: Context) -> dict[Any, Peak | None]:
-        """Peaks by form, channel and factor; None where the nominal loop is unstable."""
+        """Peaks by form, channel and factor; None if the nominal loop is unstable."""
         K = controller(self.axis)
         return {
             (*case, factor): performance_peak(plants[case], factor * K, tolerance=CURVE_TOLERANCE)
@@ -91,7 +93,7 @@ class ReferenceGainRoom(Study):
 
     @factor_peaks.checkers
     def of_the_factors(self, plants: Plants) -> dict[Any, PeakChecker]:
-        """What certifies the peak of each."""
+        """Checker that certifies each peak."""
         K = controller(self.axis)
         return {
             (*case, factor): PeakChecker(plant.close(factor * K), plant.performance_structure)
@@ -110,14 +112,16 @@ class ReferenceGainRoom(Study):
 
     @answers
     def rooms(self, plants: Plants, context: Context) -> dict[Any, GainRoom | None]:
-        """Room by form and channel; None where performance is not proven with the gain as it is."""
+        """Range of the gain by form and channel; None if performance is not proven with the given
+        gain.
+        """
         K = controller(self.axis)
         cases = context.track(list(plants), "edges")
         return {case: gain_room(plants[case], K, tolerance=EDGE_TOLERANCE) for case in cases}
 
     @rooms.checkers
     def of_the_plants(self, plants: Plants) -> dict[Any, RoomChecker]:
-        """What certifies each room."""
+        """Checker that certifies each range."""
         return {case: RoomChecker(plant, controller(self.axis)) for case, plant in plants.items()}
 
     @array(
@@ -126,7 +130,7 @@ class ReferenceGainRoom(Study):
         meaning="factors proven to keep or to lose robust performance",
     )
     def room(self, rooms: dict[Any, GainRoom | None]) -> RealArray:
-        """NaN where robust performance is not proven with the gain as it is."""
+        """NaN if robust performance is not proven with the given gain."""
         found = [
             [np.nan if one is None else getattr(one, end) for end in ENDS] for one in rooms.values()
         ]
@@ -154,7 +158,7 @@ class ReferenceGainRoom(Study):
 
     @metric
     def ends(self, room: DataArray) -> dict[str, float]:
-        """Edges of the forms and channels, and of both channels together; 1 where none."""
+        """Edges of each form and channel, and of both channels together; 1 if there is none."""
         numbers = {}
         for form in FORMS:
             of = room.sel(form=form)
@@ -193,7 +197,7 @@ class ReferenceGainRoom(Study):
 
     @figure
     def peaks(self, peak: DataArray, room: DataArray) -> Figure:
-        """Peaks over the factor, a panel for each channel."""
+        """Peaks over the factor, one panel per channel."""
         drawn, panels = figures.axes(1, 2, size=(10.0, 4.4), sharex=True, sharey=True)
         for panel, channel in zip(panels, CHANNELS, strict=True):
             for form in FORMS:
@@ -221,9 +225,10 @@ def gain_room_of(
 ) -> ReferenceGainRoom:
     """Room to change the reference controller's gain with robust performance kept (section 6.4).
 
-    Peaks of mu from w_p to z_p and from w_u to z_u over a factor of the gain, certified between
-    frequencies, with the three models of the drives; and the factors between which a peak is below
-    1, each edge between a factor proven to keep robust performance and one proven to lose it.
+    Peaks of mu from w_p to z_p and from w_u to z_u, over a factor on the gain, are certified
+    between frequencies for the three models of the drives. The factors with a peak below 1 form a
+    range. Each of its edges is between a factor proven to keep robust performance and one proven to
+    lose it.
 
     cover, frequencies: of the circles and stadiums.
     """

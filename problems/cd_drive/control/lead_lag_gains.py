@@ -2,7 +2,8 @@
 
 Two nearly equal zeros lose half of their digits when they are computed as eigenvalues: an error of
 1e-16 moves them by 1e-8. Sums and products of the zeros are coefficients of the numerator, which
-lose nothing; so the zeros are told by these, and the coefficients are made in rational arithmetic.
+lose no digits. So the zeros are described by these, and the coefficients are computed in rational
+arithmetic.
 """
 
 from __future__ import annotations
@@ -25,12 +26,13 @@ UNITS = {
     "lead_pole": "Hz",
     "roll_off": "Hz",
 }
-"""Unit of each number that tells a lead-lag controller."""
+"""Unit of each number that describes a lead-lag controller."""
 
 
 @dataclass(frozen=True)
 class LeadLagGains:
-    """K(s) = c (s^2 + 2 d w s + w^2) / ((s + leak) (s + p_1) (s + p_2)) in a designer's numbers.
+    """K(s) = c (s^2 + 2 d w s + w^2) / ((s + leak) (s + p_1) (s + p_2)) in terms that designers
+    use.
 
     With the leak left out, K = (P + I / s + D s) / ((1 + s / p_1) (1 + s / p_2)).
     """
@@ -40,7 +42,9 @@ class LeadLagGains:
     zero_frequency: float
     """Geometric mean of both zeros, w / (2 pi) [Hz]."""
     zero_damping: float
-    """Mean of both zeros over their geometric mean, d: 1 for equal zeros, above 1 for others."""
+    """Mean of both zeros over their geometric mean, d: 1 for equal zeros, above 1 for real,
+    different ones.
+    """
     lead_pole: float
     """Pole of the lead, p_1 / (2 pi) [Hz]."""
     roll_off: float
@@ -50,7 +54,7 @@ class LeadLagGains:
     def of(cls, K: StateSpace) -> LeadLagGains:
         """The numbers of a controller [V/unit] with two zeros and three real poles.
 
-        Raises InputError for a controller of another form.
+        Raises InputError for a controller of any other form.
         """
         numerator, denominator = transfer_polynomials(K)
         shape = (numerator.degree(), denominator.degree())
@@ -87,8 +91,8 @@ class LeadLagGains:
 def transfer_polynomials(K: StateSpace) -> tuple[fmpq_poly, fmpq_poly]:
     """Numerator and denominator in s [rad/s], as exact as the doubles of the matrices are.
 
-    For one input and one output, det(sI - A + BC) = det(sI - A) (1 + C (sI - A)^-1 B). Common
-    factors stay.
+    The coefficients are as exact as the matrices' floating-point numbers. For one input and one
+    output, det(sI - A + BC) = det(sI - A) (1 + C (sI - A)^-1 B). Common factors are not cancelled.
     """
     if (K.noutputs, K.ninputs) != (1, 1):
         raise InputError(
@@ -107,7 +111,7 @@ def _exact(matrix: RealArray) -> fmpq_mat:
 
 
 def _real_poles(denominator: fmpq_poly) -> list[float]:
-    """Sizes of the poles, the smallest first [rad/s]."""
+    """Magnitudes of the poles, the smallest first [rad/s]."""
     found: Any = denominator.numer().complex_roots()
     roots = [complex(root) for root, times in found for _ in range(times)]
     if any(root.imag != 0.0 or root.real > 0.0 for root in roots):

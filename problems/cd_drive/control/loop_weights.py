@@ -20,7 +20,7 @@ CHANNELS = {"disturbance": ("w_p", "z_p"), "control": ("w_u", "z_u")}
 """Exogenous input and performance output of each channel."""
 NONE = np.empty(0, complex)
 BASIS = AnalyticBasis(2 * np.pi * np.geomspace(30.0, 3e5, 24), (1e-3, 1e7))
-"""Functions of proofs that no controller reaches a level; band in Hz."""
+"""Basis functions for proofs that no controller reaches a level; its band is in Hz."""
 
 
 def loop_weights(
@@ -51,7 +51,7 @@ def channel_of(
 def control_cover(
     axis: Axis, speed: float, responses: Responses, complex_order: int
 ) -> ControlCover:
-    """Covers of measured drives u [V] -> f_en [units], chosen for the loop of w_p."""
+    """Covers of measured drives u [V] -> f_en [units], chosen for the loop from w_p."""
     return ControlCover(
         responses,
         complex_order,

@@ -1,8 +1,8 @@
 """Open loops of the twelve drives with the reference controller, L = K G AAF.
 
-In continuous time or sampled: the plant behind a zero-order hold, the controller by the bilinear
-transform. Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
-CD-players (2003).
+They are in continuous time, or sampled: then the plant has a zero-order hold, and the controller is
+discretised by the bilinear transform. Section numbers refer to E. Vidal Sanchez, Robust and Fault
+Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SCALES = {"full": 1.0, "third": 1 / 3}
 
 
 def plants(axis: Axis, gain: Gain, values: Values) -> dict[str, StateSpace]:
-    """Equation 3.18 of the twelve drives, and last of the nominal one, by name."""
+    """The twelve drives by equation 3.18, and the nominal one last, by name."""
     twelve = drives(axis, values)
     gains = total_gains(axis, twelve, [drive.K_optn for drive in twelve], gain)
     systems = {drive.name: plant(drive, float(K)) for drive, K in zip(twelve, gains, strict=True)}
@@ -27,7 +27,9 @@ def plants(axis: Axis, gain: Gain, values: Values) -> dict[str, StateSpace]:
 
 
 def open_loop(axis: Axis, system: StateSpace, delay: float | None = None) -> StateSpace:
-    """L of a plant; sampled where a delay [samples] beyond the hold's is given, 0 or more."""
+    """L of a plant. It is sampled if a delay [samples] beyond that of the hold is
+    given, 0 or more.
+    """
     import control
 
     K = control.ss(controller(axis))

@@ -45,8 +45,8 @@ def mu_pid(
 ) -> MuPid:
     """PI, lead and roll-off of third order with the least certified peak of mu, designed directly.
 
-    From the reference controller (eq. 6.12 and its radial variant) and from random ones about it;
-    no controller of full order is designed and reduced.
+    The searches start at the reference controller (eq. 6.12 and its radial variant) and at random
+    ones around it. No controller of full order is designed and then reduced.
 
     form: form of the uncertainty. cover, gain, frequencies: those of the circles' and stadiums'
     models. speed: speed of the disc, in multiples of the nominal one. random: number of random
@@ -61,7 +61,9 @@ def mu_pid(
 
 @dataclass(frozen=True, eq=False)
 class MuPid(MuSynthesis):
-    """A lead-lag controller of least peak, beside the one that it starts from."""
+    """A lead-lag controller with the least peak, compared with the one from which the search
+    starts.
+    """
 
     default_method: ClassVar[str] = "fixed"
 
@@ -70,7 +72,7 @@ class MuPid(MuSynthesis):
         """Certified upper bound on the peak of mu with the reference controller."""
         assert self.start is not None
         found = self.certified(self.start)
-        assert found is not None  # a start stabilises
+        assert found is not None  # the start stabilises the loop
         return found.upper
 
     def checks(self, answer: MuController, tolerance: float) -> list[Check]:

@@ -1,14 +1,14 @@
-"""Controllers between disturbances and surface defects, and what no controller can do.
+"""Controllers between disturbances and surface defects, and limits for every controller.
 
-A surface defect shifts the measured error by f_sd [m], and the lens follows it by -T f_sd; a
-disturbance w [m] of the disc leaves S w of it. Three channels of one loop,
+A surface defect shifts the measured error by f_sd [m], and the lens follows it by -T f_sd. A
+disturbance w [m] of the disc leaves the error S w. Three channels of one loop,
 
     z_p = W_p S w       z_sd = W_sd T w       z_u = W_u K_optn K S w,
 
-with the largest gains a, b and c. The last is the control effort; c <= 1 as section 6.3 has it.
-Since S and T do not tell where the loop's anti-aliasing filter stands, it stands before the place
-where w enters: then no noise is needed to make the problem regular. Equation and section numbers
-refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+have the largest gains a, b and c. The last is the control effort, with c <= 1 as in section 6.3. S
+and T do not depend on the place of the anti-aliasing filter within the loop. Here it stands before
+the place where w enters: then no noise is needed to make the problem regular. Equation and section
+numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -39,31 +39,35 @@ from .control_problem import control_weight, optical_gain, performance_weight
 
 CHANNELS = ("z_p", "z_sd", "z_u")
 SHOCK_SIZE = 5.0
-"""Size of shocks at the lens relative to w, at the frequency where the actuator answers most."""
+"""Size of shocks at the lens relative to w, at the frequency of the actuator's largest gain."""
 LEAST_SIGMA, LARGEST_SIGMA = 0.01, 30.0
-"""Range of the search for the control channel's weight sigma that makes c = 1."""
+"""Range of the search for the weight sigma of the control channel that gives c = 1."""
 EFFORT, RAISES = 0.99, 20
-"""Target of c, which leaves it below 1 after rounding, and how often sigma is raised for that."""
+"""Target of c, which is still below 1 after rounding, and how often sigma may be raised to reach
+it.
+"""
 SPLIT = 3
-"""Order of the filters that share out the frequencies between the channels of a bound."""
+"""Order of the filters that divide the frequencies among the channels of a bound."""
 FILTER_CORNERS = (10.0, 3e4)
-"""Least and largest corner of those filters [Hz] in the search."""
+"""Least and largest corner of these filters [Hz] in the search."""
 OUTSIDE = 5.0
-"""Price of zeta above the bound in that search, per unit."""
+"""Penalty for zeta above the bound in that search, per unit."""
 TRIALS = 60
-"""Filters tried for a bound."""
+"""Number of filters tried for a bound."""
 SIGNALS, FEW, MANY = (3.0, 3e4), 20, 40
-"""Rates [Hz] of the exponentials in its disturbance, from and to, and how many."""
+"""Lowest and highest rate [Hz] of the exponentials in the bound's disturbance, and their numbers.
+"""
 
 
 def defect_weight(length: float) -> StateSpace:
     """W_sd, f_sd [m] -> [m]: (s / (s + w_d))^3, w_d = 2 pi v / length, at most 1.
 
-    A defect of that length [m] passes in length / v; a false displacement that swings once up and
-    down meanwhile has its spectrum about v / length, a shorter one above. Eq. 7.32 has the same
-    order and nearly that corner, 690 Hz, but rises to 250 so that what is not a disturbance is a
-    defect; here W_sd is 1 where defects are, so that |W_sd T| is the share of a defect that the
-    lens follows. Its default length is that of which section 7.3.2 says that eq. 7.32 allows it.
+    A defect of this length [m] passes in length / v. A false displacement that swings once up and
+    down in that time has its spectrum around v / length; a shorter defect has it above. Eq. 7.32
+    has the same order and nearly this corner, 690 Hz, but rises to 250, so that everything that is
+    not a disturbance counts as a defect. Here W_sd is 1 at the frequencies of defects, so |W_sd T|
+    is the share of a defect that the lens follows. The default length is the one that eq. 7.32
+    allows according to section 7.3.2.
     """
     corner = 2 * np.pi * VELOCITY / length
     return Rational(np.zeros(3, complex), np.full(3, -corner, complex), 1.0).state_space()
@@ -91,12 +95,12 @@ class TradeOff:
 
     @cached_property
     def W_KS(self) -> float:
-        """W_u behind f_en [units] in place of e [m]."""
+        """W_u acting on f_en [units] instead of e [m]."""
         return float(control_weight(self.axis).D[0, 0]) * optical_gain(self.axis)
 
     @cached_property
     def uncertain(self) -> GeneralisedPlant:
-        """w, v to (z_p, z_sd, z_u) with parametric uncertainty; v [1] is a shock."""
+        """System from w, v to (z_p, z_sd, z_u) with parametric uncertainty; v [1] is a shock."""
         K_optn = optical_gain(self.axis)
         return generalised_plant(
             [
@@ -123,21 +127,23 @@ class TradeOff:
 
     @cached_property
     def nominal(self) -> GeneralisedPlant:
-        """w to (z_p, z_sd, z_u) without uncertainty."""
+        """System from w to (z_p, z_sd, z_u) without uncertainty."""
         return self.uncertain.channel(performance=CHANNELS, exogenous="w").nominal()
 
     def effort(self, K: StateSpace) -> float:
-        """c of the nominal loop."""
+        """Control effort c of the nominal loop."""
         loop = self.nominal.channel(performance="z_u").close(K)
         return norm((loop.A, loop.B, loop.C, loop.D))
 
     def design(self, share: float) -> tuple[float, StateSpace]:
-        """Sigma and the controller with the least norm of [z_p; share z_sd; sigma z_u], c nearly 1.
+        """Sigma, and the controller with the least norm of [z_p; share z_sd; sigma z_u] and c
+        nearly 1.
 
-        Exogenous are w and the shock v, to which that norm is nearly blind. Without it the best
-        controllers cancel the lightly damped resonance, and no two drives have it at one place.
+        Exogenous signals are w and the shock v, on which that norm hardly depends. Without v the
+        best controllers cancel the lightly damped resonance, which is at a different frequency in
+        each drive.
 
-        Raises SolverError where no sigma is found.
+        Raises SolverError if no sigma is found.
         """
         shocked = self.uncertain.nominal()
 
@@ -156,7 +162,7 @@ class TradeOff:
             sigma = math.exp(
                 brentq(excess, math.log(LEAST_SIGMA), math.log(LARGEST_SIGMA), xtol=1e-3)
             )
-        for _ in range(RAISES):  # levels are found to 1e-3 only, and c jumps with them
+        for _ in range(RAISES):  # levels are accurate to 1e-3 only, and c jumps with them
             K = made(sigma)
             if self.effort(K) < (1 + EFFORT) / 2:
                 return sigma, K
@@ -164,13 +170,13 @@ class TradeOff:
         raise SolverError(f"no weight of the control channel makes c = 1 with share = {share:g}")
 
     def bound(self, share: float, *starts: RealArray) -> tuple[float, RealArray]:
-        """A level that max(a, share b) of no controller with c <= 1 is below.
+        """A lower bound on max(a, share b) of every controller with c <= 1.
 
         For filters with |h_1|^2 + |h_2|^2 + |h_3|^2 = 1 at every frequency, [h_1 z_p; h_2 share
-        z_sd; h_3 zeta z_u] of any controller has at most the norm max(a, share b, zeta c). So where
-        zeta is below a lower bound of that norm, the bound is one of max(a, share b). It is as
-        large as searches for corners of the filters and zeta make it, from ``starts``: their
-        logarithms [rad/s], those found.
+        z_sd; h_3 zeta z_u] of any controller has at most the norm max(a, share b, zeta c). So if
+        zeta is below a lower bound of that norm, this is also a lower bound of max(a, share b).
+        Searches over the corners of the filters and over zeta make it large. They begin at
+        ``starts``, the logarithms of corners [rad/s]; the corners found are returned, too.
         """
 
         def level(x: RealArray, count: int) -> float:
@@ -199,7 +205,7 @@ class TradeOff:
         return best, at
 
     def shared(self, share: float, x: RealArray) -> GeneralisedPlant:
-        """The channels of w behind the filters of a bound; x as the start of `bound`."""
+        """The channels from w behind the filters of a bound; x as the start of `bound`."""
         split, upper, zeta = np.exp(x)
         above = _butterworth(split, "high")
         rows = [
@@ -211,7 +217,9 @@ class TradeOff:
 
 
 def _butterworth(corner: float, kind: str) -> StateSpace:
-    """Low-pass and high-pass of one corner: the squares of their magnitudes add up to 1."""
+    """Low-pass and high-pass filter with one corner; the squares of their magnitudes
+    add up to 1.
+    """
     zeros, poles, gain = butter(SPLIT, corner, kind, analog=True, output="zpk")
     return Rational(zeros, poles, float(gain)).state_space()
 

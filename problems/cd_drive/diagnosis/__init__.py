@@ -1,1 +1,1 @@
-"""Surface defects: found, told apart, estimated."""
+"""Surface defects: detected, distinguished and estimated."""

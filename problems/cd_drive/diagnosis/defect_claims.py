@@ -1,4 +1,4 @@
-"""What may be claimed of defects after many draws: statements that hold in a draw, or do not."""
+"""Statements about defects, judged over many draws: in each draw a statement holds or fails."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from workbench.study.draws import SURE
 
 
 class Claim(NamedTuple):
-    """A statement in words, and whether it holds (draw,): in each draw by itself.
+    """A statement in words, and whether it holds in each draw (draw,).
 
-    name: that of its check, where it is one.
+    name: name of its check, if it is one.
     """
 
     name: str
@@ -24,12 +24,12 @@ class Claim(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Share of the draws in which it holds."""
+        """Share of the draws in which the statement holds."""
         return float(share_of_draws(self.holds))
 
 
 def claim_checks(claims: Sequence[Claim], made: Collection[str]) -> list[Check]:
-    """A check of each claim that is made: it fails in few of the draws."""
+    """A check for each statement that is claimed: it may fail in few of the draws only."""
     return [
         Check(one.name, f"share of draws without: {one.words}", 1.0 - one.share, 1.0 - SURE)
         for one in claims
@@ -38,6 +38,8 @@ def claim_checks(claims: Sequence[Claim], made: Collection[str]) -> list[Check]:
 
 
 def claims_in_words(claims: Sequence[Claim]) -> str:
-    """A table of what holds in 95 % of the draws, what fails in as many, and what is undecided."""
+    """A table of the statements that hold in 95 % of the draws, fail in as many, or are
+    undecided.
+    """
     rows = [[one.words, f"{one.share:.1%}", claim_of(one.share)] for one in claims]
     return markdown(["statement", "holds in, of the draws", "claim"], rows)

@@ -1,8 +1,9 @@
-"""Events on a disc: where the diodes leave the linear area, and the features that tell kinds apart.
+"""Events on a disc, where the diodes leave the linear area, and the features that distinguish
+kinds.
 
 An event is a trace in the plane of d1n and d2n (figures 7.5, 7.10 of E. Vidal Sanchez, Robust and
-Fault Tolerant Control of CD-players, 2003). R. van Helvoirt's clusters (section 7.1.3 there) look
-at the shape of the sum signal; here the difference of the diodes is looked at beside it.
+Fault Tolerant Control of CD-players, 2003). R. van Helvoirt's clusters (section 7.1.3 there) use
+the shape of the sum signal; here the difference of the diodes is used, too.
 """
 
 from __future__ import annotations
@@ -17,15 +18,19 @@ from ..laboratory.bench_setup import PERIOD
 from .defect_runs import DefectRun
 
 FEATURES = ("log10 of duration [s]", "largest dist", "mean over largest dist", "log10 of swing")
-"""Features of an event; the swing is how far d1n - d2n goes from its mean, in either direction."""
+"""Features of an event. The swing is the largest distance of d1n - d2n from its mean, in either
+direction.
+"""
 APART = 35
-"""Least number of samples between two events; closer ones are joined into one."""
+"""Least number of samples between two events; closer events are joined into one."""
 LATE = 20
-"""Samples after the end of a defect in which filter and hysteresis may still show it."""
+"""Number of samples after the end of a defect in which filter and hysteresis may still show it."""
 
 
 def defect_events(dist: RealArray, dist_min: float) -> list[Interval]:
-    """Events in which dist (N,) rises above dist_min, until it is below half of dist_min."""
+    """Events: each begins where dist (N,) rises above dist_min and ends where it is below half of
+    that.
+    """
     return events(dist, dist_min, 0.5 * dist_min, apart=APART)
 
 
@@ -33,7 +38,7 @@ def features(run: DefectRun, dist: RealArray, event: Interval) -> RealArray:
     """The FEATURES (4,) of an event."""
     inside = slice(*event)
     difference = run.diodes[inside, 0] - run.diodes[inside, 1]
-    # A step of the converter stands in for no swing at all.
+    # One converter step replaces a swing of zero.
     swing = max(float(abs(difference - difference.mean()).max()), 1e-3)
     largest = float(dist[inside].max())
     duration = (event[1] - event[0]) * PERIOD

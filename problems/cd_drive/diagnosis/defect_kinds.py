@@ -1,11 +1,11 @@
-"""Kinds of surface defects and what they do to the light, and mechanical shocks (section 2.5).
+"""Kinds of surface defects and their effect on the light, and mechanical shocks (section 2.5).
 
-On the surface the beam is D = 0.72 mm wide. What lies there is blurred: a spot of width w dims the
-light over w + D of the track, by the share of the beam that it blocks, and sets in over the smaller
-of both. In the information layer the beam is a focus of a micrometre: what is missing there has
-sharp edges. A scratch also refracts: the error swings once up and down (section 7.1.2).
-Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
-(2003).
+On the surface the beam is D = 0.72 mm wide, so an object there is blurred: a spot of width w dims
+the light over w + D of the track, by the share of the beam that it blocks, and its edges are as
+long as the smaller of both. In the information layer the beam is focused to a micrometre, so a
+missing part has sharp edges. A scratch also refracts: the error swings once up and down (section
+7.1.2). Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from ..laboratory.experiment import Laboratory
 BEAM = readout_beam(disc_formats()["CD"]).D
 """Diameter of the beam at the surface [m]."""
 SHOCK_DURATION = 10e-3
-"""Duration of a shock [s]: half a sine."""
+"""Duration of a shock [s]; its shape is half a sine."""
 SHOCK_PEAK = {"focus": 10.0, "radial": 1.0}
-"""Peak acceleration of a shock [m/s^2] that takes the error near the acceptable one."""
+"""Peak acceleration of a shock [m/s^2] that moves the error close to the acceptable one."""
 
 Draw = Callable[[np.random.Generator, float], Defect]
 
@@ -48,7 +48,7 @@ def _scratch(rng: np.random.Generator, error: float) -> Defect:
 def _black_dot(rng: np.random.Generator, error: float) -> Defect:
     """A black dot 0.45 to 0.65 mm in diameter, opaque, not refracting.
 
-    Larger ones, 0.7 mm and more, leave so little light that the loop may lose the focus.
+    Larger dots, from 0.7 mm, leave so little light that the loop may lose the focus.
     """
     diameter = rng.uniform(0.45e-3, 0.65e-3)
     return Defect(
@@ -92,9 +92,9 @@ KINDS: dict[str, Draw] = {
 def white_dot(rng: np.random.Generator, mirror: float) -> Defect:
     """A white dot: 0.15 to 0.5 mm of the layer with shallow pits or none, with sharp edges.
 
-    mirror: light of a layer without pits over that on a track, which such a dot reaches at most; it
-    adds 30 to 100 % of the difference. It stands outside KINDS, so that their draws stay as they
-    are.
+    mirror: light of a layer without pits, over that on a track; the dot's light is at most this.
+    The dot adds 30 to 100 % of the difference. It is not in KINDS, so that their draws do not
+    change.
     """
     return Defect(
         length=rng.uniform(0.15e-3, 0.5e-3),
@@ -111,22 +111,23 @@ def draw(kind: str, rng: np.random.Generator, axis: Axis) -> Defect:
 
 
 def voltage_of_force(bench: Laboratory) -> float:
-    """Control voltage u [V/N] that puts on the coil the force that acts on the lens."""
+    """Control voltage per force, u [V/N], with which the coil exerts this force on the lens."""
     return float(bench.actuator.R) / (bench.parameters.Bl * bench.coil_gain)
 
 
 def shocks(
     bench: Laboratory, many: Sequence[tuple[float, float, float]], samples: int
 ) -> RealArray:
-    """Excitation u [V] (N,) that acts on the lens as shocks of the chassis do.
+    """Excitation u [V] (N,) with the same effect on the lens as shocks of the chassis.
 
-    Disc and carriage are accelerated together, the suspended lens m1 and frame m2 stay behind by
-    inertia: seen from the carriage a force (m1 + m2) a, which the coil makes from
+    Disc and carriage are accelerated together, while the suspended lens m1 and frame m2 stay behind
+    by inertia. Seen from the carriage this is a force (m1 + m2) a, which the coil exerts with
 
         u = (m1 + m2) a (R + r) / (Bl K),    K from u to the coil's voltage.
 
-    Half sines of given start [s], peak [m/s^2] and duration [s]. Those of SHOCK seconds are far
-    below the parasitic resonance, about which it matters where the force attacks.
+    Shocks are half sines with given start [s], peak [m/s^2] and duration [s]. With the duration
+    SHOCK_DURATION they are far below the parasitic resonance, near which the point of attack of the
+    force would matter.
     """
     drive, volts = bench.parameters, voltage_of_force(bench)
     time = np.arange(samples) / RATE

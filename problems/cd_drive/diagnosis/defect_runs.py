@@ -1,4 +1,5 @@
-"""Runs of the virtual laboratory over a disc with many defects, and where these are in the record.
+"""Runs of the virtual laboratory over a disc with many defects, and the defects' places in the
+record.
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -27,7 +28,7 @@ from .defect_kinds import SHOCK_DURATION, shocks
 ROTATION = 5.5
 """Rotation frequency of the disc [Hz] (eq. 7.31)."""
 SETTLING = 0.4
-"""Time [s] for the disc to run up and the loop to settle; nothing is evaluated before."""
+"""Time [s] in which the disc runs up and the loop settles; nothing before is evaluated."""
 DEFECT_SLOTS = 4
 """Number of defects in a revolution."""
 SPACING = 1.0 / (DEFECT_SLOTS * ROTATION)
@@ -40,7 +41,7 @@ SHOCK_PERIOD = 0.05
 class DefectRun:
     """A record from SETTLING on, the level [V] of its sum on a clean disc, and its defects.
 
-    faults: first sample, and one after the last, of each defect in order.
+    faults: for each defect in order its first sample, and the one after its last.
     """
 
     record: Record
@@ -49,12 +50,12 @@ class DefectRun:
 
     @property
     def diodes(self) -> RealArray:
-        """d1n and d2n (N, 2): 1 together on a clean disc."""
+        """d1n and d2n (N, 2), whose sum is 1 on a clean disc."""
         return np.column_stack([self.record.d1, self.record.d2]) / self.level
 
 
 def wobbling(axis: Axis) -> Disc:
-    """A disc that deviates by what the Red Book allows, 500 um in focus (eq. 7.31)."""
+    """A disc with the deviation that the Red Book allows, 500 um in focus (eq. 7.31)."""
     focus, radial = (red_book(each).deviation for each in ("focus", "radial"))
     return Disc(
         warp=(focus,) if axis == "focus" else (),
@@ -75,8 +76,8 @@ def run(
 ) -> DefectRun:
     """Run of a controller on a disc that has one defect after the other.
 
-    Each defect is met once, `spacing` [s] after the one before. Shocks of a peak `acceleration`
-    [m/s^2] follow each other in SHOCK_PERIOD. duration: evaluated time [s]; by default as long as
+    Each defect passes once, `spacing` [s] after the previous one. Shocks with peak `acceleration`
+    [m/s^2] follow each other at SHOCK_PERIOD. duration: evaluated time [s]; by default as long as
     the defects need. disc: by default the wobbling one. law: by default the reference controller,
     without a detector.
     """

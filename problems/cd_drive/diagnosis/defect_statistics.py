@@ -1,4 +1,4 @@
-"""Statistics of a run, sample by sample, that a threshold turns into detectors of defects."""
+"""Statistics of a run at each sample; with a threshold each becomes a detector of defects."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .quality import diode_quality
 STATISTICS = ("sum", "quality", "error", "cusum", "glr")
 """Names of the statistics."""
 ERROR_CORNER = 500.0
-"""Corner [Hz] of the high-pass that takes disc deviation and shocks out of the error."""
+"""Corner [Hz] of the high-pass filter that removes disc deviation and shocks from the error."""
 SUM_DRIFT = 0.05
-"""Drift of the cumulative sum: half of the smallest share of light lost that is of interest."""
+"""Drift of the cumulative sum: half of the smallest relevant loss of light."""
 RATIO_WINDOW = 64
 """Window of the likelihood ratio [samples]: 2.4 mm of the track."""
 
 
 def high_passed(signal: RealArray) -> RealArray:
-    """A series (N,) high-passed at ERROR_CORNER."""
+    """A series (N,) after a high-pass filter at ERROR_CORNER."""
     import control
 
     corner = 2 * math.pi * ERROR_CORNER
@@ -36,10 +36,10 @@ def high_passed(signal: RealArray) -> RealArray:
 def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str, RealArray]:
     """The STATISTICS of a run by name, (N,) each: large where there is a defect.
 
-    sum      share of the light that is lost: what the binary detector compares with its level;
+    sum      share of the light that is lost, which the binary detector compares with its level;
     quality  1 - quality of eq. 7.13: the same light, clipped and in either direction;
-    error    the normalised error, high-passed, its size;
-    cusum    Page's sum of the lost light; glr: likelihood ratio of any loss, in units of the
+    error    magnitude of the high-passed normalised error;
+    cusum    Page's cumulative sum of the lost light; glr: likelihood ratio of any loss, over the
              noise's variance.
     """
     lost = 1.0 - run.diodes.sum(axis=1)
@@ -54,5 +54,5 @@ def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str,
 
 
 def peaks(statistic: RealArray, windows: list[Interval]) -> list[float]:
-    """The largest value in each window, with LATE samples after its end."""
+    """The largest value in each window, including LATE samples after its end."""
     return [float(statistic[start : end + LATE].max()) for start, end in windows]

@@ -2,8 +2,8 @@
 
     r = H_act u + H_photo f_en                        equation 7.7
 
-With f_en = K_optn (ACT u + f_sd), equations 7.6 and 7.15, r is zero without the fault f_sd if
-H_act + H_photo K_optn ACT = 0: equation 7.19 says so, equations 7.8 and 7.20 have a minus. The
+With f_en = K_optn (ACT u + f_sd), equations 7.6 and 7.15, r is zero without the fault f_sd if H_act
++ H_photo K_optn ACT = 0. This is equation 7.19, while equations 7.8 and 7.20 have a minus. The
 minus is right with f_en = K_optn (-x + f_sd), equation 7.30. Equation numbers refer to E. Vidal
 Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -37,9 +37,9 @@ from ..laboratory.bench_setup import PERIOD
 from .defect_runs import ROTATION
 
 PLANTS = {"equation 7.6": 1.0, "equation 7.30": -1.0}
-"""Sign with which u moves the error, by the equation that says so."""
+"""Sign with which u moves the error, by the equation that states it."""
 GENERATORS = ("model beside", "placed poles")
-"""H_photo a constant and H_act the drive's own model; or poles of one's choice."""
+"""Two generators: H_photo constant and H_act the drive's own model; or poles chosen freely."""
 FILTERS = {f"{one}, {said}": (one, said) for said in PLANTS for one in GENERATORS}
 """Residual generators by name: their kind, and the plant for which they are made."""
 CONDITIONS = {"plus": 1.0, "minus, as printed": -1.0}
@@ -47,13 +47,13 @@ CONDITIONS = {"plus": 1.0, "minus, as printed": -1.0}
 FREQUENCY = np.geomspace(0.1, 15e3, 121)
 """Frequencies [Hz], many more than the degree of a residual's numerator."""
 LEAK = 1e-9
-"""Largest gain from the control to a residual that is to be zero, over that of H_act alone."""
+"""Largest gain from the control to a residual that should be zero, over that of H_act alone."""
 DOUBLED = 1.9
-"""Least such gain with the wrong sign, where both terms add up: 2, but for rounding."""
+"""Least such gain with the wrong sign, where both terms add up: 2 without rounding."""
 DURATION, STRIDE = 0.2, 5
-"""Duration of the figure [s], and how many samples apart its points are."""
+"""Duration shown [s], and distance of its points [samples]."""
 SCRATCH = 0.13, 1.2e-3, 5e-6
-"""Start [s], length along the track [m] and false displacement [m] of the figure's fault."""
+"""Start [s], length along the track [m] and false displacement [m] of the fault in the figure."""
 
 
 @problem("cd/{axis}/exact-residuals", axis=("focus", "radial"), data=TABLES)
@@ -62,11 +62,12 @@ def exact_residuals(
 ) -> ExactResiduals:
     """Residuals of the drive that are zero without a fault (eq. 7.6 to 7.8, figure 7.3).
 
-    H_act and H_photo of least order for the nominal drive, for f_en = K_optn (ACT u + f_sd) and
-    for f_en = K_optn (-x + f_sd), each with the sign of equation 7.8 that makes the residual zero
-    and with the other one. Beside them what u leaves in the residual of each of twelve drives.
+    H_act and H_photo of least order are computed for the nominal drive, for f_en = K_optn (ACT u +
+    f_sd) and for f_en = K_optn (-x + f_sd), each with the sign of equation 7.8 that makes the
+    residual zero and with the other sign. The part of u that remains in the residual is computed
+    for each of twelve drives, too.
 
-    pole_hz: of the second generator [Hz]; the first one has the drive's own poles.
+    pole_hz: pole of the second generator [Hz]; the first one has the drive's own poles.
     """
     return ExactResiduals(axis, pole_hz)
 
@@ -123,13 +124,13 @@ class ExactResiduals(Study):
         meaning="gain from u to r of another drive, over that of H_act alone",
     )
     def leak_of_drives(self) -> RealArray:
-        """With the generator of the nominal drive: the same for every H_photo."""
+        """With the generator of the nominal drive; the same for every H_photo."""
         every = responses(self.axis, FREQUENCY, antialiasing=False)
         return np.abs(every / nominal_response(self.axis) - 1.0)
 
     @array(dims=(condition, time), unit="m", meaning="residual of the model beside, equation 7.6")
     def course(self, filters: dict[str, StateSpace]) -> Any:
-        """u is 1 V at the rotation frequency; a scratch seems to displace the layer."""
+        """u is 1 V at the rotation frequency; a scratch causes a false displacement."""
         Q, seconds = next(iter(filters.values())), np.arange(0.0, DURATION, PERIOD)
         given = np.column_stack([np.sin(2 * np.pi * ROTATION * seconds), scratch(seconds)])
         found = []
@@ -216,7 +217,9 @@ class ExactResiduals(Study):
 
     @figure
     def figure_7_3(self, answer: Dataset) -> Figure:
-        """The residual over time by either sign, and what u leaves on twelve drives."""
+        """The residual over time with either sign, and the part of u that remains on twelve
+        drives.
+        """
         drawn, (course, leaks) = figures.axes(1, 2, size=(9.5, 4.0))
         looks = ((figures.BLUE, 1.6), (figures.ORANGE, 1.0))
         for sign, (colour, width) in zip(CONDITIONS, looks, strict=True):
@@ -240,7 +243,9 @@ class ExactResiduals(Study):
 
 
 def nominal_response(axis: Axis, frequency: RealArray = FREQUENCY) -> ComplexArray:
-    """K_optn ACT (F,) [units/V] by the coefficients of Table 3.2, which no generator is made of."""
+    """K_optn ACT (F,) [units/V] from the coefficients of Table 3.2, which the generators do not
+    use.
+    """
     num, den = transfer_coefficients(nominal_parameters(axis))
     s = 2j * np.pi * frequency
     found: ComplexArray = total_gain(axis) * np.polyval(num, s) / np.polyval(den, s)
@@ -258,7 +263,7 @@ def scratch(time: RealArray) -> RealArray:
 def leaks_of(axis: Axis, filters: Mapping[str, StateSpace]) -> RealArray:
     """Gain from u to r over that of H_act alone (filter, condition, F).
 
-    H_act is as found, and has its sign turned for the condition that the plant does not ask for.
+    H_act is used as found, and with reversed sign for the condition that is wrong for the plant.
     """
     found = []
     for name, Q in filters.items():
@@ -291,7 +296,7 @@ def _joined(Q: StateSpace, model: FaultModel) -> StateSpace:
 
 
 def _by_sign(leak: RealArray, right: bool) -> RealArray:
-    """Gains (filter, F) by the condition whose sign is that of the plant, or by the other one."""
+    """Gains (filter, F) with the sign that is right for the plant, or with the other one."""
     asked = [PLANTS[said] for _, said in FILTERS.values()]
     signs = list(CONDITIONS.values())
     chosen = [signs.index(one if right else -one) for one in asked]

@@ -1,8 +1,8 @@
 """Surface defects as the diodes show them: the quality signal, and the binary detector.
 
-The quality signal is that of eq. 7.13-7.14, a credibility between 0 and 1; the binary detector,
-which every player has, says defect or none (section 7.1.2). Equation and section numbers refer to
-E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+The quality signal is that of eq. 7.13-7.14, a credibility between 0 and 1. The binary detector,
+which every player has, reports a defect or none (section 7.1.2). Equation and section numbers refer
+to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The ratio of disturbances to faults in a residual, least over all filters (equation 7.23).
+"""The least ratio of disturbances to faults in a residual, over all filters (equation 7.23).
 
     f_en = K_optn (ACT u + W_p w_p + W_sd w_sd),   r = H (f_en - K_optn ACT u)      eq. 7.7, 7.21
 
-Equation 7.23 has H_photo W_p over H_act W_sd. A gain from the fault to r is H_photo K_optn W_sd,
-as in equation 7.10, and so the denominator is mended here. With one measured error both have the
+Equation 7.23 has H_photo W_p over H_act W_sd. The gain from the fault to r is H_photo K_optn W_sd,
+as in equation 7.10, so the denominator is corrected here. With one measured error both have the
 factor H: at each frequency the ratio is |W_p / W_sd|, whatever the filter. Norms over a range of
-frequencies weigh these ratios by the filter, and none is below the least of them. Equation numbers
+frequencies weight these ratios by the filter, and none is below the least of them. Equation numbers
 refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
@@ -54,21 +54,24 @@ from .stand_in import low_pass
 Filters = dict[str, StateSpace]
 """H by name."""
 RATIO: dict[str, Any] = {"disturbances": ["w_p"], "faults": ["w_sd"]}
-"""Inputs over and under the line of equation 7.23."""
+"""Inputs in the numerator and the denominator of equation 7.23."""
 WIDTHS = (0.3, 0.1, 0.03, 0.01)
-"""Damping ratios of band-passes at the frequency of the least ratio: the narrower, the better."""
+"""Damping ratios of band-passes at the frequency of the least ratio; narrower ones are better."""
 BROAD = ("all frequencies", "low-pass", "high-pass")
-"""Filters that are not made for the index."""
+"""Filters that were not designed for the index."""
 FILTERS = (*BROAD, *(f"band-pass {one:g}" for one in WIDTHS))
 """Filters by name."""
 NORMS = ("H2", "H-infinity")
-"""Norms over the range whose ratio is taken."""
+"""Norms over the range whose ratios are computed."""
 INDEX_WIDTH = 1e-3
 """Relative width of the certified interval of an index."""
 REACHED = 1.05
-"""Largest ratio of norms of the narrowest filter over the bound for every filter."""
+"""Largest accepted ratio of norms of the narrowest filter, over the lower bound for every filter.
+"""
 POINTS = 4001
-"""Frequencies over which norms are taken, and as many about the narrow filters' frequency."""
+"""Number of frequencies over which norms are computed, and again near the narrow filters'
+frequency.
+"""
 
 
 @problem("cd/{axis}/residual-index", axis=("focus", "radial"), data=TABLES)
@@ -79,9 +82,9 @@ def residual_index(
 ) -> ResidualIndex:
     """Disturbances over faults in the residual, and the filter that has least of it (eq. 7.23).
 
-    The ratio at its worst frequency is certified for several filters, and is one and the same. The
-    ratio of norms over the range has a certified bound that no filter gets below, the least ratio
-    at any frequency; band-passes about that frequency come near it.
+    The ratio at its worst frequency is certified for several filters, and is the same for all. The
+    ratio of norms over the range has a certified lower bound for every filter, the least ratio at
+    any frequency; band-passes at that frequency come close to it.
 
     low_hz, high_hz: range of frequencies [Hz].
     """
@@ -111,7 +114,7 @@ class ResidualIndex(Study):
 
     @part
     def model(self) -> FaultModel:
-        """Equation 7.21 about the nominal drive: u, w_p, w_sd -> f_en."""
+        """Equation 7.21 with the nominal drive: u, w_p, w_sd -> f_en."""
         return weighted_model(self.axis)
 
     bound, norm = dim("lower", "upper"), dim(NORMS)
@@ -127,7 +130,7 @@ class ResidualIndex(Study):
 
     @swapped.checkers
     def of_the_swapped(self, model: FaultModel) -> dict[str, Checker]:
-        """What certifies it."""
+        """Checker that certifies this ratio."""
         return {"all frequencies": index_checker(*self._swapped(model))}
 
     def _swapped(self, model: FaultModel) -> tuple[Any, ...]:
@@ -137,7 +140,7 @@ class ResidualIndex(Study):
 
     @arrays((), least_bound="1", least_hz="Hz")
     def least(self, swapped: dict[str, PerformanceIndex]) -> dict[str, float]:
-        """What no filter's ratio of norms is below, and the frequency at which it is least."""
+        """Lower bound on every filter's ratio of norms, and the frequency of the least ratio."""
         found = swapped["all frequencies"]
         at = float(found.omega[0]) / (2 * np.pi)
         return {"least_bound": 1.0 / float(found.upper[0]), "least_hz": at}
@@ -163,7 +166,7 @@ class ResidualIndex(Study):
 
     @ratio_indices.checkers
     def of_the_filters(self, filters: Filters, model: FaultModel) -> dict[str, Checker]:
-        """What certifies each."""
+        """Checker that certifies each ratio."""
         return {
             name: index_checker(residual_of(H, self.axis), model, self.band, **RATIO)
             for name, H in filters.items()
@@ -182,7 +185,7 @@ class ResidualIndex(Study):
 
     @arrays(frequency, pointwise="1", printed="V/unit")
     def ratios(self, frequency: DataArray) -> dict[str, RealArray]:
-        """|W_p / W_sd|, and the same as equation 7.23 prints it, over |K_optn ACT| as well."""
+        """|W_p / W_sd|, and the same as printed in equation 7.23, divided also by |K_optn ACT|."""
         disturbance, defect = weights(self.axis, frequency.values)
         ratio = disturbance / defect
         gain = abs(nominal_response(self.axis, frequency.values, antialiasing=False))
@@ -277,7 +280,7 @@ class ResidualIndex(Study):
 
 
 def weighted_model(axis: Axis) -> FaultModel:
-    """Equation 7.21 about the nominal drive, without its uncertainty: u, w_p, w_sd -> f_en."""
+    """Equation 7.21 with the nominal drive, without uncertainty: u, w_p, w_sd -> f_en."""
     G = plant(nominal_parameters(axis), total_gain(axis), antialiasing=False)
     K_optn = optical_gain(axis)
     W_p, W_sd = K_optn * performance_weight(axis), K_optn * M * defect_weight()

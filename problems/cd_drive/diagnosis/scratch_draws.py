@@ -1,4 +1,4 @@
-"""What differs from one experiment with a scratch to the next: its place, its shape, the noise."""
+"""The random parts of an experiment with a scratch: its angle, its shape, the noise."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from ..drive.tables import Axis
 
 ANGLES: dict[Axis, tuple[float, float]] = {"focus": (0.0, 0.5), "radial": (0.2, 0.36)}
-"""Angles [revolutions] between which a scratch is drawn, or half a turn later: all of them in
-focus; radially those at which the reference controller keeps the track on the worst disc."""
+"""Range of angles [revolutions] from which a scratch is drawn, or half a turn later: all angles in
+focus; radially those at which the reference controller keeps the track on the worst disc.
+"""
 EDGES = (0.05, 0.4)
-"""Shares of a scratch over which it sets in."""
+"""Range of the shares of a scratch over which it begins."""
 
 
 class ScratchDraw(NamedTuple):

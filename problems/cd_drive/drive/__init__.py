@@ -1,1 +1,1 @@
-"""The drive and the disc: printed tables, actuator, optics, responses."""
+"""The drive and the disc: printed tables, actuator, optics and responses."""

@@ -6,8 +6,8 @@ With displacements x, coil current i and applied voltage u,
     M x'' + C x' + K x = g Bl i        masses, dampers, springs   (eq. 3.4, 3.7, 3.12-3.13)
     L i' + R i + Bl g'x' = u           coil with back-EMF         (eq. 3.1-3.2)
 
-where g picks the mass that carries the coil and the lens: the first one. Equation numbers refer to
-E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+where g selects the first mass, which carries the coil and the lens. Equation numbers refer to E.
+Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ SERIES_RESISTANCE = 1.25
 
 @dataclass(frozen=True)
 class Actuator:
-    """Matrices of the element equations; leading axes `...` of all fields are a batch of drives.
+    """Matrices of the element equations; the leading axes `...` of all fields hold a batch of
+    drives.
 
     M, C, K: masses [kg], dampers [N s/m], springs [N/m], each (..., n, n).
     Bl [N/A], R [ohm] (the whole circuit), L [H]: (...). L = 0 leaves the inductance out.
@@ -46,8 +47,8 @@ class Actuator:
     def response(self, frequency: ArrayLike) -> ComplexArray:
         """Lens displacement per applied voltage x/u [m/V] at `frequency` [Hz] (F,): (..., F).
 
-        Solves (s^2 M + s C + K) x = g Bl i for the whole batch at once. Raises InputError unless
-        the frequencies are a 1-D array of positive finite numbers.
+        Solves (s^2 M + s C + K) x = g Bl i for the whole batch at once. Raises InputError if the
+        frequencies are not a 1-D array of positive finite numbers.
         """
         s = 2j * np.pi * checked_frequency(frequency)
         bl, impedance = self.Bl[..., None], self.R[..., None] + s * self.L[..., None]
@@ -61,7 +62,7 @@ class Actuator:
 
     def state_space(self) -> StateSpace:
         """The model u [V] -> x [m] of one drive; states x, x' and, with an inductance, i."""
-        import control  # slow to load, and the frequency responses above do without
+        import control  # slow to load, and not needed for the frequency responses above
 
         a, b = self._state_matrices()
         c = np.zeros((1, len(a)))
@@ -74,7 +75,9 @@ class Actuator:
         return poles[np.argsort(abs(poles))]
 
     def zeros(self) -> ComplexArray:
-        """Zeros of u -> x of one drive [rad/s]: the poles that remain with the lens held."""
+        """Zeros of u -> x of one drive [rad/s]: the poles of what still moves when the lens is
+        held.
+        """
         held = _first_order(*(matrix[1:, 1:] for matrix in (self.M, self.C, self.K)))
         zeros = np.linalg.eigvals(held).astype(complex)
         return zeros[np.argsort(abs(zeros))]
@@ -104,8 +107,8 @@ def specific_model(
 ) -> Actuator:
     """The fourth-order model: two masses, no inductance (eq. 3.12-3.14, Table 3.2).
 
-    The lens side m1 hangs on k2, b2 from the arm m2, which hangs on k1, b1 from the frame.
-    `series_resistance` [ohm] adds to the coil's.
+    The lens side m1 hangs by k2, b2 on the arm m2, which hangs by k1, b1 on the frame.
+    `series_resistance` [ohm] is added to the coil's.
     """
     p = parameters
     lens, arm = np.eye(2)
@@ -122,8 +125,8 @@ def specific_model(
 def general_model(drive: Drive, series_resistance: float = SERIES_RESISTANCE) -> Actuator:
     """The third-order model: one mass m1 + m2 on k and b, with inductance (eq. 3.10).
 
-    The power driver's gain K_pd of eq. 3.10 is left to the loop. `series_resistance` [ohm] adds to
-    the coil's; eq. 3.10 itself has none.
+    The power driver's gain K_pd of eq. 3.10 is left to the loop. `series_resistance` [ohm] is added
+    to the coil's; eq. 3.10 itself has none.
     """
     return Actuator(
         M=np.array([[drive.m1 + drive.m2]]),
@@ -147,7 +150,7 @@ def stack(actuators: Sequence[Actuator]) -> Actuator:
 def transfer_coefficients(
     parameters: ActuatorParameters, series_resistance: float = SERIES_RESISTANCE
 ) -> tuple[RealArray, RealArray]:
-    """Numerator (3,) and denominator (5,) of the specific model as printed in Table 3.2."""
+    """Numerator (3,) and denominator (5,) of the specific model, as printed in Table 3.2."""
     p, r = parameters, parameters.R + series_resistance
     num = p.Bl * np.array([p.m2, p.b1 + p.b2, p.k1 + p.k2])
     den = r * np.array(
@@ -159,13 +162,13 @@ def transfer_coefficients(
             p.k1 * p.k2,
         ]
     )
-    den[1:4] += p.Bl * num  # the back-EMF: force Bl i, voltage Bl x'
+    den[1:4] += p.Bl * num  # back-EMF: the force is Bl i, and the induced voltage Bl x'
     return num, den
 
 
 @dataclass(frozen=True)
 class Resonances:
-    """Natural frequencies |s| / 2 pi [Hz] of the specific model's pole and zero pairs."""
+    """Natural frequencies |s| / 2 pi [Hz] of the specific model's pairs of poles and zeros."""
 
     first: float
     parasitic_zero: float
@@ -175,14 +178,16 @@ class Resonances:
 def resonances(
     parameters: ActuatorParameters, series_resistance: float = SERIES_RESISTANCE
 ) -> Resonances:
-    """The suspension's resonance and the parasitic zero and pole pair, back-EMF included."""
+    """The suspension's resonance, and the parasitic pair of zeros and poles, with the back-EMF."""
     actuator = specific_model(parameters, series_resistance)
     poles, zeros = (abs(s) / (2 * np.pi) for s in (actuator.poles(), actuator.zeros()))
     return Resonances(float(poles[0]), float(zeros[0]), float(poles[2]))
 
 
 def checked_frequency(frequency: ArrayLike) -> RealArray:
-    """Frequencies as floats (F,); raises InputError unless 1-D, not empty, positive, finite."""
+    """Frequencies as floats (F,). Raises InputError if they are not a non-empty 1-D array of
+    positive finite numbers.
+    """
     array = np.asarray(frequency, dtype=float)
     if array.ndim != 1 or array.size == 0:
         raise InputError(f"frequency has shape {array.shape}; it must be a 1-D array, not empty")
@@ -193,12 +198,12 @@ def checked_frequency(frequency: ArrayLike) -> RealArray:
 
 
 def _element(value: float, ends: RealArray) -> RealArray:
-    """An element's share of M, C or K; `ends` maps displacements to its elongation."""
+    """Contribution of an element to M, C or K; `ends` maps displacements to its elongation."""
     return value * np.outer(ends, ends)
 
 
 def _first_order(mass: RealArray, damping: RealArray, stiffness: RealArray) -> RealArray:
-    """State matrix of mass x'' + damping x' + stiffness x = 0 in the states x, x'."""
+    """State matrix of mass x'' + damping x' + stiffness x = 0 for the states x, x'."""
     n = len(mass)
     lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
     return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower])

@@ -1,4 +1,4 @@
-"""How fast a CD turns, how much data pass by, and the loop that measures its tracking error.
+"""Rotation and data rate of a CD, and the loop that measures its tracking error.
 
 Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
 (2003); the numbers of the disc are those of Standard ECMA-130.
@@ -22,7 +22,9 @@ TRACKING_BAND = (500.0, 10e3)
 
 
 def rotations() -> dict[str, float]:
-    """Rotation frequency [Hz] by place of a disc whose track passes at 1.3 m/s (section 2.5.3)."""
+    """Rotation frequency [Hz] at three places of a disc, with a scanning velocity of 1.3 m/s
+    (section 2.5.3).
+    """
     disc = compact_disc()
     radii = {
         "lead_in": disc.lead_in_radius,
@@ -33,7 +35,7 @@ def rotations() -> dict[str, float]:
 
 
 def coded_bits_per_mm() -> dict[str, float]:
-    """Bits behind the error code on a millimetre of track, of a slow and of a fast disc."""
+    """Bits per millimetre of track, with those of the error code, for a slow and a fast disc."""
     disc = compact_disc()
     rate = 8 * disc.frame_coded_bytes * disc.frame_rate
     velocities = {"slow": disc.velocity_min, "fast": disc.velocity_max}
@@ -49,7 +51,8 @@ def user_data_rate() -> float:
 def tracking_sensitivity(frequency: ArrayLike) -> RealArray:
     """|S| at frequencies [Hz] (F,) of the loop that measures the tracking error (Table 2.4): (F,).
 
-    A double integrator with a lead network: with it a track's deviation becomes the error.
+    The loop is a double integrator with a lead network. S maps the deviation of a track to the
+    tracking error.
     """
     disc = compact_disc()
 

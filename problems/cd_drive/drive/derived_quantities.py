@@ -1,4 +1,4 @@
-"""What the tables say of a drive without an experiment: its resonance, its coil, its sums.
+"""Quantities of a drive that follow from the tables without an experiment: resonance, coil, sums.
 
 Section and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -19,7 +19,7 @@ from .tables import Drive
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """A number that follows from the tables of one drive, its unit and its meaning."""
+    """A quantity that follows from the tables of one drive: its unit, meaning and function."""
 
     unit: str
     meaning: str
@@ -32,27 +32,31 @@ def moving_mass(drive: Drive) -> float:
 
 
 def electric_damping(drive: Drive) -> float:
-    """Damping [N s/m] by the back-EMF, which the coil's circuit turns into a force (eq. 4.16)."""
+    """Damping [N s/m] that the back-EMF causes through the coil's circuit (eq. 4.16)."""
     return drive.Bl**2 / (drive.R + SERIES_RESISTANCE)
 
 
 def quality_factor(drive: Drive, damping: float) -> float:
-    """Quality factor 1 / (2 zeta) of the first resonance with a damping [N s/m] (section 3.2.2)."""
+    """Quality factor 1 / (2 zeta) of the first resonance with this damping [N s/m]
+    (section 3.2.2).
+    """
     return math.sqrt(drive.k * moving_mass(drive)) / damping
 
 
 def decay(drive: Drive) -> float:
-    """Rate [1/s] at which the first resonance dies out, back-EMF included (eq. 4.16)."""
+    """Rate [1/s] at which the first resonance decays, with the back-EMF (eq. 4.16)."""
     return (drive.b + electric_damping(drive)) / (2.0 * moving_mass(drive))
 
 
 def peak_frequency(drive: Drive) -> float:
-    """Frequency [Hz] at which the lumped model |x / u| of equation 4.16 is largest."""
+    """Frequency [Hz] at which |x / u| of the lumped model of equation 4.16 is largest."""
     return math.sqrt(drive.k / moving_mass(drive) - 2.0 * decay(drive) ** 2) / (2 * math.pi)
 
 
 def shown_by_current(drive: Drive, resonance: str) -> float:
-    """Range of |v_r / u| over its level in the window of a resonance (eq. 4.17, not lumped)."""
+    """Range of |v_r / u| within the window of a resonance, relative to its level (eq. 4.17, not
+    lumped).
+    """
     frequency = np.linspace(*WINDOWS[drive.axis][resonance], 400)
     speed = 2j * np.pi * frequency * specific_model(drive).response(frequency)
     return float(np.ptp(abs(1.0 - drive.Bl * speed)))

@@ -1,4 +1,4 @@
-"""A disc as the laser meets it: its deviations and its surface defects.
+"""A disc as the laser sees it: its deviations and its surface defects.
 
 Section, table and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -24,7 +24,8 @@ VELOCITY = 1.3
 
 
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=True)
-"""Rules for discs and defects in a script: unknown fields are errors, infinite numbers allowed."""
+"""Rules for discs and defects in a script: unknown fields are errors; infinite numbers are allowed.
+"""
 
 
 @with_config(STRICT)
@@ -32,15 +33,13 @@ STRICT = ConfigDict(extra="forbid", allow_inf_nan=True)
 class Defect:
     """A surface defect (scratch, finger print, dust): it dims the light and falsifies the error.
 
-    A white dot has a negative depth: it reflects more than the pits around it.
+    A white dot has a negative depth: it reflects more light than the pits around it.
 
-    length        along the track [m];
-    angle         where it starts [revolutions];
-    depth         share of the light that it takes, at most 1; that it adds, if negative;
-    displacement  false displacement f_sd that swings once up and down, amplitude [m] (eq. 2.9);
-    offset        constant false displacement within the defect [m];
-    edge          share of the length over which it begins, and ends, smoothly, 0 to 0.5;
-    present       times from which and until which it exists [s].
+    length along the track [m]; angle where it starts [revolutions]; depth share of the light that
+    it takes, at most 1; if negative, that it adds; displacement false displacement f_sd that swings
+    once up and down, amplitude [m] (eq. 2.9); offset constant false displacement within the defect
+    [m]; edge share of the length of its smooth beginning, and of its end, 0 to 0.5; present
+    times [s] at which it appears and vanishes.
 
     Raises InputError outside these ranges.
     """
@@ -61,7 +60,7 @@ class Defect:
         self, revolutions: RealArray, time: RealArray, rotation: RealArray
     ) -> tuple[NDArray[np.bool_], RealArray]:
         """Whether the laser is on the defect, and the share of its length passed: each (N,)."""
-        travelled = (revolutions - self.angle) % 1.0  # of a revolution, since its start
+        travelled = (revolutions - self.angle) % 1.0  # revolutions since its start
         along = travelled * VELOCITY / (np.maximum(rotation, 1e-12) * self.length)
         inside = (along <= 1.0) & (rotation > 0.0)
         return inside & (time >= self.present[0]) & (time < self.present[1]), along
@@ -87,13 +86,13 @@ class Disc:
 
     warp          amplitudes [m] of the vertical deviation at the rotation frequency and its
                   harmonics; Table 2.3 allows 500 um;
-    eccentricity  the same of the radial deviation; Table 2.4 allows 70 um;
-    rotation      frequency [Hz], 3 to 9 at normal speed; 0: the disc stands;
+    eccentricity  the same for the radial deviation; Table 2.4 allows 70 um;
+    rotation      frequency [Hz], 3 to 9 at normal speed; 0 for a disc at rest;
     speed         profile of the rotation: times [s] and what the frequency is multiplied by there,
                   linear between them, constant before and after; 1 throughout when left out;
-    phase         of the rotation at the start [revolutions];
+    phase         angle of the rotation at the start [revolutions];
     offset        constant deviation of the axis in use [m];
-    reflectivity  of the layer, 1 for the disc that the optical gains were measured with;
+    reflectivity  of the layer; 1 is that of the disc on which the optical gains were measured;
     run_up        time [s] over which the deviation grows to its size: a loop that starts at rest
                   meets a disc that does so too.
 
@@ -114,13 +113,13 @@ class Disc:
             raise InputError(f"{self}: rotation, run_up and reflectivity must not be negative")
         points = np.array(self.speed, float).reshape(-1, 2)
         if not np.isfinite(points).all() or (np.diff(points[:, 0], prepend=-1e-300) <= 0.0).any():
-            raise InputError(f"speed is {self.speed}; times must rise from 0 or later")
+            raise InputError(f"speed is {self.speed}; times must increase and not be negative")
         if (points[:, 1] < 0.0).any():
-            raise InputError(f"speed is {self.speed}; a disc does not turn back")
+            raise InputError(f"speed is {self.speed}; the factors must not be negative")
 
     @classmethod
     def along(cls, axis: Axis, *amplitudes: float, **rest: Any) -> Self:
-        """A disc that deviates by these harmonics [m] in one axis, and not in the other."""
+        """A disc that has these harmonics [m] of deviation in one axis, and none in the other."""
         warp, eccentricity = (amplitudes, ()) if axis == "focus" else ((), amplitudes)
         return cls(warp=warp, eccentricity=eccentricity, **rest)
 
@@ -146,13 +145,15 @@ class Disc:
         return light, false
 
     def turned(self, time: RealArray) -> tuple[RealArray, RealArray]:
-        """Revolutions so far, and rotation frequency [Hz], at times [s] (N,): each (N,)."""
+        """Revolutions since the start, and rotation frequency [Hz], at times [s] (N,): each
+        (N,).
+        """
         if not len(self.speed):
             return self.rotation * time + self.phase, np.full_like(time, self.rotation)
         at, factor = np.array(self.speed, float).T
         if at[0] > 0.0:
             at, factor = np.append(0.0, at), np.append(factor[0], factor)
-        # The integral of a broken line is a parabola from every corner on.
+        # The integral of a piecewise linear function is a parabola after each corner.
         areas = np.append(0.0, np.cumsum(np.diff(at) * (factor[1:] + factor[:-1]) / 2))
         last = np.searchsorted(at, time, side="right") - 1
         now = np.interp(time, at, factor)

@@ -1,4 +1,4 @@
-"""The twelve drives at a glance: responses, resonances, parameters."""
+"""The twelve drives at a glance: responses, resonances and parameters."""
 
 from __future__ import annotations
 
@@ -43,23 +43,24 @@ UNITS = {
 }  # fmt: skip
 RESONANCES = ("first", "parasitic zero", "parasitic pole")
 STATED_RESONANCES = {"focus": (30.0, 500.0), "radial": (50.0, 900.0)}
-"""First and parasitic resonance [Hz] as section 4.6 states them. It says about 800 Hz for the
-radial parasitic one, but its own tables give 856 to 976 Hz."""
+"""First and parasitic resonance [Hz] as stated in section 4.6. It states about 800 Hz for the
+radial parasitic resonance, but its own tables give 856 to 976 Hz.
+"""
 RESONANCE_TOLERANCE = 0.15
-"""Largest relative distance of a drive's resonance from the stated one."""
+"""Largest accepted distance of a drive's resonance from the stated one, relative."""
 
 
 @problem("cd/drives", data=TABLES)
 def overview(frequencies: Frequencies = 300, values: Values = "printed") -> Drives:
     """Bode and Nyquist plots and parameters of the twelve measured drives (Tables A.1-A.3, 5.2).
 
-    The responses from control voltage to normalised error of all drives in both axes (24), with the
-    optical gain of each drive, and with the gain spread removed by the automatic gain control; the
-    resonances of each drive; the parameter table; Table 5.2 recomputed; the response of a mass on a
-    damped spring by its damping ratio (figure 3.8).
+    The responses from control voltage to normalised error are shown for all drives in both axes
+    (24), with each drive's own optical gain, and with the gains equalised by the automatic gain
+    control. Resonances of each drive, the parameter table, and Table 5.2 recomputed follow, and the
+    response of a mass on a damped spring for several damping ratios (figure 3.8).
 
-    frequencies: how many, logarithmically spaced from 5 Hz to 20 kHz; around each resonance there
-    are 80 more. values: tables "printed" or "corrected".
+    frequencies: number of frequencies, logarithmically spaced from 5 Hz to 20 kHz; around each
+    resonance there are 80 more. values: tables "printed" or "corrected".
     """
     bands = [band for axis in AXES for band in WINDOWS[axis].values()]
     dense = [np.linspace(low, high, 80) for low, high in bands]
@@ -154,7 +155,7 @@ class Drives(Study):
 
     @check()
     def near_stated(self, resonance: DataArray) -> list[Check]:
-        """Resonances against those that section 4.6 states."""
+        """Distance of the resonances from those that section 4.6 states."""
         found = []
         for axis, (first, parasitic) in STATED_RESONANCES.items():
             for name, kind, stated in (("first", 0, first), ("parasitic", 2, parasitic)):
@@ -172,11 +173,14 @@ class Drives(Study):
         return spread(gain.sel(frequency=answer["crossover"], method="nearest")).max()
 
     _middle = metric(
-        template="{kind}_{axis}_hz", value=lambda resonance: _named(resonance).median("drive")
+        template="{kind}_{axis}_hz",
+        value=lambda resonance: _by_metric_name(resonance).median("drive"),
     )
     _range = metric(
         template="{kind}_{axis}_spread_hz",
-        value=lambda resonance: _named(resonance).max("drive") - _named(resonance).min("drive"),
+        value=lambda resonance: (
+            _by_metric_name(resonance).max("drive") - _by_metric_name(resonance).min("drive")
+        ),
     )
     _gain = metric(
         template="gain_spread_{axis}",
@@ -241,20 +245,22 @@ class Drives(Study):
         }
 
 
-def _named(resonance: DataArray) -> DataArray:
+def _by_metric_name(resonance: DataArray) -> DataArray:
     """Resonances by the names of their metrics."""
     return resonance.assign_coords(kind=["first_resonance", *RESONANCES[1:]])
 
 
 def _agc_gain(axis: Axis, values: Values) -> RealArray:
-    """Factors (12,) by which the automatic gain control multiplies the gains of the drives."""
+    """Factors (12,) by which the automatic gain control multiplies the drives' gains."""
     at = [crossover(axis)]
     wanted, own = (responses(axis, at, gain, values) for gain in ("agc", "own"))
     return np.asarray((wanted / own)[:, 0].real)
 
 
-def _looks(drives: DataArray, nominal: DataArray) -> Iterator[tuple[DataArray, dict[str, Any]]]:
-    """Each drive's response and the nominal one, with the look of its line."""
+def _lines_with_styles(
+    drives: DataArray, nominal: DataArray
+) -> Iterator[tuple[DataArray, dict[str, Any]]]:
+    """Each drive's response and the nominal one, with the style of its line."""
     from matplotlib import colormaps
 
     for i, one in enumerate(drives):
@@ -266,7 +272,7 @@ def _looks(drives: DataArray, nominal: DataArray) -> Iterator[tuple[DataArray, d
 def _bode(response: DataArray, nominal: DataArray, gain: str) -> Figure:
     drawn, panels = figures.axes(2, 2, size=(9.0, 6.2), sharex=True)
     for axis, magnitude, phase in zip(AXES, panels[:2], panels[2:], strict=True):
-        for one, look in _looks(response.sel(axis=axis), nominal.sel(axis=axis)):
+        for one, look in _lines_with_styles(response.sel(axis=axis), nominal.sel(axis=axis)):
             magnitude.plot(one["frequency"], abs(one), **look)
             phase.plot(one["frequency"], figures.phase(one.values), **look)
         figures.label(magnitude, title=f"{axis}, {gain}", log="y")
@@ -285,7 +291,7 @@ def _nyquist(response: DataArray, nominal: DataArray) -> Figure:
     around = [(0.9 * low, 1.1 * high) for low, high in bands]
     for panel, axis, band in zip(panels, 2 * AXES, below + around, strict=True):
         part = {"axis": axis, "frequency": slice(*band)}
-        for one, look in _looks(response.sel(part), nominal.sel(part)):
+        for one, look in _lines_with_styles(response.sel(part), nominal.sel(part)):
             panel.plot(one.real, one.imag, **look)
             ends = one["frequency"].values[[0, -1]]
         figures.label(

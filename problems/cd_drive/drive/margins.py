@@ -14,12 +14,12 @@ from workbench.mu import loop_margins
 
 @dataclass(frozen=True)
 class NearestMargins:
-    """What a stable loop bears, and at which frequencies.
+    """Changes of the loop that a stable loop tolerates, and the frequencies at its limits.
 
-    decrease, increase        factors on the loop's gain at which it becomes unstable, the nearest
+    decrease, increase        factors on the loop's gain at which it becomes unstable: the nearest
                               below and above 1; 0 and infinity where there is none;
     decrease_hz, increase_hz  frequencies [Hz] at which the loop then oscillates; NaN without one;
-    phase                     phase margin [deg] of the crossover with the smallest; infinite
+    phase                     smallest phase margin [deg] over all crossovers; infinite
                               without a crossover;
     crossover_hz              frequency [Hz] of that crossover, where |L| = 1; NaN without one.
     """
@@ -33,7 +33,7 @@ class NearestMargins:
 
     @property
     def gain_db(self) -> float:
-        """Gain margin [dB]: the smaller of both changes, up or down."""
+        """Gain margin [dB]: the smaller of the two changes, up and down."""
         down = math.inf if self.decrease == 0 else -math.log10(self.decrease)
         return 20 * min(math.log10(self.increase), down)
 
@@ -46,7 +46,7 @@ MARGIN_UNITS = {
     "phase": "deg",
     "crossover_hz": "Hz",
 }
-"""Fields of NearestMargins, and the unit of each."""
+"""Fields of NearestMargins, with the unit of each."""
 
 
 def nearest_margins(loop: StateSpace) -> NearestMargins:
@@ -72,6 +72,6 @@ def nearest_margins(loop: StateSpace) -> NearestMargins:
 
 
 def each_margin(rows: Iterable[Iterable[StateSpace]]) -> dict[str, list[list[float]]]:
-    """Margins of rows of loops: a list of rows for each name of MARGIN_UNITS."""
+    """Margins of loops in rows: for each name of MARGIN_UNITS a list of rows of values."""
     found = [[nearest_margins(loop) for loop in row] for row in rows]
     return {name: [[getattr(one, name) for one in row] for row in found] for name in MARGIN_UNITS}

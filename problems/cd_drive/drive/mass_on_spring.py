@@ -14,11 +14,11 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 
 DAMPING_RATIOS = (0.005, 0.05, 0.1, 0.3, 0.7, 1.0)
-"""Damping ratios of figure 3.8; quality factors of 10 and 100 are 0.05 and 0.005."""
+"""Damping ratios of figure 3.8; 0.05 and 0.005 are quality factors of 10 and 100."""
 RELATIVE_FREQUENCIES = np.unique(
     np.concatenate([np.geomspace(0.1, 10.0, 401), np.linspace(0.9, 1.1, 401)])
 )
-"""Frequencies over the natural one, denser about it."""
+"""Frequencies over the natural frequency, denser near it."""
 
 
 def relative_response(zeta: ArrayLike, relative: ArrayLike) -> ComplexArray:
@@ -30,9 +30,9 @@ def relative_response(zeta: ArrayLike, relative: ArrayLike) -> ComplexArray:
 
 
 def peak(zeta: ArrayLike) -> tuple[RealArray, RealArray]:
-    """Relative frequency and height of the peak, each (Z,); nan without one.
+    """Relative frequency and height of the peak, each (Z,); NaN if there is no peak.
 
-    sqrt(1 - 2 zeta^2) and 1 / (2 zeta sqrt(1 - zeta^2)), for zeta below 1 / sqrt(2).
+    These are sqrt(1 - 2 zeta^2) and 1 / (2 zeta sqrt(1 - zeta^2)), for zeta below 1 / sqrt(2).
     """
     ratio = np.asarray(zeta, float)
     below = np.where(ratio < np.sqrt(0.5), ratio, np.nan)
@@ -40,7 +40,9 @@ def peak(zeta: ArrayLike) -> tuple[RealArray, RealArray]:
 
 
 def peak_off(curves: DataArray) -> tuple[float, float]:
-    """Largest relative distances of the curves' peaks from `peak`: in frequency and in height."""
+    """Largest relative distances of the curves' peaks from those of `peak`: in frequency and
+    height.
+    """
     size = abs(curves)
     at, height = peak(curves["zeta"].values)
     frequency_off = abs(size.idxmax("relative").values / at - 1.0)

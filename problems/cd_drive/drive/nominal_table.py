@@ -1,4 +1,4 @@
-"""Table 5.2 recomputed from Tables A.1-A.3, with the reason where an entry does not follow.
+"""Table 5.2 recomputed from Tables A.1-A.3, with the reason for each entry that does not follow.
 
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -19,7 +19,7 @@ from .tables import ActuatorParameters, Axis, Uncertain, Values, drives, nominal
 def nominal(axis: Axis, values: Values = "printed") -> dict[str, Uncertain]:
     """Table 5.2 recomputed: midrange and half-range of Tables A.1-A.3 over the twelve drives.
 
-    The rows of `nominal_table`; K_total [units/V] is K_at K_amp K_optn (eq. 3.18).
+    The rows are those of `nominal_table`; K_total [units/V] is K_at K_amp K_optn (eq. 3.18).
     """
     twelve = drives(axis, values)
     rows = {"K_total": [ATTENUATION * AMPLIFICATION * drive.K_optn for drive in twelve]}
@@ -30,10 +30,10 @@ def nominal(axis: Axis, values: Values = "printed") -> dict[str, Uncertain]:
 
 @dataclass(frozen=True)
 class TableEntry:
-    """One entry of Table 5.2, printed and computed; nominals in SI units, tolerances relative.
+    """One entry of Table 5.2, printed and computed: nominal in SI units, tolerance relative.
 
-    follows says whether drives that round to Tables A.1-A.3 exist whose midrange and half-range
-    round to the printed entry; note says what else there is to say.
+    follows: whether some drives round to Tables A.1-A.3 and have a midrange and half-range that
+    round to the printed entry. note: a remark, such as the reason if it does not follow.
     """
 
     parameter: str
@@ -46,7 +46,7 @@ class TableEntry:
 
 
 def compare_nominal(axis: Axis, values: Values = "printed") -> list[TableEntry]:
-    """Each entry of Table 5.2 beside the recomputed one, and why it does not follow if so."""
+    """Each entry of Table 5.2 with the recomputed one, and the reason if it does not follow."""
     computed = nominal(axis, values)
     rows = []
     for name, printed in nominal_table(axis).items():
@@ -110,7 +110,7 @@ def _rounds_to(
     nominal_step: float,
     tolerance_step: float,
 ) -> bool:
-    """Whether extremes within half a table step of `own`'s give what rounds to `printed`."""
+    """Whether extremes within half a table step of those of `own` can round to `printed`."""
     low, high = printed.nominal - nominal_step / 2, printed.nominal + nominal_step / 2
     least, most = printed.tolerance - tolerance_step / 2, printed.tolerance + tolerance_step / 2
     extremes = own.nominal * np.array([1 + own.tolerance, 1 - own.tolerance])

@@ -1,4 +1,4 @@
-"""The readout beam of CD, DVD and Blu-ray: why dust on the surface is out of focus (section 2.4).
+"""Readout beams of CD, DVD and Blu-ray, and why dust on the surface is out of focus (section 2.4).
 
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -31,8 +31,8 @@ class Beam:
     """A readout beam.
 
     theta1, theta2: half angles of the cone in air and in the cover layer [deg]. D, d: diameters at
-    the surface and at the information layer [m]. density: of information [1/m^2]. depth: distance
-    from the focus [m] that makes the wave front wrong by a quarter of a wavelength.
+    the surface and at the information layer [m]. density: density of information [1/m^2]. depth:
+    distance from the focus [m] at which the wave front is wrong by a quarter of a wavelength.
     """
 
     theta1: float
@@ -44,10 +44,10 @@ class Beam:
 
 
 def readout_beam(disc: DiscFormat, whole_degrees: bool = False) -> Beam:
-    """The readout beam of a disc format by equations 2.1 to 2.5.
+    """The readout beam of a disc format, from equations 2.1 to 2.5.
 
-    whole_degrees: round the refracted angle to whole degrees before equation 2.4, as the printed
-    Table 2.2 does.
+    whole_degrees: round the refracted angle to whole degrees before equation 2.4, as in the printed
+    Table 2.2.
     """
     theta1 = math.asin(disc.NA)
     theta2 = math.asin(disc.NA / disc.refractive_index)
@@ -61,12 +61,14 @@ def readout_beam(disc: DiscFormat, whole_degrees: bool = False) -> Beam:
 
 
 def blocked_by_particle(D: float, diameter: float) -> float:
-    """Share of a uniform round beam of diameter D that a round particle inside it blocks."""
+    """Share of a round, uniform beam of diameter D that a round particle in the beam blocks."""
     return min(1.0, diameter / D) ** 2
 
 
 def blocked_by_hair(D: float, width: float) -> float:
-    """Share of a uniform round beam of diameter D that a straight hair across its centre blocks."""
+    """Share of a round, uniform beam of diameter D that a straight hair across its
+    centre blocks.
+    """
     half = min(1.0, width / D)
     return 2 / math.pi * (math.asin(half) + half * math.sqrt(1 - half**2))
 
@@ -75,8 +77,9 @@ def blocked_by_hair(D: float, width: float) -> float:
 def optics(dust: Length = 40e-6, hair: Length = 75e-6) -> Optics:
     """Readout beams of CD, DVD and Blu-ray, and what dust blocks of them (Tables 2.1, 2.2).
 
-    Equations 2.1 to 2.5, compared with the printed Table 2.2. The beam enters the surface far wider
-    than its focus on the information layer, so a particle takes a share of the light and no pit.
+    Equations 2.1 to 2.5 are compared with the printed Table 2.2. The beam is far wider at the
+    surface than at its focus on the information layer, so a particle takes some of the light but
+    hides no pit.
 
     dust: diameter of a particle [m]; hair: width of a hair [m].
     """
@@ -177,7 +180,7 @@ class Optics(Study):
 
     @metric("capacity_{format}_{bound}_over_CD")
     def capacities(self, capacity: DataArray) -> DataArray:
-        """The least capacity over the CD's largest, and the other way round."""
+        """The least capacity over the CD's largest, and the largest over the CD's least."""
         return capacity / capacity.sel(format="CD").values[::-1]
 
     missed = metric(
@@ -209,7 +212,7 @@ class Optics(Study):
         return {"out-of-focus": drawn}
 
     def _side(self, panel: Axes, one: Dataset) -> None:
-        """The converging cone through the cover layer, the dust and the hair lying on it."""
+        """Draw the converging cone in the cover layer, with the dust and the hair on it."""
         from matplotlib.patches import Circle
 
         theta1, _, D, d = one["beam"].values
@@ -229,7 +232,7 @@ class Optics(Study):
         panel.grid(False)
 
     def _above(self, panel: Axes, one: Dataset) -> None:
-        """The beam's footprint on the surface with the dust and the hair."""
+        """Draw the beam's footprint on the surface, with the dust and the hair."""
         from matplotlib.patches import Circle, Rectangle
 
         D, mm = float(one["beam"].sel(quantity="D")), 1e3
@@ -244,7 +247,7 @@ class Optics(Study):
         panel.grid(False)
 
     def _obstacles(self) -> tuple[tuple[float, float, str, str], ...]:
-        """Place [m], size [m], colour and label of dust and hair, drawn side by side."""
+        """Place [m], size [m], colour and label of dust and hair, which are drawn side by side."""
         gap = 10e-6
         dust_at, hair_at = -(self.dust + gap) / 2, (self.hair + gap) / 2
         return (
@@ -254,12 +257,12 @@ class Optics(Study):
 
 
 def _rows(records: Iterable[Beam | DiscFormat]) -> list[list[float]]:
-    """The quantities of Table 2.2 of each record."""
+    """The quantities of Table 2.2, one row per record."""
     return [[getattr(record, name) for name in UNITS] for record in records]
 
 
 def _halves(computed: DataArray, printed: DataArray) -> DataArray:
-    """Distance of computed from printed quantities, in halves of the last printed digit."""
+    """Distance between computed and printed quantities, in halves of the last printed digit."""
     steps = np.array(list(PRINTED_STEP.values()))
     distance: DataArray = abs(computed - printed) / (steps / 2)
     return distance

@@ -28,7 +28,8 @@ from .tables import DiscFormat, Drive, disc_formats
 S_CURVE_PEAK = 6e-6
 """Distance of the s-curve's extremes from its centre [m]: 12 um peak to peak (section 4.4.1)."""
 S_CURVE_LINEAR = 2e-6
-"""Half the linear range of the s-curve [m]: the largest vertical error allowed (section 2.5.1)."""
+"""Half of the linear range of the s-curve [m]: the largest vertical error allowed (section 2.5.1).
+"""
 TRACK_PITCH = disc_formats()["CD"].track_pitch
 """Distance between neighbouring tracks [m]."""
 
@@ -36,14 +37,15 @@ REFLECTIVITY = 0.7
 """Least share of the light that the layer of a CD reflects (Standard ECMA-130)."""
 
 CAPTURE = {"focus": S_CURVE_PEAK, "radial": TRACK_PITCH / 2}
-"""Error beyond which the focus, or the track, is lost [m]."""
+"""Error [m] beyond which the focus or the track is lost."""
 
 
 def surface_of(disc: DiscFormat) -> tuple[float, float]:
-    """How far before the layer [m] the lens focuses on the surface, and its light over the layer's.
+    """Distance [m] from the layer at which the lens focuses on the surface, and the surface's light
+    over the layer's.
 
-    Near the axis refraction shortens the cover layer by its index. The light is that of Fresnel at
-    a right angle, over the layer's `REFLECTIVITY`.
+    Near the axis, refraction shortens the cover layer by its index. The light follows from
+    Fresnel's equations at normal incidence, divided by the layer's `REFLECTIVITY`.
     """
     index = disc.refractive_index
     return disc.layer_thickness / index, ((index - 1) / (index + 1)) ** 2 / REFLECTIVITY
@@ -53,8 +55,8 @@ def diode_parameters(drive: Drive) -> RealArray:
     """Parameters of `focus_diodes` or `radial_diodes`: K_optn [units/m], level of the sum [V], ...
 
     The level follows from the two optical gains: K_opt = level * K_optn. The third parameter bends
-    the curve: it is the exponent of the s-curve, or the phase per metre. Raises InputError
-    when no curve has this slope and the given extremes.
+    the curve: it is the exponent of the s-curve, or the phase per metre. Raises InputError if no
+    curve with the given extremes has this slope.
     """
     level = drive.K_opt / drive.K_optn
     if drive.axis == "radial":
@@ -74,7 +76,7 @@ def diode_parameters(drive: Drive) -> RealArray:
 def s_curve(error: float, K_optn: float, bend: float) -> tuple[float, float]:
     """Normalised error and relative light of the focus diodes at an error [m].
 
-    The bend's exponent makes slope and value continuous where the linear range ends.
+    The exponent makes value and slope continuous at the end of the linear range.
     """
     distance = abs(error)
     if distance <= S_CURVE_LINEAR:
@@ -105,7 +107,7 @@ def surfaced_diodes(
 ) -> None:
     """As `focus_diodes`, with the disc's surface in front of the layer.
 
-    Further parameters: its distance from the layer [m], and its light over the layer's.
+    Further parameters: distance of the surface from the layer [m], and its light over the layer's.
     """
     focus_diodes(position, exogenous, parameters, signals)
     error = exogenous[0] - position[0] - parameters[3]
@@ -133,7 +135,7 @@ def contrasted_diodes(
 ) -> None:
     """As `radial_diodes`, with more light beside the track than on it (section 4.4.2).
 
-    A further parameter: light between two tracks over that on one, less 1.
+    A further parameter: the light between two tracks over that on a track, minus 1.
     """
     radial_diodes(position, exogenous, parameters, signals)
     error = exogenous[0] - position[0] + exogenous[2]
@@ -147,7 +149,7 @@ def normalise(channels: RealArray, parameters: RealArray, measurement: RealArray
     """The processor's reading (eq. 3.16): d1, d2, v_r, u_m -> f_en, sum, d1, d2, v_r, u_m.
 
     The sum is raised to at least one step of the converter, parameters (1,) [V], so that the error
-    stays finite without light, though it is misleading then.
+    stays finite without light. The error is then meaningless.
     """
     d1, d2 = channels[0], channels[1]
     measurement[0] = (d1 - d2) / max(d1 + d2, parameters[0])

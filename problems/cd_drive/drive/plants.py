@@ -44,7 +44,7 @@ def nominal_parameters(axis: Axis) -> ActuatorParameters:
 
 
 def total_gain(axis: Axis) -> float:
-    """K_total [units/V]: the DC_gain of Table 5.2, which multiplies num/den of Table 3.2."""
+    """K_total [units/V]: DC_gain of Table 5.2, which multiplies num/den of Table 3.2."""
     return nominal_table(axis)["K_total"].nominal
 
 
@@ -67,9 +67,9 @@ def responses(
 ) -> ComplexArray:
     """f_en/u [units/V] of the twelve drives (eq. 3.18) at `frequency` [Hz] (F,): (12, F).
 
-    gain    "own": K_total in proportion to each drive's K_optn, the midrange having the nominal's;
-            "equal": the nominal K_total for all;
-            "agc": as the automatic gain control leaves it, all drives having the nominal plant's
+    gain    "own": K_total in proportion to each drive's K_optn; the midrange has the nominal one;
+            "equal": the nominal K_total for all drives;
+            "agc": as after automatic gain control, which gives all drives the nominal plant's
             magnitude at the nominal loop's crossover (section 4.4).
     values  "printed" or "corrected" entries of Tables A.1-A.2.
 
@@ -88,7 +88,9 @@ def responses_of(
     gain: Gain = "own",
     antialiasing: bool = True,
 ) -> ComplexArray:
-    """f_en/u [units/V] (N, F) of any N drives with their K_optn [units/m], as `responses`."""
+    """f_en/u [units/V] (N, F) of any N drives with their K_optn [units/m], computed as in
+    `responses`.
+    """
     models = stack([specific_model(each) for each in actuators])
     K_total = total_gains(axis, actuators, K_optn, gain)
     return K_total[:, None] * models.response(frequency) * _filter(frequency, antialiasing)
@@ -101,7 +103,7 @@ def systems_of(
     gain: Gain = "own",
     antialiasing: bool = True,
 ) -> list[StateSpace]:
-    """The systems u [V] -> f_en [units] of any N drives, whose responses are `responses_of`."""
+    """Systems u [V] -> f_en [units] of any N drives; their responses are `responses_of`."""
     K_total = total_gains(axis, actuators, K_optn, gain)
     return [plant(one, float(K), antialiasing) for one, K in zip(actuators, K_total, strict=True)]
 
@@ -109,7 +111,7 @@ def systems_of(
 def total_gains(
     axis: Axis, actuators: Sequence[ActuatorParameters], K_optn: Sequence[float], gain: Gain = "own"
 ) -> RealArray:
-    """K_total [units/V] of any N drives, `gain` as in `responses`: (N,)."""
+    """K_total [units/V] (N,) of any N drives, with `gain` as in `responses`."""
     if gain not in get_args(Gain):
         raise InputError(f'gain is {gain!r}; it must be "own", "equal" or "agc"')
     K_total = np.full(len(actuators), total_gain(axis))
@@ -132,9 +134,9 @@ def nominal_response(axis: Axis, frequency: ArrayLike, antialiasing: bool = True
 def controller(axis: Axis) -> TransferFunction:
     """The reference controller f_en [units] -> u [V]: mu-PID of eq. 6.12, and a radial variant.
 
-    Equation 6.12 in zero-pole-gain form, frequencies times 2 pi; its printed time-constant form is
-    unstable. The thesis gives no radial controller: this one has the same form, with its own gain
-    and integral zero.
+    Equation 6.12 is used in zero-pole-gain form, with frequencies times 2 pi, because its printed
+    time-constant form is unstable. The thesis gives no radial controller: the one here has the same
+    form, with its own gain and integral zero.
     """
     import control
 
@@ -143,7 +145,9 @@ def controller(axis: Axis) -> TransferFunction:
 
 
 def loop_response(axis: Axis, frequency: ArrayLike) -> ComplexArray:
-    """Reference controller times nominal plant at `frequency` [Hz] (F,): (F,), continuous time."""
+    """Loop transfer function of reference controller and nominal plant at `frequency` [Hz] (F,):
+    (F,), in continuous time.
+    """
     s = 2j * np.pi * checked_frequency(frequency)[:, None]
     zeros, poles, gain = _controller(axis)
     response: ComplexArray = (s - zeros).prod(axis=1) / (s - poles).prod(axis=1)
@@ -158,7 +162,7 @@ def crossover(axis: Axis) -> float:
     def level(decades: float) -> float:
         return math.log(abs(loop_response(axis, [10**decades])[0]))
 
-    return 10 ** float(brentq(level, 0.0, 5.0, xtol=1e-14))  # it does so once, see the tests
+    return 10 ** float(brentq(level, 0.0, 5.0, xtol=1e-14))  # exactly once, as the tests show
 
 
 def phase_margin(axis: Axis) -> float:

@@ -26,7 +26,9 @@ def off_table_3_2(response: DataArray, parameters: DataArray) -> DataArray:
 
 
 def off_equation_3_10(general: DataArray, parameters: DataArray) -> DataArray:
-    """Largest relative distance of the general model from equation 3.10, its R being R + r."""
+    """Largest relative distance of the general model from equation 3.10 with R + r in
+    place of R.
+    """
     s = 2j * np.pi * general["frequency"]
     L, k, b, Bl, m1, m2, R = (
         parameters.sel(parameter=name, drop=True) for name in ("L", "k", "b", "Bl", "m1", "m2", "R")
@@ -38,7 +40,9 @@ def off_equation_3_10(general: DataArray, parameters: DataArray) -> DataArray:
 
 
 def _from_table_3_2(parameters: DataArray, frequency: DataArray) -> DataArray:
-    """Responses (axis, drive, frequency) by the polynomials of Table 3.2, without optical gain."""
+    """Responses (axis, drive, frequency) from the polynomials of Table 3.2, without
+    optical gain.
+    """
     s, result = 2j * np.pi * frequency.values, frequency * parameters.isel(parameter=0) * 0j
     names = [field.name for field in fields(ActuatorParameters)]
     for place in product(parameters["axis"].values, parameters["drive"].values):

@@ -1,4 +1,4 @@
-"""Deviations that the Red Book permits to a disc, and those that may remain (section 2.5).
+"""Deviations that the Red Book permits on a disc, and errors that may remain (section 2.5).
 
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -30,16 +30,16 @@ from .tables import AXES, Axis, red_book
 ACCEPTABLE_ERROR = {"focus": 2e-6, "radial": 0.2e-6}
 """Largest position error [m] at which a CD can still be read (Bouwhuis et al., 1985)."""
 PRINTED_CORNERS = {"focus": (22.0, 500.0), "radial": (12.0, 580.0)}
-"""Lower and upper corner [Hz] as the text states them."""
+"""Lower and upper corner [Hz] as stated in the text."""
 DIRECTION = {"focus": "vertical", "radial": "horizontal"}
-"""The direction of a disc's deviation that each axis follows."""
+"""Direction of the disc's deviation that each axis follows."""
 
 
 def corners(axis: Axis) -> tuple[float, float]:
     """Frequencies [Hz] between which the acceleration limits the deviation (eq. 2.7, 2.8).
 
-    The radial upper corner compares a disc's acceleration with a tracking error in closed loop,
-    which is what Table 2.4 states above 500 Hz.
+    The radial upper corner compares the acceleration of a disc with a tracking error in closed
+    loop, because above 500 Hz Table 2.4 states the tracking error.
     """
     limits = red_book(axis)
     lower, upper = (
@@ -50,13 +50,15 @@ def corners(axis: Axis) -> tuple[float, float]:
 
 
 def envelope(axis: Axis, frequency: ArrayLike) -> RealArray:
-    """Largest amplitude [m] of a disc's deviation at `frequency` [Hz] (F,): (F,), figure 2.12.
+    """Largest amplitude [m] of a disc's deviation at `frequency` [Hz] (F,): (F,), as in figure
+    2.12.
 
-    Flat up to the lower corner, limited by the acceleration (eq. 2.6) up to the upper one, flat
-    beyond. The last part of the radial envelope is a tracking error measured in closed loop
-    (crossover 200 Hz): it bounds the disc only as far as that loop does not act there.
+    It is flat up to the lower corner, limited by the acceleration (eq. 2.6) up to the upper one,
+    and flat beyond. The last part of the radial envelope is a tracking error measured in closed
+    loop (crossover 200 Hz), so it bounds the disc only where that loop has no effect.
 
-    Raises InputError for an unknown axis and frequencies that are not positive, finite and 1-D.
+    Raises InputError for an unknown axis, and for frequencies that are not positive, finite and
+    1-D.
     """
     limits = red_book(axis)
     omega = 2 * np.pi * checked_frequency(frequency)
@@ -69,11 +71,11 @@ def envelope(axis: Axis, frequency: ArrayLike) -> RealArray:
 def specifications(frequencies: Annotated[int, Field(ge=10, le=1_000_000)] = 400) -> Specifications:
     """Deviations that a CD may have, and the servo that they ask for (Tables 2.3, 2.4, fig. 2.12).
 
-    The envelope of vertical and horizontal deviations by equations 2.6 to 2.8, the acceptable
-    errors beside it, and their ratio: how much the loops must attenuate. What else is known of the
-    disc stands among the metrics: rotation, data, the loop that measures the tracking error.
+    The envelopes of vertical and horizontal deviations come from equations 2.6 to 2.8. Their ratio
+    to the acceptable errors is the attenuation that the loops need. Other facts about the disc are
+    among the metrics: rotation, data rate, and the loop that measures the tracking error.
 
-    frequencies: how many, logarithmically spaced from 1 Hz to 10 kHz.
+    frequencies: number of frequencies, logarithmically spaced from 1 Hz to 10 kHz.
     """
     return Specifications(np.geomspace(1.0, 10e3, frequencies))
 
@@ -112,7 +114,7 @@ class Specifications(Study):
     def permitted_acceleration(self, answer: Dataset) -> DataArray:
         """share of the permitted acceleration below the upper corner"""
         frequency, limit = answer["frequency"], np.array(_limits("acceleration"))[:, None]
-        # A harmonic of the stated amplitude, differentiated twice (eq. 2.6).
+        # A harmonic of the stated amplitude has this acceleration (eq. 2.6).
         share = answer["envelope"] * (2 * np.pi * frequency) ** 2 / limit
         below = share.where(frequency <= answer["corner"].sel(side="upper"), 0.0)
         return _by_direction(below.max("frequency", skipna=False))
@@ -180,10 +182,10 @@ class Specifications(Study):
 
 
 def _limits(name: str) -> list[float]:
-    """A limit of the Red Book for each axis."""
+    """One limit of the Red Book for each axis."""
     return [getattr(red_book(axis), name) for axis in AXES]
 
 
 def _by_direction(values: DataArray) -> DataArray:
-    """Values (axis) labelled by the direction of the disc's deviation."""
+    """Values (axis) labelled by the direction of the disc's deviation instead."""
     return values.assign_coords(axis=list(DIRECTION.values()))

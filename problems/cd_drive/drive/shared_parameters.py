@@ -1,4 +1,4 @@
-"""Data files, kinds of parameters and frequencies that several problems of the drives share."""
+"""Data files, types of parameters and frequencies that several problems of the drives share."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ WINDOWS = {
 
 
 def grid(frequencies: int, lowest: float, highest: float) -> RealArray:
-    """A number of frequencies [Hz], logarithmically spaced from lowest to highest [Hz]."""
+    """This many frequencies [Hz], logarithmically spaced from lowest to highest [Hz]."""
     if not lowest < highest:
-        raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
+        raise InputError(f"lowest={lowest} Hz must be below highest={highest} Hz")
     return np.geomspace(lowest, highest, frequencies)
 
 
 def spread(values: DataArray) -> DataArray:
-    """Half the range of values over the drives, relative to the middle of the range."""
+    """Half the range of the values over the drives, relative to the middle of the range."""
     low, high = values.min("drive"), values.max("drive")
     return (high - low) / (high + low)

@@ -1,7 +1,7 @@
 """The printed tables of E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 
-Tables A.1-A.4 (twelve drives), 2.1-2.4 (discs), 5.2 and 5.3 (nominal parameters), as plain frozen
-records in SI units. Sources and repairs stand in data/README.md.
+The tables are A.1-A.4 (twelve drives), 2.1-2.4 (discs), 5.2 and 5.3 (nominal parameters), as frozen
+records in SI units. Sources and corrections are in data/README.md.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class ActuatorParameters:
 class Drive(ActuatorParameters):
     """One axis of one drive (Tables A.1-A.3).
 
-    Beside the parameters of the specific model: coil inductance L [H], measured resistance
+    Besides the parameters of the specific model: coil inductance L [H], measured resistance
     R_measured [ohm], lumped spring k [N/m] and damper b [N s/m] of the general model, and the
     optical gains K_opt [V/m] and K_optn [units/m].
     """
@@ -77,7 +77,7 @@ class Drive(ActuatorParameters):
 
 @dataclass(frozen=True)
 class Correction:
-    """A printed value of Tables A.1-A.2 that contradicts others, and what it should read."""
+    """A printed value of Tables A.1-A.2 that contradicts others, and its corrected value."""
 
     drive: str
     axis: Axis
@@ -89,7 +89,7 @@ class Correction:
 
 @dataclass(frozen=True)
 class Uncertain:
-    """A parameter nominal * (1 + tolerance * delta), |delta| <= 1 (equation 5.10)."""
+    """A parameter nominal * (1 + tolerance * delta) with |delta| <= 1 (equation 5.10)."""
 
     nominal: float
     tolerance: float
@@ -120,10 +120,10 @@ class DiscFormat:
 
 @dataclass(frozen=True)
 class RedBook:
-    """Largest deviations of a disc in one direction (Tables 2.3, 2.4), corner at 500 Hz.
+    """Largest deviations of a disc in one direction (Tables 2.3, 2.4), below and above 500 Hz.
 
-    deviation [m] and acceleration [m/s^2] hold below the corner, deviation_above [m] above it.
-    The radial deviation_above is a tracking error in closed loop, not a property of the disc alone.
+    deviation [m] and acceleration [m/s^2] hold below 500 Hz, deviation_above [m] above it. The
+    radial deviation_above is a tracking error in closed loop, not a property of the disc alone.
     """
 
     deviation: float
@@ -135,9 +135,10 @@ class RedBook:
 class CompactDisc:
     """A CD by Standard ECMA-130.
 
-    Radii [m] of the lead-in's start and of the program area; scanning velocities [m/s]; frames per
-    second and bytes of one behind the error code; frames and data bytes of a sector; open loop with
-    which the tracking error is measured: crossover, and corners of its lead network [Hz].
+    Radii [m] of the start of the lead-in and of the program area; scanning velocities [m/s]; frames
+    per second, and bytes of a frame with the error code; frames and data bytes of a sector; the
+    open loop by which the tracking error is measured, with its crossover and the corners of its
+    lead network [Hz].
     """
 
     lead_in_radius: float

@@ -1,6 +1,6 @@
-"""Two masses on two springs, and the lumped values of its first resonance (eq. 4.18).
+"""Two masses on two springs, and the lumped values of their first resonance (eq. 4.18).
 
-The open-loop experiment sees one mass on one spring. Its values are distributed over the masses,
+The open-loop experiment shows one mass on one spring. Its values are distributed over the masses,
 springs and dampers of the fourth-order model (section 4.3.2). Equation and section numbers refer to
 E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -28,7 +28,7 @@ class LumpedValues(NamedTuple):
 def lumped_values(p: Mapping[str, Any]) -> LumpedValues:
     """Values that the fourth-order model with parameters p shows at low frequency.
 
-    There the arm moves by rho = k2 / (k1 + k2) of the lens's displacement.
+    At low frequency the displacement of the arm is rho = k2 / (k1 + k2) times that of the lens.
     """
     rho = p["k2"] / (p["k1"] + p["k2"])
     k = p["k1"] * p["k2"] / (p["k1"] + p["k2"])
@@ -42,15 +42,16 @@ def lumped(drive: ActuatorParameters) -> LumpedValues:
 
 
 def mismatch_names(arms: int) -> tuple[str, ...]:
-    """Names of the free mismatches of so many arms; that of the last one makes their sum 0."""
+    """Names of the free mismatches of this many arms; the last arm's mismatch makes their sum 0."""
     return tuple(f"mismatch{n}" for n in range(1, arms))
 
 
 def lens_on_arms(p: Mapping[str, Any], s: Any, R: Any, arms: int) -> Any:
-    """x / coil voltage [m/V] of a lens on so many arms, alike but for their links (section 4.6.2).
+    """x / coil voltage [m/V] of a lens on several arms that differ only in their links (section
+    4.6.2).
 
-    p has the parameters of `lens` and `mismatch_names`; the links have (1 + mismatch) / arms of k2
-    and b2. R [ohm] of the whole circuit.
+    p holds the parameters of `lens` and those of `mismatch_names`. Each link has (1 + mismatch) /
+    arms of k2 and b2. R [ohm] is that of the whole circuit.
     """
     mismatch = [p[name] for name in mismatch_names(arms)]
     force = p["m1"] * s**2 + s * (p["Bl"] ** 2 / R)
@@ -62,5 +63,7 @@ def lens_on_arms(p: Mapping[str, Any], s: Any, R: Any, arms: int) -> Any:
 
 
 def lens(p: Mapping[str, Any], s: Any, R: Any) -> Any:
-    """x / coil voltage [m/V] of the specific model (Table 3.2), R [ohm] of the whole circuit."""
+    """x / coil voltage [m/V] of the specific model (Table 3.2), with R [ohm] of the
+    whole circuit.
+    """
     return lens_on_arms(p, s, R, 1)

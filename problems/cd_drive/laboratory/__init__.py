@@ -1,1 +1,1 @@
-"""The drive on a virtual bench, and what experiments on it identify."""
+"""The drive on a simulated laboratory bench, and the values that experiments on it identify."""

@@ -1,8 +1,8 @@
 """The experimental setup around a drive: converters, attenuator, amplifiers (section 3.6).
 
-From the computer's output u [V] to the coil's voltage, and from coil and diodes back to the
-computer. Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control
-of CD-players (2003).
+It leads from the computer's output u [V] to the coil's voltage, and from coil and diodes back to
+the computer. Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant
+Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -42,21 +42,21 @@ DIODE_GAIN = 10 ** (60 / 20)
 COIL_GAIN = 10 ** (38 / 20)
 """Gain of the amplifier of the voltage over the series resistor."""
 CONTROL_GAIN = ATTENUATION * AMPLIFICATION
-"""Gain from u to where the control signal is measured, before the power drive."""
+"""Gain from u to the point before the power drive where the control signal is measured."""
 CHANNEL_GAINS = {"d1": DIODE_GAIN, "d2": DIODE_GAIN, "v_r": COIL_GAIN, "u_m": CONTROL_GAIN}
 """Gains of the measured channels before the converters."""
 CHANNELS = tuple(CHANNEL_GAINS)
 """Names of the measured channels."""
 ELECTRICAL = ("v_r", "u_m")
-"""The channels that need no optics."""
+"""Measured channels that do not depend on the optics."""
 NOISE = {"focus": 0.15e-6, "radial": 0.015e-6}
-"""Default noise of the measured position [m rms]."""
+"""Default noise of the measured position [m rms], by axis."""
 
 
 def find_drive(axis: Axis, name: str, values: Values = "printed") -> Drive:
-    """One axis of the drive CD1 ... CD12, or of the "nominal" one with mid-range optical gains.
+    """One axis of the drive CD1 ... CD12, or of the "nominal" drive with mid-range optical gains.
 
-    Raises InputError for another name.
+    Raises InputError for any other name.
     """
     twelve = drives(axis, values)
     if name == "nominal":
@@ -69,7 +69,7 @@ def find_drive(axis: Axis, name: str, values: Values = "printed") -> Drive:
             )
         }
         lumped = {"k": p.k1 * p.k2 / (p.k1 + p.k2), "b": p.b1 + p.b2}
-        # The inductance, which no model here uses, stays that of the first drive.
+        # No model here uses the inductance, so that of the first drive is kept.
         changed: dict[str, Any] = {"name": name, "R_measured": p.R, **vars(p), **lumped, **optics}
         return replace(twelve[0], **changed)
     for drive in twelve:
@@ -79,7 +79,9 @@ def find_drive(axis: Axis, name: str, values: Values = "printed") -> Drive:
 
 
 def aged(drive: Drive, suspension: float) -> Drive:
-    """A drive whose suspension has k1 and b1 times a factor; raises InputError unless it is > 0."""
+    """A drive with k1 and b1 of its suspension multiplied by a factor. Raises InputError if it is
+    not > 0.
+    """
     if not 0.0 < suspension < np.inf:
         raise InputError(f"suspension is {suspension}; it must be positive and finite")
     k1, b1 = suspension * drive.k1, suspension * drive.b1
@@ -90,7 +92,7 @@ def aged(drive: Drive, suspension: float) -> Drive:
 def coil_gain(drive: Drive, gain: Gain = "own", values: Values = "printed") -> float:
     """Gain from u to the coil's voltage [V/V]: K_total / K_optn = K_at K_amp K_pd (eq. 3.11, 3.18).
 
-    `gain` as in `drives.responses`; equation 3.18 itself drops the power drive's K_pd.
+    `gain` is as in `drives.responses`. Equation 3.18 itself leaves out the power drive's K_pd.
     """
     if drive.name == "nominal":
         return total_gain(drive.axis) / drive.K_optn
@@ -103,13 +105,13 @@ def coil_gain(drive: Drive, gain: Gain = "own", values: Values = "printed") -> f
 def split_arms(parameters: ActuatorParameters, mismatch: float | Sequence[float]) -> Actuator:
     """The specific model with its arm in n parts whose links to the lens differ (section 4.6.2).
 
-    Each part has an n-th of m2, k1 and b1; link i has k2 (1 + mismatch_i) / n, its damper likewise.
-    A number stands for two halves with that mismatch and its opposite. Without mismatch the lens
-    moves as in the specific model; parts that are all unlike make as many parasitic resonances
-    close together, and a model of order 2 n + 2.
+    Each part has an n-th of m2, k1 and b1; link i has k2 (1 + mismatch_i) / n, and its damper
+    likewise. A single number stands for two halves with this mismatch and its opposite. Without
+    mismatch the lens moves as in the specific model. If all parts differ, there are n parasitic
+    resonances close together, and the model has order 2 n + 2.
 
-    Raises InputError unless each mismatch is between -1 and 1, their sum is 0 and a single number
-    is not negative.
+    Raises InputError if a mismatch is not between -1 and 1, if their sum is not 0, or if a single
+    number is negative.
     """
     if isinstance(mismatch, (int, float)):
         if not 0.0 <= mismatch < 1.0:
@@ -133,14 +135,14 @@ def split_arms(parameters: ActuatorParameters, mismatch: float | Sequence[float]
 def electromechanics(actuator: Actuator, to_coil: float) -> StateSpace:
     """Computer output u [V] -> lens x [m]; v_r and u_m [V] behind anti-aliasing filters.
 
-    v_r = r i is the voltage over the series resistor, i = (v - Bl x') / (R + r); u_m = u is the
-    control signal as measured. Both are the signals before their amplifiers.
+    v_r = r i is the voltage over the series resistor, with i = (v - Bl x') / (R + r); u_m = u is
+    the measured control signal. Both are the signals before their amplifiers.
     """
     import control
 
     moving = actuator.state_space()
     n = moving.nstates
-    velocity = n // 2  # displacements stand first; the lens is the first of them
+    velocity = n // 2  # displacements come first, the lens's at the head
     ratio = SERIES_RESISTANCE / float(actuator.R)
     a = np.zeros((n + 2, n + 2))
     a[:n, :n] = moving.A
@@ -164,13 +166,13 @@ def optical_noise(
 ) -> RealArray:
     """Noise of the diodes (N, 2) [V] that causes `size` [m rms] of noise in the measured position.
 
-    It is white from 0 to `band` [Hz]. The diodes' noises are independent and have half the power
-    each, so their sum is as noisy as their difference.
+    It is white from 0 to `band` [Hz]. The noises of the two diodes are independent with half of the
+    power each, so their sum is as noisy as their difference.
     """
     return band_limited(rng, (samples, 2), drive.K_opt * size / np.sqrt(2), band, 1 / RATE)
 
 
 def electronics_noise(rng: np.random.Generator, samples: int, steps: float) -> RealArray:
-    """White noise of v_r and u_m (N, 2) [V], in rms steps of a 12-bit converter."""
+    """White noise of v_r and u_m (N, 2) [V], of `steps` rms steps of a 12-bit converter."""
     gains = [CHANNEL_GAINS[name] for name in ELECTRICAL]
     return rng.standard_normal((samples, 2)) * (steps * Converter(INPUT_LIMIT).step) / gains

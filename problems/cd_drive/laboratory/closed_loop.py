@@ -48,17 +48,18 @@ from .loop_fit import NUMBERS, LoopFit, fit_of_draw
 from .unknowns import Told, experiment_seeds
 
 LIMITS = {"m1": 0.008, "m2": 0.12, "k1": 0.015, "k2": 0.12, "b1": 0.06, "b2": 6.0}
-"""Largest relative errors of the parameters over the effective mass, at frequency steps of
-FINE_STEP; they grow with the square root of the step. b2 is a twentieth of the damping: the
-experiment tells no more than that it is small."""
+"""Largest accepted errors of the parameters over the effective mass, relative, with frequency steps
+of FINE_STEP. They grow with the square root of the step. b2 is a twentieth of the damping: the
+experiment only shows that it is small.
+"""
 FINE_STEP = 2.0
-"""Frequency step of the thesis [Hz]."""
+"""Frequency step in the thesis [Hz]."""
 LEAST_P = 0.01
-"""p-value of either test of the fit below which the model's order is rejected in a draw."""
+"""p-value below which a test of the fit rejects the model's order in a draw."""
 
 
 def experiment(axis: str, drive: str, draws: int, values: str, **_: Any) -> dict[str, Ref]:
-    """The open-loop experiment on the same drive, as many draws of it."""
+    """Reference to the open-loop experiment on the same drive, with as many draws."""
     return {"open_loop": ref(f"cd/{axis}/open-loop", drive=drive, draws=draws, values=values)}
 
 
@@ -83,17 +84,17 @@ def closed_loop(
 
     A stepped sine from 100 to 2000 Hz, designed for the nominal drive, is added to the controller's
     output. The ratio f_en/u_m of two measured signals is the plant's response, whatever the loop
-    does. The lumped parameters of the open-loop experiment are distributed over m1, m2, k1, k2, b1,
-    b2 so that the parasitic resonance fits. What the experimenter is told is off, in each draw by
-    other amounts: effective mass, optical gain, delay and the corners of the filters (see
-    `unknowns`). The intervals contain that, and the share of draws in which they hold the truth is
-    counted.
+    does. The lumped parameters of the open-loop experiment are then distributed over m1, m2, k1,
+    k2, b1, b2 so that the parasitic resonance fits. The experimenter is told effective mass,
+    optical gain, delay and filter corners with errors, which differ in each draw (see `unknowns`).
+    The confidence intervals include these errors, and the study counts how often they hold the
+    truth.
 
-    drive: "CD1" to "CD12", or "nominal". disturbances: the disc turns and wobbles by a fifth of
-    what the Red Book allows; there is always measurement noise. mismatch of the arm's halves:
-    above 0 there are two parasitic resonances, one more than the model has. step_hz: distance of
-    the frequencies [Hz]. draws: of the noise and of what is told. values: tables "printed" or
-    "corrected".
+    drive: "CD1" to "CD12", or "nominal". disturbances: whether the disc turns, and wobbles by a
+    fifth of what the Red Book allows; measurement noise is always present. mismatch: of the arm's
+    halves; above 0 there are two parasitic resonances, one more than the model has. step_hz:
+    distance between the frequencies [Hz]. draws: number of draws of the noise and of the told
+    values. values: tables "printed" or "corrected".
     """
     bench = Laboratory(axis, drive, values, mismatch=mismatch)
     return after_open_loop(open_loop.answer, bench, disturbances, step_hz)
@@ -102,7 +103,7 @@ def closed_loop(
 def after_open_loop(
     answer: Dataset, bench: Laboratory, disturbances: bool = True, step_hz: float = FINE_STEP
 ) -> ClosedLoop:
-    """The experiment in closed loop with the lumped parameters that each draw of `answer` found."""
+    """The closed-loop experiment with the lumped parameters that each draw of `answer` found."""
     frequency = np.arange(100.0, 2000.0 + step_hz / 2, step_hz)
     known = tuple(Lumped.from_open_loop(answer.isel(draw=n)) for n in range(answer.sizes["draw"]))
     return ClosedLoop(LoopExperiment(bench, frequency, disturbances), len(known), known)
@@ -110,10 +111,11 @@ def after_open_loop(
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop(Study):
-    """Stepped sines in the loop of a drive on the bench, and fits of its physical parameters.
+    """Stepped sines in the loop of a drive on the bench, and fits of the drive's physical
+    parameters.
 
-    lumped: parameters from the open-loop experiment, by draw; None draws them about the drive's
-    own.
+    lumped: parameters from the open-loop experiment, by draw. With None they are drawn around the
+    drive's own values.
     """
 
     experiment: LoopExperiment
@@ -132,7 +134,7 @@ class ClosedLoop(Study):
 
     @property
     def limits(self) -> dict[str, float]:
-        """Largest relative errors of the parameters, given the step of the frequencies."""
+        """Largest accepted errors of the parameters for this step of the frequencies, relative."""
         wider = max(1.0, float(np.mean(np.diff(self.experiment.frequency))) / FINE_STEP) ** 0.5
         return {name: limit * wider for name, limit in LIMITS.items()}
 
@@ -150,7 +152,7 @@ class ClosedLoop(Study):
 
     @part
     def known(self, seed: DataArray) -> tuple[Lumped, ...]:
-        """What the open-loop experiment found, by draw."""
+        """Lumped parameters that the open-loop experiment found, by draw."""
         if self.lumped is not None:
             return self.lumped
         own = Lumped.of(self.bench.parameters)
@@ -158,8 +160,8 @@ class ClosedLoop(Study):
 
     @part
     def heard(self, context: Context, seed: DataArray, told: list[Told]) -> Any:
-        """The records of all draws, and the warnings of their estimation."""
-        machine()  # threads that meet it at one time would each compile it
+        """The records of all draws, and the warnings that estimation gave for them."""
+        machine()  # otherwise threads that need it at the same time would each compile it
         cells = list(zip(seed.values.tolist(), told, strict=True))
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", IdentificationWarning)
@@ -234,7 +236,9 @@ class ClosedLoop(Study):
 
     @check()
     def experiments(self, answer: Dataset) -> list[Check]:
-        """The loop held, in the linear range of diodes and converters, and the fits are proven."""
+        """The loop held within the linear range of diodes and converters, and the fits are
+        proven.
+        """
         far = share_of_draws(answer["largest_error"] > ACCEPTABLE_ERROR[self.bench.axis])
         lost, failed = (float(answer[name].sum()) for name in ("events", "unproven"))
         most = float(answer["saturated"].max())
@@ -256,7 +260,7 @@ class ClosedLoop(Study):
     @check(title="coverage of {parameter}", each="parameter", at_most=1.0 - LEAST_COVERAGE_P)
     def coverage(self, answer: Dataset) -> DataArray | None:
         """1 - p of so few draws whose 99 % interval holds the truth"""
-        return 1.0 - coverage_p(_held(answer), CONFIDENCE) if self._order_is_right else None
+        return 1.0 - coverage_p(_covers_truth(answer), CONFIDENCE) if self._order_is_right else None
 
     @check(title="order", at_most=1.0 - LEAST_COVERAGE_P)
     def order(self, chi_square_p: DataArray) -> DataArray | None:
@@ -270,7 +274,7 @@ class ClosedLoop(Study):
 
     @property
     def _order_is_right(self) -> bool:
-        """Whether the model has the order of the bench; if not, metrics and notes tell it."""
+        """Whether the model has the order of the bench; if not, metrics and notes report it."""
         return self.bench.arms_alike
 
     # --- what is told -------------------------------------------------------------------------
@@ -287,9 +291,9 @@ class ClosedLoop(Study):
         value=lambda half_width, table_value: over_draws(half_width / table_value),
     )
     covered_each = metric(
-        template="covered_{parameter}", value=lambda answer: _held(answer).mean("draw")
+        template="covered_{parameter}", value=lambda answer: _covers_truth(answer).mean("draw")
     )
-    covered = metric(lambda answer: _held(answer).mean())
+    covered = metric(lambda answer: _covers_truth(answer).mean())
     levels = metric("level_{signal}", value=lambda level: level.max("draw"))
     largest_um = metric(
         template="largest_error_{summary}_um",
@@ -314,9 +318,9 @@ class ClosedLoop(Study):
 
     @table
     def parameters(self, answer: Dataset) -> str:
-        """The first draw, and how often the intervals of all draws hold the truth."""
+        """Parameters of the first draw, and how often the intervals of all draws hold the truth."""
         heads = ["parameter", "fitted", "99 %, +-", "true", "error", "intervals that hold"]
-        held, first, rows = _held(answer), answer.isel(draw=0), []
+        held, first, rows = _covers_truth(answer), answer.isel(draw=0), []
         for name in FITTED:
             one = first.sel(parameter=name)
             value, half, true = (float(one[key]) for key in ("value", "half_width", "table_value"))
@@ -336,7 +340,7 @@ class ClosedLoop(Study):
         return closed_loop_bode(answer, f"{self.bench.drive}, {self.bench.axis}, one record")
 
 
-def _held(answer: Dataset) -> DataArray:
+def _covers_truth(answer: Dataset) -> DataArray:
     """Whether an interval (draw, parameter) holds the truth."""
     return abs(answer["value"] - answer["table_value"]) <= answer["half_width"]
 
@@ -347,19 +351,22 @@ def _errors(answer: Dataset) -> DataArray:
 
 
 def _errors_over_mass(answer: Dataset) -> DataArray:
-    """Relative errors (draw, parameter) of the parameters over the effective mass.
+    """Relative errors (draw, parameter) of the parameters divided by the effective mass.
 
-    The responses tell those; the mass itself is as good as it is told.
+    Only these quotients follow from the responses; the mass itself is as accurate as the told
+    value.
     """
     over = [answer[key] / _effective_mass(answer[key]) for key in ("value", "table_value")]
     return abs(over[0] / over[1] - 1)
 
 
 def _effective_mass(values: DataArray) -> DataArray:
-    """Both masses as the first resonance sees them."""
+    """Effective mass of the first resonance, which both masses determine."""
     return lumped_values({name: values.sel(parameter=name) for name in FITTED} | {"Bl": 0.0}).m
 
 
 def _accepted_p(p: DataArray) -> DataArray:
-    """Probability that a true order is accepted in no more of the draws than by these p-values."""
+    """Probability that a correct model order is accepted in no more draws than these p-values
+    accept.
+    """
     return coverage_p(p >= LEAST_P, 1.0 - LEAST_P)

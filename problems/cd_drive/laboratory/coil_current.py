@@ -1,7 +1,7 @@
-"""The current in a coil whose drive is excited in open loop, and the lumped model fitted to it.
+"""The coil's current of a drive that is excited in open loop, and the lumped model fitted to it.
 
 A resistor r in series with the coil measures its current. The back-EMF makes the current depend on
-the motion, so that |v_r / u| has a dip at the first resonance (eq. 4.17). The optics take no part.
+the motion, so that |v_r / u| has a dip at the first resonance (eq. 4.17). The optics are not used.
 Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
 """
@@ -37,16 +37,19 @@ from .known_values import MASS_POWER, NORMAL_99, RATIO_DEVIATION, independent
 from .unknowns import MASS_DEVIATION, Told, corner_ratio
 
 PERIODS, DISCARDED = 20, 10
-"""Periods played at each frequency, and those at its start left out of the mean (section 4.6.1)."""
+"""Number of periods played at each frequency, and of those at the start that the mean leaves out
+(section 4.6.1).
+"""
 LOWEST, HIGHEST = 10, {"focus": 50.0, "radial": 100.0}
 """First and last frequency [Hz] of the sweep (section 4.6.1)."""
 RESONANCE = {"focus": 30.0, "radial": 50.0}
-"""First resonance [Hz] from which the fits start."""
+"""First resonance [Hz] at which the fits start."""
 FOUND = ("R", "Bl", "k", "b", "m")
-"""Parameters that the fit finds; the mass comes out as it is told."""
+"""Parameters that the fit returns. The mass is not fitted: it is the told one."""
 DEGREES = 2 * (PERIODS - DISCARDED - 1) - 2
-"""Degrees of freedom of the variances: an amplitude of the transient was estimated beside the mean
-of the periods."""
+"""Degrees of freedom of the variances. Besides the mean of the periods, an amplitude of the
+transient is estimated.
+"""
 
 
 class LumpedFit(NamedTuple):
@@ -58,7 +61,7 @@ class LumpedFit(NamedTuple):
 
     @property
     def half_width(self) -> RealArray:
-        """Half-widths (5,) of the intervals."""
+        """Half-widths (5,) of the confidence intervals."""
         found: RealArray = NORMAL_99 * np.sqrt(np.diag(self.covariance))
         return found
 
@@ -71,7 +74,9 @@ class Current(NamedTuple):
     saturation: float
 
     def corrected(self, told: Told, frequency: RealArray) -> Current:
-        """Those that an experimenter has, who corrects the filters by the corners as told."""
+        """The amplitudes as an experimenter has them, who corrects the filters by the told
+        corners.
+        """
         s = 2j * np.pi * frequency[:, None]
         u, v = corner_ratio(told.control_corner, s), corner_ratio(told.current_corner, s)
         return self._replace(v=self.v * u / v)
@@ -79,9 +84,10 @@ class Current(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CoilExperiment:
-    """A stepped sine of an amplitude [V], with a step [Hz], on the coil of a drive.
+    """A stepped sine with an amplitude [V] and a frequency step [Hz], on the coil of a drive.
 
-    resonance [Hz]: where the fit of the lumped model starts; None: where a new drive's is.
+    resonance [Hz]: first resonance at which the fit of the lumped model starts. None: that of a new
+    drive.
     """
 
     laboratory: Laboratory
@@ -95,7 +101,7 @@ class CoilExperiment:
 
     @property
     def mass(self) -> float:
-        """m_eff [kg]: both masses as the first resonance sees them."""
+        """m_eff [kg]: effective mass of the first resonance, which both masses determine."""
         return float(lumped(self.laboratory.parameters).m)
 
     @property
@@ -116,9 +122,9 @@ class CoilExperiment:
         return self.laboratory.coil_signals(played)
 
     def played(self, seed: int) -> Current:
-        """The signals' amplitudes.
+        """Amplitudes of the measured signals.
 
-        Both channels pass the same hold and delay, which cancel in their ratio.
+        Both channels pass through the same hold and delay, which cancel in their ratio.
         """
         record, lengths = self._signals.measured(seed), self._sweep.lengths
         pieces = list(zip(self.frequency, lengths, np.cumsum(lengths), strict=True))
@@ -137,14 +143,16 @@ class CoilExperiment:
         return ratio
 
     def settled(self, raw: PeriodicResponse, current: Current, mass: float) -> PeriodicResponse:
-        """v_r/u without what still rings of the resonance, the mass [kg] as told."""
+        """v_r/u without the transient of the first resonance; the mass [kg] is the told one."""
         v = without_transient(current.v, self.frequency, self._pole(raw, mass), DISCARDED)
         return from_periods(self.frequency, current.u, v, transients=DISCARDED)
 
     def fit(
         self, response: ComplexArray, variance: RealArray, degrees: float, mass: float
     ) -> LumpedFit:
-        """The lumped model of eq. 4.17 at a mass [kg] that is known with `MASS_DEVIATION`."""
+        """Fit of the lumped model of eq. 4.17, for a mass [kg] that is known with
+        `MASS_DEVIATION`.
+        """
 
         def model(p: Any, s: Any) -> Any:
             """v_r/u by equation 4.17."""
@@ -165,7 +173,7 @@ class CoilExperiment:
         values = np.append(answer[:count], mass)
         covariance = np.zeros((len(FOUND), len(FOUND)))
         covariance[:count, :count] = program.covariance(answer)[:count, :count]
-        # An error of the mass scales the others with it, and no residual shows it.
+        # An error of the mass scales the other parameters, and no residual shows it.
         common = MASS_DEVIATION * np.array([MASS_POWER[name] for name in FOUND]) * values
         covariance += np.outer(common, common)
         return LumpedFit(values, covariance, program.chi_square(answer)[0])
@@ -190,7 +198,7 @@ class CoilExperiment:
         start: dict[str, FittedParameter],
         measured: tuple[ComplexArray, RealArray, float],
     ) -> ParameterFit:
-        """Fit of a model of v_r/u, times the ratio of both channels' filters."""
+        """Program that fits a model of v_r/u, multiplied by the ratio of both channels' filters."""
 
         def filtered(p: Any, s: Any) -> Any:
             return model(p, s) * corner_ratio(p["corner"], s)
@@ -221,10 +229,11 @@ def rational_current(p: Any, s: Any) -> Any:
 def without_transient(
     amplitudes: ComplexArray, frequency: RealArray, pole: complex, discarded: int
 ) -> ComplexArray:
-    """Amplitudes (F, periods) without what still rings of a resonance after discarded periods.
+    """Amplitudes (F, periods) from which the decaying transient of a resonance is removed.
 
-    A decaying mode at the pole [rad/s] turns, from period to period of a sine at f [Hz], by
-    exp((pole - j 2 pi f) / f). Its amplitude is fitted beside the constant one by least squares.
+    From one period of a sine at f [Hz] to the next, a decaying mode at the pole [rad/s] is
+    multiplied by exp((pole - j 2 pi f) / f). Its amplitude is fitted by least squares together with
+    the constant one, without the first `discarded` periods.
     """
     periods = np.arange(amplitudes.shape[1])
     turn = np.exp((pole / frequency - 2j * np.pi)[:, None] * periods)
@@ -236,7 +245,9 @@ def without_transient(
 
 
 def solved(program: ParameterFit, failed: str = "the fit failed") -> RealArray:
-    """The fitted parameters; raises SolverError, its text begun by ``failed``, without a proof."""
+    """The fitted parameters. Without a proof raises SolverError, with a message that begins with
+    ``failed``.
+    """
     solution = solve(program)
     if solution.certificate is None or not solution.certificate.valid:
         failures = solution.certificate.failures if solution.certificate else ()

@@ -1,4 +1,6 @@
-"""Both experiments on one drive, one draw of each, as open-loop and closed-loop do them."""
+"""Both experiments on one drive, one draw of each, as the problems open-loop and closed-loop do
+them.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from .open_loop import open_loop
 
 
 class DriveExperiments(NamedTuple):
-    """Answers of both experiments, and how many checks of their certificates fail."""
+    """Answers of both experiments, and the number of failed checks of their certificates."""
 
     open_loop: Dataset
     closed_loop: Dataset
@@ -24,7 +26,9 @@ class DriveExperiments(NamedTuple):
 
 
 def drive_experiments(axis: Axis, drive: str, options: Options) -> DriveExperiments:
-    """The experiments on a drive ("CD1" to "CD12"). Raises WorkbenchError where one gives none."""
+    """The experiments on a drive ("CD1" to "CD12"). Raises WorkbenchError if one of them gives no
+    answer.
+    """
     current = solve(open_loop(axis, drive, draws=1), options=options)
     failures = _failures(current, drive)
     motion = solve(after_open_loop(current.answer, Laboratory(axis, drive)), options=options)

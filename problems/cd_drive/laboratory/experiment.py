@@ -1,9 +1,9 @@
 """The virtual laboratory: a drive on the bench, simulated in the time domain (section 3.6).
 
-Actuator, power drive, series resistor, photo diodes, anti-aliasing filters, converters, the
-computer's delay, and a disc with its deviations and defects. The signals that the computer sees
-are recorded beside the true ones. Section and equation numbers refer to E. Vidal Sanchez, Robust
-and Fault Tolerant Control of CD-players (2003).
+The bench has the actuator, power drive, series resistor, photo diodes, anti-aliasing filters,
+converters, the computer's delay, and a disc with its deviations and defects. The signals that the
+computer sees are recorded together with the true ones. Section and equation numbers refer to E.
+Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -71,20 +71,21 @@ class Laboratory:
     """One axis of one drive on the bench.
 
     drive        "CD1" ... "CD12", or "nominal";
-    values       of Tables A.1-A.2, "printed" or "corrected";
-    gain         of the loop: the drive's "own", "equal" or as the "agc" sets it;
-    delay        turn-around from sampling to the D/A converter's output [samples];
-    mismatch     of the arm's halves, or of each of its parts; unlike parts have parasitic
+    values       entries of Tables A.1-A.2, "printed" or "corrected";
+    gain         loop gain: the drive's "own", "equal" for all, or as the "agc" sets it;
+    delay        time from sampling to the D/A converter's output [samples];
+    mismatch     of the arm's halves, or of each of its parts; parts that differ have parasitic
                  resonances of their own, see `split_arms`;
-    noise        of the measured position [m rms], white from 0 to noise_band [Hz]; None: 0.15 um
-                 in focus (section 7.3), a tenth of it radially, like the largest error allowed;
+    noise        noise of the measured position [m rms], white from 0 to noise_band [Hz];
+                 None: 0.15 um in focus (section 7.3), and a tenth of it radially, as for the
+                 largest error allowed;
     electronics  white noise of v_r and u_m before conversion [steps of the converter, rms];
-    bits         of the converters; None: they saturate, but do not round;
-    refine       steps between samples in which the optics are followed;
-    suspension   spring k1 and damper b1 of the suspension over those of the table: below 1 it has
+    bits         resolution of the converters; None: they saturate, but do not round;
+    refine       number of steps per sample in which the optics are simulated;
+    suspension   factor on spring k1 and damper b1 of the suspension: below 1 the drive has
                  aged;
     surface      whether the focus diodes also see the disc's surface, far from the layer;
-    contrast     light that the radial diodes see between two tracks over that on one, less 1.
+    contrast     light on the radial diodes between two tracks over that on a track, minus 1.
     """
 
     axis: Axis = "focus"
@@ -104,7 +105,9 @@ class Laboratory:
 
     @property
     def parameters(self) -> Drive:
-        """The drive's entries in Tables A.1-A.3, aged: what an identification should find."""
+        """The drive's entries in Tables A.1-A.3, aged: the values that an identification should
+        find.
+        """
         new = find_drive(self.axis, self.drive, self.values)
         return new if self.suspension == 1.0 else aged(new, self.suspension)
 
@@ -115,7 +118,7 @@ class Laboratory:
 
     @property
     def coil_gain(self) -> float:
-        """From u to the voltage over coil and series resistor [V/V]."""
+        """Gain from u to the voltage over coil and series resistor [V/V]."""
         new = find_drive(self.axis, self.drive, self.values)
         return coil_gain(new, self.gain, self.values)
 
@@ -129,9 +132,9 @@ class Laboratory:
     def response(self, frequency: ArrayLike) -> dict[str, ComplexArray]:
         """Exact responses at frequencies [Hz] (F,), by signal: each (F,).
 
-        Sampled responses from u to x [m/V], v_r and u_m [V/V] and f_en [1/V] within the linear
-        range. Hold and delay are in all of them, anti-aliasing in all but x. Raises InputError
-        unless below half the sampling frequency.
+        These are the sampled responses from u to x [m/V], v_r and u_m [V/V], and f_en [1/V] within
+        the linear range. All contain hold and delay, and all except x the anti-aliasing filter.
+        Raises InputError for a frequency that is not below half the sampling frequency.
         """
         frequency = checked_frequency(frequency)
         if frequency.max() >= RATE / 2:
@@ -149,14 +152,14 @@ class Laboratory:
         return sampled(optics * _plant(self)[0, 0], PERIOD, delay_samples=self.delay)
 
     def coil(self, excitation: ArrayLike, seed: int = 0) -> CoilRecord:
-        """Play an excitation u [V] (N,) from rest and measure the coil's current, without optics.
+        """Apply an excitation u [V] (N,) from rest and measure the coil's current, without optics.
 
         It is faster than `open_loop`, because the system is linear except for its converters.
         """
         return self.coil_signals(excitation).measured(seed)
 
     def coil_signals(self, excitation: ArrayLike) -> CoilSignals:
-        """The signals of `coil` before noise and converters, from which many records are made."""
+        """The signals of `coil` before noise and converters; many records can be made from them."""
         u = _series("excitation", excitation)
         u_dac, saturated = Converter(OUTPUT_LIMIT, bits=self.bits).convert(u)
         exact = respond(_sampled(self), u_dac[:, None])[:, 1:]
@@ -169,7 +172,7 @@ class Laboratory:
         defects: Sequence[Defect] = (),
         seed: int = 0,
     ) -> Record:
-        """Play an excitation u [V] (N,) while the diodes look at a disc."""
+        """Apply an excitation u [V] (N,) without control while the diodes see a disc."""
         return self.closed_loop(idle(), excitation, disc=disc, defects=defects, seed=seed)
 
     def closed_loop(
@@ -181,13 +184,14 @@ class Laboratory:
         defects: Sequence[Defect] = (),
         seed: int = 0,
     ) -> Record:
-        """Run a controller of `MEASUREMENTS` from rest; an excitation u [V] (N,) may be added.
+        """Run a controller of `MEASUREMENTS` from rest; an excitation u [V] (N,) may be added to
+        its output.
 
-        The controller may be a cascade of parts, such as a strategy, or a schedule of several, each
-        from a stated time on. Without an excitation it runs for `duration` [s].
+        The controller may be a cascade of parts, such as a strategy, or a schedule of several
+        controllers with their starting times. Without an excitation it runs for `duration` [s].
 
-        Raises InputError for a duration without a sample, for an excitation that is no finite
-        series, and when the controller's output is not finite.
+        Raises InputError for a duration of less than a sample, for an excitation that is not a
+        finite series, and if the controller's output is not finite.
         """
         if excitation is None:
             if not 0.0 < duration < np.inf:
@@ -233,11 +237,11 @@ def _plant(laboratory: Laboratory) -> StateSpace:
 
 @cache
 def _sampled(laboratory: Laboratory) -> StateSpace:
-    """Exact sampled model of u -> x, v_r, u_m."""
+    """Exact sampled model from u to x, v_r and u_m."""
     return sampled(_plant(laboratory), PERIOD, delay_samples=laboratory.delay)
 
 
-@remembered(megabytes=100)  # strategies are compared under the same noise
+@remembered(megabytes=100)  # the same seed gives the same noise, so that strategies can be compared
 def _noise(laboratory: Laboratory, seed: int, samples: int) -> RealArray:
     """Noise (samples, 4) of the two diodes, v_r and u_m [V]."""
     rng, size = np.random.default_rng(seed), laboratory.noise
@@ -284,7 +288,7 @@ def _loop(laboratory: Laboratory) -> SampledLoop:
 class CoilSignals:
     """Excitation u, output u_dac (N,) [V], v_r and u_m (N, 2) [V] of a coil, without noise.
 
-    saturated: share of the samples of u at the converter's limit. electronics, bits: of the
+    saturated: share of the samples of u at the converter's limit. electronics, bits: as in
     `Laboratory`.
     """
 
@@ -296,7 +300,7 @@ class CoilSignals:
     bits: int | None
 
     def measured(self, seed: int) -> CoilRecord:
-        """A record of these signals with the noise of a seed."""
+        """A record of these signals with the noise of this seed."""
         noise = electronics_noise(np.random.default_rng(seed), len(self.u), self.electronics)
         measured, saturation = {}, {"u": self.saturated}
         for name, values in zip(ELECTRICAL, (self.exact + noise).T, strict=True):

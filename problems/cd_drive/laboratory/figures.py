@@ -12,7 +12,9 @@ from workbench._core.heavy_types import Dataset, Figure
 
 
 def open_loop_bode(answer: Dataset, title: str) -> Figure:
-    """v_r/u of one draw: every period, and the mean with its interval and the noise-free one."""
+    """v_r/u of one draw: every period, the mean with its interval, and the response
+    without noise.
+    """
     drawn, panels = figures.axes(2, 2, size=(9.0, 6.0), sharex=True)
     frequency, response = answer["frequency"].values, answer["response"].values
     radius, exact = answer["radius"].values, answer["exact"].values
@@ -22,7 +24,7 @@ def open_loop_bode(answer: Dataset, title: str) -> Figure:
         for panel, one in zip(panels[column::2], parts, strict=True):
             panel.plot(frequency, one, *style, **look)
 
-    # Rasterized, as there are thousands of points.
+    # Rasterised, since there are thousands of points.
     dots: Any = {"linestyle": "none", "marker": ".", "markersize": 1.5, "rasterized": True}
     plot(0, answer["periods"].values, color=figures.BLUE, **dots)
     plot(1, exact, "--", color=figures.BLACK, label="noise-free")
@@ -44,7 +46,9 @@ def open_loop_bode(answer: Dataset, title: str) -> Figure:
 
 
 def closed_loop_bode(answer: Dataset, title: str) -> Figure:
-    """Magnitude, phase and error of one draw: measured with the 99 % region, fitted, noise-free."""
+    """Magnitude, phase and error of one draw: measured with the 99 % region, fitted, and without
+    noise.
+    """
     drawn, (magnitude, phase, error) = figures.axes(3, 1, size=(7.0, 8.0), sharex=True)
     frequency, measured = answer["frequency"].values, answer["response"].values
     fitted, true, radius = (answer[name].values for name in ("fitted", "exact", "radius"))
@@ -53,7 +57,7 @@ def closed_loop_bode(answer: Dataset, title: str) -> Figure:
     lead = np.degrees(np.arcsin(share))
     dots: Any = {"marker": ".", "markersize": 2.5, "linestyle": "none", "color": figures.BLUE}
     region: Any = {"color": figures.SKY, "alpha": 0.4, "linewidth": 0.0}
-    # The measured phase is unwrapped about the fitted one: noise then cannot make it jump.
+    # The measured phase is unwrapped around the fitted one, so that noise cannot make it jump.
     around = figures.phase(fitted)
     measured_phase = around + np.degrees(np.angle(measured / fitted))
 

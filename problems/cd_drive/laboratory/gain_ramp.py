@@ -1,4 +1,4 @@
-"""The controller's gain raised and lowered until the loop fails (section 6.3.3, Table A.4).
+"""The controller's gain is raised and lowered until the loop fails (section 6.3.3, Table A.4).
 
 Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
 (2003).
@@ -45,22 +45,26 @@ from .printed_noise import Amplitude, Fixed, position_noise
 from .record import Record
 
 SETTLED, SPEED = 0.5, 2.0
-"""Time [s] at which a ramp begins, and its speed [dB/s]."""
+"""Time [s] at which a ramp begins, and its slope [dB/s]."""
 BEFORE = 0.05
-"""Time [s] before the end of which the oscillation is read."""
+"""Length [s] of the stretch before the end from which the oscillation is read."""
 LOWEST = 60.0
-"""Lowest frequency [Hz] of an oscillation of the loop; below is the disc's wobble."""
+"""Lowest frequency [Hz] of an oscillation of the loop; the disc's wobble is below it."""
 SLACK = 1.0
-"""How far [dB] a ramp may go on beyond the model's limit: what it changes in half a second."""
+"""Largest distance [dB] that a ramp may go beyond the model's limit: its change in half a second.
+"""
 DIRECTIONS = {"up": 1.0, "down": -1.0}
 FARTHEST = {"up": 20.0, "down": 33.0}
-"""Change of the gain [dB] at which a ramp is given up, beyond the model's limit on every drive."""
+"""Change of the gain [dB] at which a ramp is given up. It is beyond the model's limit on every
+drive.
+"""
 
 
 class Ending(NamedTuple):
-    """Where a ramp ended: change of the gain [dB], frequency [Hz] before, and whether u was full.
+    """End of a ramp: change of the gain [dB], frequency before it [Hz], and whether u was at its
+    limit.
 
-    NaN where it did not end.
+    NaN if the loop did not fail.
     """
 
     change: float
@@ -84,14 +88,15 @@ def gain_ramp(
 ) -> GainRamp:
     """The gain raised and lowered by 2 dB/s until the loop fails (section 6.3.3, Table A.4).
 
-    On a turning disc, with noise, on each of the twelve drives. Going up the ramp ends when the
-    control signal is full, or the focus or track is lost; going down when it is lost. Beside it the
-    change at which the sampled loop becomes unstable, by its model, and the measured margins of
-    Table A.4; and the frequency of the control signal just before the end.
+    The ramps run on a turning disc, with noise, on each of the twelve drives. Upwards, a ramp ends
+    if the control signal reaches its limit, or if focus or track is lost; downwards, only if it is
+    lost. The results are compared with the change at which the model of the sampled loop becomes
+    unstable, and with the measured margins of Table A.4. The frequency of the control signal just
+    before the end is given, too.
 
-    deviation: of the disc over the Red Book's. draws: of the noise, on each drive. gain, delay
-    [samples]: as in the laboratory. noise, noise_fixed: how the printed amplitude of 0.15 um is
-    read (`printed_noise`).
+    deviation: of the disc, over the Red Book's limits. draws: number of draws of the noise on each
+    drive. gain, delay [samples]: as in the laboratory. noise, noise_fixed: reading of the printed
+    amplitude of 0.15 um (`printed_noise`).
     """
     return GainRamp(axis, deviation, draws, gain, delay, noise, noise_fixed)
 
@@ -123,12 +128,12 @@ class GainRamp(Study):
         return independent_seeds(context.rng, 12, self.draws)
 
     def bench(self, drive: str) -> Laboratory:
-        """A drive under the reading that is asked for."""
+        """A drive on the bench, with the noise in the asked reading."""
         noise = position_noise(self.axis, drive, self.noise, self.noise_fixed)
         return Laboratory(self.axis, drive, gain=self.gain, delay=self.delay, noise=noise)
 
     def record(self, drive: str, direction: str, seed: int) -> Record:
-        """A ramp on a drive; it is played to its end whatever happens."""
+        """Record of a ramp on a drive; it is played to its end even if the loop fails."""
         deviation = self.deviation * red_book(self.axis).deviation
         slope = DIRECTIONS[direction] * SPEED
         law = [
@@ -143,7 +148,7 @@ class GainRamp(Study):
         )
 
     def ending(self, direction: str, record: Record) -> Ending:
-        """Where a ramp ended."""
+        """Where the ramp of a record ended."""
         full = abs(record.u) >= OUTPUT_LIMIT
         lost = np.zeros_like(full)
         at = np.array([round(event.time * RATE) for event in record.events], int)
@@ -160,7 +165,7 @@ class GainRamp(Study):
     @part
     def ended(self, context: Context, seed: DataArray) -> RealArray:
         """Endings (drives, draws, directions, 3)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def endings(place: tuple[int, ...]) -> list[Ending]:
             one = seed[place]
@@ -172,24 +177,26 @@ class GainRamp(Study):
 
     @arrays((drive, draw, direction), change="dB", frequency="Hz", full="1")
     def endings(self, ended: RealArray) -> dict[str, RealArray]:
-        """Change of the gain, frequency of the oscillation, and whether u was full."""
+        """Change of the gain, frequency of the oscillation, and whether u was at its limit."""
         return {name: ended[..., n] for n, name in enumerate(Ending._fields)}
 
     @part
     def limits(self) -> list[NearestMargins]:
-        """Margins of every drive's sampled loop, by its model."""
+        """Stability margins of every drive's sampled loop, from its model."""
         return [nearest_margins(self.loop(one.name)) for one in drives(self.axis)]
 
     @arrays((drive, direction), model="dB", model_frequency="Hz")
     def by_model(self, limits: list[NearestMargins]) -> dict[str, Any]:
-        """Change of the gain at which the sampled loop becomes unstable, and its frequency."""
+        """Change of the gain at which the model of the sampled loop becomes unstable, and its
+        frequency [Hz].
+        """
         return {
             "model": [20.0 * np.log10([one.increase, one.decrease]) for one in limits],
             "model_frequency": [[one.increase_hz, one.decrease_hz] for one in limits],
         }
 
     def loop(self, drive: str) -> StateSpace:
-        """Loop transfer function of the bench, sampled."""
+        """Loop transfer function of a drive on the bench, sampled."""
         import control
 
         law = control.sample_system(control.ss(controller(self.axis)), PERIOD, "bilinear")
@@ -230,7 +237,7 @@ class GainRamp(Study):
 
     @table
     def ramps(self, answer: Dataset) -> dict[str, str]:
-        """Each drive: mean, and 90 % of the draws, the model's margin and the printed one."""
+        """Each drive: mean and 90 % range of the draws, the model's margin and the printed one."""
         printed = gain_margins() if self.axis == "focus" else {}
         rows = []
         for name in answer["drive"].values:
@@ -249,7 +256,7 @@ class GainRamp(Study):
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:
-        """Changes of the gain at which ramps end, beside the model's and the printed margins."""
+        """Changes of the gain at which ramps end, with the model's and the printed margins."""
         drawn, panels = figures.axes(2, 1, size=(8.0, 6.0), sharex=True)
         place = np.arange(12)
         for panel, direction in zip(panels, DIRECTIONS, strict=True):
@@ -270,7 +277,7 @@ class GainRamp(Study):
 
 
 def oscillation(signal: RealArray) -> float:
-    """Frequency [Hz] above LOWEST with the largest part of the last stretch of a signal (N,)."""
+    """Strongest frequency [Hz] above LOWEST in the last stretch of a signal (N,)."""
     last = signal[-round(BEFORE * RATE) :]
     size = 8 * len(last)
     spectrum = abs(np.fft.rfft((last - last.mean()) * np.hanning(len(last)), size))

@@ -1,4 +1,4 @@
-"""Twelve identified drives: the fourth-order model fitted to all experiments of each drive at once.
+"""Twelve identified drives: the fourth-order model is fitted to all experiments of each drive.
 
 Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -56,12 +56,14 @@ NAMES = ("R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")
 LOOP_DEGREES = 18.0
 """Degrees of freedom of the closed-loop variances: 2 (M - 1) with M = 10 periods."""
 LIMITS = {"R": 0.001, "Bl": 0.01, "k1": 0.01, "k2": 0.08, "b1": 0.05, "m1": 0.01, "m2": 0.08}
-"""Largest relative errors of the parameters at the mass that was found, whose own error scales the
-others. b2, a twentieth of b1, is only reported."""
+"""Largest accepted errors of the parameters, relative to the truth scaled to the fitted mass. b2, a
+twentieth of b1, is only reported.
+"""
 RESPONSE_LIMIT = {"focus": 0.06, "radial": 0.08}
-"""Largest relative error of a response, that of the told mass and gain among it. A track's width
-limits the radial experiment's amplitude to a twentieth of the focus one's, over a tenth of its
-noise."""
+"""Largest accepted error of a response, relative; it includes the errors of the told mass and gain.
+A track's width limits the amplitude of the radial experiment to a twentieth of that in focus, while
+its noise is a tenth.
+"""
 
 
 @problem(
@@ -74,17 +76,17 @@ noise."""
 def identified(axis: Axis, optical_gains: Run) -> Identified:
     """Twelve drives identified from all their experiments, against the truth (figure 4.8).
 
-    The fourth-order model is fitted to v_r/u of the open loop and to the displacement of the closed
-    loop together, one draw of each. Known as well as an experimenter is told are the mass
-    that the first resonance sees, the optical gain of the scan, the delay and the filters' corners;
-    all are fitted. That removes the bias of the lumped damper, which is not b1 + b2.
+    The fourth-order model is fitted jointly to v_r/u of the open loop and to the displacement of
+    the closed loop, one draw of each. The effective mass of the first resonance, the optical gain
+    from the scan, the delay and the filters' corners are known as well as an experimenter is told,
+    and are fitted too. This removes the bias of the lumped damper, which is not b1 + b2.
     """
     return Identified(axis, optical_gains)
 
 
 @dataclass(frozen=True, eq=False)
 class Identified(Study):
-    """The joint fits of twelve drives to their experiments."""
+    """Joint fits of twelve drives to their experiments."""
 
     axis: Axis
     optical_gains: Run
@@ -147,7 +149,7 @@ class Identified(Study):
 
     @arrays((drive, lumped), lumped_value="", lumped_half_width="", lumped_truth="")
     def open_loops(self, experiments: list[DriveExperiments]) -> dict[str, Any]:
-        """what v_r/u alone tells of the lumped model"""
+        """Lumped parameters from v_r/u alone."""
         every = [found.open_loop for found in experiments]
         return {
             "lumped_value": [one["estimate"][0] for one in every],
@@ -167,7 +169,9 @@ class Identified(Study):
         title="coverage of {lumped}",
         statement="1 - p of so few drives whose 99 % interval, of the current alone, holds the "
         "truth",
-        value=lambda answer: 1.0 - coverage_p(_held(answer).rename(drive="draw"), CONFIDENCE),
+        value=lambda answer: (
+            1.0 - coverage_p(_covers_truth(answer).rename(drive="draw"), CONFIDENCE)
+        ),
         each="lumped",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
@@ -194,7 +198,7 @@ class Identified(Study):
         return {
             "covered": (abs(answer["value"] - answer["table"]) <= answer["half_width"]).mean(),
             "bias_b_lumped": (answer["lumped_value"].sel(lumped="b") / damping["table"] - 1).mean(),
-            "covered_lumped": _held(answer).mean(),
+            "covered_lumped": _covers_truth(answer).mean(),
             "bias_b_joint": (damping["value"] / damping["table"] - 1).mean(),
             "chi_square": answer["chi_square"].max(),
         }
@@ -231,11 +235,11 @@ class Identified(Study):
         return drawn
 
     def _fit(self, drive: Drive, gain: float, found: DriveExperiments) -> DriveFit:
-        """The joint fit of one drive, its optical gain [units/m] as identified by the scan."""
+        """The joint fit of one drive; its optical gain [units/m] is that of the scan."""
         current, motion = found.open_loop, found.closed_loop
         degrees = float(current["variance"].attrs["degrees"])
         mass = float(current["mass"].isel(draw=0))
-        # The closed-loop run took the gain as told there; here it is that of the scan.
+        # The closed-loop run used the told gain; here it is replaced by that of the scan.
         told = Told.drawn(self.axis, int(motion["seed"].isel(draw=0)))
         scale = told.gain * drive.K_optn / gain
         moved = motion["response"].values * scale
@@ -266,8 +270,9 @@ class Identified(Study):
 
 @dataclass(frozen=True)
 class DriveFit:
-    """Parameters in the order of NAMES and then those of the measurement, half-widths of their 99 %
-    intervals, and chi-square per degree of freedom."""
+    """Parameters in the order of NAMES, then those of the measurement chain; half-widths of their
+    99 % intervals; and chi-square per degree of freedom.
+    """
 
     answer: RealArray
     half_width: RealArray
@@ -275,7 +280,7 @@ class DriveFit:
 
 
 def _current(p: Mapping[str, Any], s: Any) -> Any:
-    """v_r/u: the current through the resistor, reduced by the motion's back-EMF."""
+    """v_r/u: the current through the resistor, reduced by the back-EMF of the motion."""
     total = p["R"] + SERIES_RESISTANCE
     moved = lens(p, s, total)
     current = (1 - p["Bl"] * s * moved) * (SERIES_RESISTANCE / total)
@@ -283,7 +288,9 @@ def _current(p: Mapping[str, Any], s: Any) -> Any:
 
 
 def _motion(p: Mapping[str, Any], s: Any) -> Any:
-    """x/v: the lens's displacement over the coil's voltage, by the measurement chain as told."""
+    """x/v: the lens's displacement over the coil's voltage, with the measurement chain as it was
+    told.
+    """
     return lens(p, s, p["R"] + SERIES_RESISTANCE) * chain_ratio(p, s)
 
 
@@ -292,14 +299,14 @@ def _responses(parameters: Sequence[ActuatorParameters], frequency: DataArray) -
     return stack([specific_model(one) for one in parameters]).response(frequency.values)
 
 
-def _held(answer: Dataset) -> DataArray:
-    """Whether the current's interval (drive, lumped) holds the lumped parameter's truth."""
+def _covers_truth(answer: Dataset) -> DataArray:
+    """Whether the interval (drive, lumped) from the current holds the true lumped parameter."""
     off = abs(answer["lumped_value"] - answer["lumped_truth"])
     return off <= answer["lumped_half_width"]
 
 
 def _errors(answer: Dataset) -> DataArray:
-    """Relative errors (drive, parameter) of the parameters at the mass that was found."""
+    """Relative errors (drive, parameter), with the truth scaled to the fitted mass."""
     mass = _effective_mass(answer["value"]) / _effective_mass(answer["table"])
     power = [MASS_POWER[name if name in ("R", "Bl") else name[0]] for name in NAMES]
     scaled = answer["table"] * mass ** answer["table"].isel(drive=0).copy(data=power)
@@ -307,10 +314,10 @@ def _errors(answer: Dataset) -> DataArray:
 
 
 def _effective_mass(values: DataArray) -> DataArray:
-    """Both masses (drive,) as the first resonance sees them."""
+    """Effective mass (drive,) of the first resonance, which both masses determine."""
     return lumped_values({name: values.sel(parameter=name, drop=True) for name in NAMES}).m
 
 
 def _worst_response(identified: DataArray, true: DataArray) -> DataArray:
-    """Largest relative error of a response over drives and frequencies."""
+    """Largest relative error of the responses, over drives and frequencies."""
     return (abs(identified - true) / abs(true)).max()

@@ -29,33 +29,39 @@ from .record import Record
 from .unknowns import TRUTH, Told
 
 PERIODS, EVALUATED = 20, 10
-"""Periods played at each frequency, and how many of the last are evaluated (section 4.6.2)."""
+"""Number of periods played at each frequency, and of the last ones that are evaluated (section
+4.6.2).
+"""
 LOOP_SETTLING = 0.5
 """Time [s] in which the disc runs up and the loop settles."""
 ERROR_SWING = {"focus": 0.9e-6, "radial": 0.05e-6}
-"""Amplitude [m] of the error that the excitation aims at: half the linear range of the focus
-diodes, less a tenth for drives of small gain; where the sine of the radial ones is half a per cent
-below its tangent."""
+"""Amplitude [m] of the error at which the excitation aims. In focus it is half of the diodes'
+linear range, minus a tenth for drives of small gain. Radially it is where the diodes' sine is half
+a per cent below its tangent.
+"""
 LARGEST_EXCITATION = 2.0
-"""Largest amplitude [V] of the excitation and of its part in u, in the nominal loop.
+"""Largest amplitude [V] of the excitation, and of the part of u that it causes in the nominal loop.
 
-CD8 makes 3.1 V of it in u, and has noise of 1.2 V rms there: 5.7 times that is left below 10 V."""
+CD8 has 3.1 V of it in u, and noise of 1.2 V rms there. To the limit of 10 V, 5.7 times that noise
+remains.
+"""
 DISC_SHARE, ROTATION, ROTATION_HARMONICS = 0.2, 6.0, 3
-"""The disc's deviation as a share of the Red Book's, its rotation [Hz], and the number of harmonics
-of the rotation that are removed from the signals."""
+"""Deviation of the disc over the Red Book's, its rotation [Hz], and the number of harmonics of the
+rotation that are removed from the signals.
+"""
 INPUT_BAND = 200.0
-"""Band [Hz] within which the power of the loop's response is taken as a parabola in decibels."""
+"""Band [Hz] within which the input's power in decibels is approximated by a parabola."""
 RECORDED = ("u", "u_m", "d1", "d2")
 """Signals whose converters must not saturate; the coil's current is not recorded."""
 POOLING_BAND = 50.0
-"""Band [Hz] within which the noise's colour, or the error of a fit, is taken as equal."""
+"""Band [Hz] within which the colour of the noise, or the error of a fit, is taken as constant."""
 
 
 class Chain(NamedTuple):
     """The measurement chain from x / coil voltage to f_en / u_m.
 
-    gain [units V / (m V)]: of optics and amplifiers. delay [samples]. error_corner, control_corner
-    [rad/s]: of the filters of the diodes' and of u_m's channels.
+    gain [units V / (m V)]: gain of optics and amplifiers. delay [samples]. error_corner,
+    control_corner [rad/s]: corners of the filters in the channels of the diodes and of u_m.
     """
 
     gain: float
@@ -65,7 +71,7 @@ class Chain(NamedTuple):
 
     @classmethod
     def told(cls, bench: Laboratory, told: Told = TRUTH) -> Chain:
-        """The chain as an experimenter is told."""
+        """The measurement chain that an experimenter is told."""
         return cls(
             told.gain * bench.parameters.K_optn * bench.coil_gain,
             bench.delay + told.delay,
@@ -76,7 +82,8 @@ class Chain(NamedTuple):
     def response(self, frequency: RealArray) -> ComplexArray:
         """Factor (F,) from x / coil voltage to f_en / u_m: gain, hold, delay and filters.
 
-        The sampling of u_m behind its filter is exact; aliasing of the lens's motion is below 1e-4.
+        The sampling of u_m after its filter is exact; the aliasing of the lens's motion is below
+        1e-4.
         """
         import control
 
@@ -91,12 +98,12 @@ class Chain(NamedTuple):
 
 
 class LoopRecord(NamedTuple):
-    """What is kept of a record in the loop.
+    """The parts of a record in the loop that are kept.
 
-    estimate: f_en/u_m with its region. independent_p: of the test that periods are independent.
-    events: times that the loop was lost or regained. saturated: largest share of samples at a
-    converter's limit, and level: largest magnitude over its limit, of the signals RECORDED.
-    largest_error [m]: distance of focus or track.
+    estimate: f_en/u_m with its region. independent_p: p-value of the test that periods are
+    independent. events: number of times that the loop was lost or regained. For the signals
+    RECORDED, saturated: largest share of samples at a converter's limit, and level: largest
+    magnitude over that limit. largest_error [m]: largest distance from focus or track.
     """
 
     estimate: PeriodicResponse
@@ -109,11 +116,12 @@ class LoopRecord(NamedTuple):
 def excitation(
     axis: Axis, frequency: RealArray, scale: float = 1.0, dwell: float = 0.0
 ) -> SteppedSine:
-    """The stepped sine that moves the error by ERROR_SWING, or u by LARGEST_EXCITATION if less.
+    """The stepped sine that moves the error by ERROR_SWING, or u by LARGEST_EXCITATION if that is
+    less.
 
-    It is designed for the nominal drive: the experiment is to tell what the drive at hand is.
+    It is designed for the nominal drive, since the experiment has yet to identify the actual one.
     scale: gain of the controller over the reference controller's. dwell: least time [s] at each
-    frequency; PERIODS is multiplied by as much as it takes.
+    frequency, for which PERIODS is multiplied as often as needed.
     """
     nominal = Laboratory(axis, "nominal")
     plant = -nominal.response(frequency)["f_en"]  # the sign of eq. 3.16
@@ -125,7 +133,7 @@ def excitation(
 
 
 def controller_response(axis: Axis, frequency: RealArray) -> ComplexArray:
-    """Response (F,) of the reference controller as it is sampled, at frequencies [Hz] (F,)."""
+    """Frequency response (F,) of the sampled reference controller at frequencies [Hz] (F,)."""
     import control
 
     law = control.sample_system(control.ss(controller(axis)), PERIOD, "bilinear")
@@ -137,9 +145,9 @@ def controller_response(axis: Axis, frequency: RealArray) -> ComplexArray:
 class LoopExperiment:
     """A stepped sine in a drive's loop, added to the controller's output.
 
-    frequency: [Hz] (F,). disturbances: whether the disc turns; deviation: of the disc over the Red
-    Book's. scale: gain of the controller over the reference controller's. dwell: least time [s] at
-    each frequency.
+    frequency: [Hz] (F,). disturbances: whether the disc turns; deviation: of the disc, over the Red
+    Book's limits. scale: gain of the controller over the reference controller's. dwell: least time
+    [s] at each frequency.
     """
 
     bench: Laboratory
@@ -155,7 +163,7 @@ class LoopExperiment:
 
     @cached_property
     def signal(self) -> RealArray:
-        """The excitation [V] (N,): the loop settles, then the sine is played."""
+        """The excitation [V] (N,): first the loop settles, then the sine is played."""
         rest = np.zeros(round(LOOP_SETTLING * RATE))
         return np.concatenate([rest, *(part for _, part in self.sine)])
 
@@ -183,7 +191,9 @@ class LoopExperiment:
         )
 
     def _straight(self, f_en: RealArray, told: Told) -> RealArray:
-        """The error of linear diodes: the radial ones see a sine whose period is the pitch."""
+        """The error that linear diodes would show: the radial diodes show a sine whose period is
+        the pitch.
+        """
         if self.bench.axis == "focus":
             return f_en
         peak = told.gain * self.bench.parameters.K_optn * TRACK_PITCH * told.distance / (2 * np.pi)
@@ -192,15 +202,15 @@ class LoopExperiment:
 
 
 def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) -> PeriodicResponse:
-    """f_en/u_m with its region, by errors in variables.
+    """f_en/u_m with its region, estimated as an errors-in-variables problem.
 
-    The harmonics of a turning disc are removed first. They are coherent, so that the scatter of ten
+    The harmonics of a turning disc are removed first. They are coherent, so the scatter of ten
     periods would not show them. Successive periods are not independent either, so `noise_colour`
     corrects the variance of their mean.
 
-    The weights of a fit must not depend on the noise of the response that they weigh: noise that
-    enlarges u makes y/u smaller, and its variance by u alone smaller too, so that small responses
-    would count more. Noise and input therefore have the power of their neighbourhood.
+    The weight of a response in a fit must not depend on its own noise. Noise that enlarges u makes
+    y/u smaller, and its variance, if computed from u alone, smaller too; small responses would then
+    count more. So noise power and input power are smoothed over neighbouring frequencies.
     """
     u, y = amplitudes(np.stack([record.u_m, error]), sine, turning)
     estimate = from_periods(sine.frequencies_hz, u, y)
@@ -217,8 +227,8 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
 def amplitudes(signals: RealArray, sine: SteppedSine, turning: bool) -> ComplexArray:
     """Amplitudes (S, F, EVALUATED) of the sine in the evaluated periods of signals (S, N).
 
-    A sine of more than PERIODS periods is taken as PERIODS equal stretches, each with the mean of
-    its amplitudes. turning: the harmonics of a turning disc are removed first.
+    A sine of more than PERIODS periods is divided into PERIODS equal stretches, and each stretch
+    gives the mean of its amplitudes. turning: first remove the harmonics of a turning disc.
     """
     start = round(LOOP_SETTLING * RATE)
     signals = signals[:, start:]
@@ -239,7 +249,7 @@ def amplitudes(signals: RealArray, sine: SteppedSine, turning: bool) -> ComplexA
 
 
 def smooth_power(u: ComplexArray, sine: SteppedSine) -> RealArray:
-    """Power (F,) of the input, given its amplitudes (F, M), smooth over frequencies."""
+    """Power (F,) of the input from its amplitudes (F, M), smoothed over frequencies."""
     power = np.log(abs(u.mean(axis=1)) ** 2 / sine.amplitude**2)
     steps = 2 * round(INPUT_BAND / float(np.mean(np.diff(sine.frequencies_hz))) / 2) + 1
     smooth = np.exp(savgol_filter(power, min(max(steps, 5), power.size), 2))
@@ -248,11 +258,12 @@ def smooth_power(u: ComplexArray, sine: SteppedSine) -> RealArray:
 
 
 def noise_colour(scatter: ComplexArray) -> RealArray:
-    """Ratio (F,) of the variance of a mean to the one that the scatter (F, M) suggests.
+    """Ratio (F,) of the true variance of the mean to the one that the scatter (F, M) suggests.
 
-    One period resolves an octave, the mean of ten periods a tenth of it. So the two variances
-    differ where the noise is not white, and because the end of a period is the start of the next.
-    The variance of the mean is taken from the lines next to the excited one, f (1 +- 1 / M).
+    One period has the bandwidth of an octave, and the mean of ten periods a tenth of it. So the two
+    variances differ if the noise is not white, and because each period begins where the last one
+    ended. The variance of the mean is estimated from the lines next to the excited one, f (1 +- 1 /
+    M).
     """
     periods = scatter.shape[1]
     beside = np.mean(abs(np.fft.fft(scatter, axis=1)[:, [1, -1]]) ** 2, axis=1) / periods
@@ -263,9 +274,9 @@ def noise_colour(scatter: ComplexArray) -> RealArray:
 def neighbours_p(residual: ComplexArray, lags: int) -> float:
     """Probability that residuals (F,) resemble their neighbours, up to `lags` away, by chance.
 
-    The noises of different frequencies are independent. A resonance that the model lacks leaves a
-    bulge that the chi-square of all frequencies does not show. The products of neighbours have
-    their own scatter as the measure, so the sizes of the residuals need not be known.
+    The noises at different frequencies are independent. A resonance that the model lacks leaves a
+    bulge that the chi-square over all frequencies does not show. The products of neighbours are
+    compared with their own scatter, so the sizes of the residuals need not be known.
     """
     every = [(residual[lag:] * residual[:-lag].conj()).real for lag in range(1, lags + 1)]
     products = np.concatenate(every)

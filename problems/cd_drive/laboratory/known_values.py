@@ -1,4 +1,4 @@
-"""What is known of a drive and of the bench before the loop is closed, as data of a fit.
+"""Prior knowledge of a drive and of the bench before the loop is closed, as data of a fit.
 
 Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -31,22 +31,24 @@ from .unknowns import (
 
 CONFIDENCE, NORMAL_99 = 0.99, 2.576
 """Probability with which an interval covers the true value, and its half-width in standard
-deviations."""
+deviations.
+"""
 MODEL_DEVIATION = {"Bl": 0.001, "k": 0.001, "b": 0.01, "m": 0.001}
-"""Relative errors of the lumped model itself, as standard deviations."""
+"""Errors of the lumped model itself: relative standard deviations of its parameters."""
 MASS_POWER = {"R": 0.0, "Bl": 0.5, "k": 1.0, "b": 1.0, "m": 1.0}
-"""Powers of the mass by which lumped parameters grow that are found with another mass: the current
-tells k/m, b/m and Bl^2/m alone."""
+"""Powers of the mass with which the lumped parameters scale, if they are found with another mass:
+the current shows only k/m, b/m and Bl^2/m.
+"""
 RATIO_DEVIATION = np.sqrt(2.0) * CORNER_DEVIATION
-"""Relative standard deviation of the ratio of two channels' corners."""
+"""Relative standard deviation of the ratio of two channels' filter corners."""
 
 
 @dataclass(frozen=True, eq=False)
 class KnownQuantities:
     """Quantities known beforehand, as data of a fit.
 
-    quantities: function of the parameters that returns them. given: their known values (n,).
-    covariance: of those (n, n).
+    quantities: function of the parameters that returns the quantities. given: their known values
+    (n,). covariance: covariance of these values (n, n).
     """
 
     quantities: Callable[[Mapping[str, Any]], Sequence[Any]]
@@ -63,7 +65,7 @@ class KnownQuantities:
 
     @cached_property
     def _whitening(self) -> RealArray:
-        """Matrix that makes the errors independent, each with a standard deviation of one."""
+        """Matrix that makes the errors independent, with a standard deviation of one each."""
         found: RealArray = np.linalg.inv(np.linalg.cholesky(self.covariance))
         return found
 
@@ -79,7 +81,7 @@ class KnownQuantities:
 
 
 def independent(given: Mapping[str, tuple[float, float]], name: str) -> KnownQuantities:
-    """Parameters known by themselves: value and standard deviation of each, by name."""
+    """Parameters that are known independently: value and standard deviation of each, by name."""
     values, deviations = np.transpose(list(given.values()))
     return KnownQuantities(
         lambda p: [p[one] for one in given], values, np.diag(deviations**2), name
@@ -88,10 +90,10 @@ def independent(given: Mapping[str, tuple[float, float]], name: str) -> KnownQua
 
 @dataclass(frozen=True, eq=False)
 class Lumped:
-    """Lumped parameters of a drive as known before the loop is closed.
+    """Lumped parameters of a drive as they are known before the loop is closed.
 
     R: resistance of the whole circuit [ohm]. values: force factor, spring, damper, mass.
-    covariance: of those (4, 4).
+    covariance: covariance of the values (4, 4).
     """
 
     R: float
@@ -100,7 +102,7 @@ class Lumped:
 
     @classmethod
     def of(cls, drive: ActuatorParameters) -> Lumped:
-        """The true ones of a drive, known as well as the mass that is told."""
+        """The true parameters of a drive, known as accurately as the told mass."""
         values = lumped(drive)
         common = MASS_DEVIATION * np.array([MASS_POWER[name] for name in values._fields])
         relative = np.outer(common, common) + _model_covariance()
@@ -108,9 +110,9 @@ class Lumped:
 
     @classmethod
     def from_open_loop(cls, draw: Dataset) -> Lumped:
-        """Those that one draw of the open-loop experiment found, its mass as told.
+        """The parameters that one draw of the open-loop experiment found, with the told mass.
 
-        The experiment's covariance holds for the lumped model; that model's own error is added.
+        The experiment's covariance assumes the lumped model; the error of that model is added.
         """
         names = list(LumpedValues._fields)
         R, *found = draw["estimate"].sel(parameter=["R", *names[:-1]]).values.tolist()
@@ -139,30 +141,31 @@ CHAIN = {
     "delay": FittedParameter(1.0, lower=0.5, upper=1.5),
     "corner": FittedParameter(1.0, lower=0.2, upper=5.0),
 }
-"""Starts and bounds of the parameters of `chain_ratio`."""
+"""Starting values and bounds of the parameters of `chain_ratio`."""
 
 
 def chain_known(gain_deviation: float) -> KnownQuantities:
-    """What is known of the measurement chain, its gain with a relative standard deviation."""
+    """Prior knowledge of the measurement chain; its gain has this relative standard deviation."""
     deviations = gain_deviation, DELAY_DEVIATION, RATIO_DEVIATION
     given = {name: (1.0, one) for name, one in zip(CHAIN, deviations, strict=True)}
     return independent(given, "measurement chain")
 
 
 def chain_ratio(p: Mapping[str, Any], s: Any) -> Any:
-    """The true measurement chain over the told one, from control signal to error.
+    """The true measurement chain divided by the told one, from control signal to error.
 
-    gain, delay, corner: true over told optical gain, delay, and ratio of both filters' corners. The
-    delay is of one sample; what is told of it wrongly looks like a lag of the error's channel.
+    gain and corner are the true over the told optical gain, and ratio of both filters' corners.
+    delay is the true delay if the told one is 1 sample; an error in it acts as a lag in the error's
+    channel.
     """
     lag = np.exp(-s * (PERIOD * (p["delay"] - 1.0)))
     return p["gain"] * lag * corner_ratio(p["corner"], s)
 
 
 def arm_parameters(axis: Axis, names: Sequence[str]) -> dict[str, FittedParameter]:
-    """Starts and bounds of parameters of the fourth-order model, about the nominal drive's.
+    """Starting values and bounds of the fourth-order model's parameters, from the nominal drive.
 
-    b2 may become negative: a bound at zero would hide how little the data tell about it.
+    b2 may become negative: a bound at zero would hide how little the data say about it.
     """
     arm = nominal_parameters(axis)
     start = {name: getattr(arm, name) for name in names}

@@ -46,10 +46,13 @@ from .experiment import STILL, Laboratory
 LOOPS = ("open", "closed")
 CHANNELS = ("input", "output")
 PERIODS, DISCARDED = 20, 10
-"""Periods played at each frequency, and those at its start that are not evaluated (section 4.6)."""
+"""Number of periods played at each frequency, and of those at the start that are not evaluated
+(section 4.6).
+"""
 HARMONICS, MOST_HARMONICS = 5, 8
-"""Harmonics evaluated: the fundamental and the four above it (section 4.6.4); and as many as lie
-below half the sampling frequency throughout, to see whether four are enough."""
+"""Number of harmonics evaluated: the fundamental and the four above it (section 4.6.4); and as many
+as are always below half the sampling frequency, to see whether four are enough.
+"""
 OPEN_BAND = {"focus": (10.0, 50.0), "radial": (10.0, 100.0)}
 """Lowest and highest frequency [Hz] in open loop (section 4.6.1)."""
 CLOSED_BAND = (100.0, 2000.0)
@@ -57,14 +60,14 @@ CLOSED_BAND = (100.0, 2000.0)
 OPEN_AMPLITUDE = 1.0
 """Amplitude [V] of the excitation in open loop."""
 LARGEST_DISPLACEMENT = {"focus": 1.5e-6, "radial": 0.15e-6}
-"""Largest amplitude [m] of the lens's displacement by the excitation in closed loop.
+"""Largest amplitude [m] of the lens's displacement that the excitation causes in closed loop.
 
 It is three quarters of the largest error at which a disc can be read.
 """
 ORDINARY_DISC = Disc(warp=(100e-6,), eccentricity=(30e-6,))
-"""A disc that deviates far less than the Red Book allows."""
+"""A disc with far smaller deviations than the Red Book allows."""
 RUN_UP = 0.5
-"""Time [s] between the start of the loop and its first period."""
+"""Time [s] from the start of the loop to its first period."""
 
 
 @problem("cd/{axis}/linearity", axis=("focus", "radial"), data=TABLES)
@@ -77,22 +80,24 @@ def linearity(
 ) -> Linearity:
     """Harmonic distortion of input and output in open and closed loop (figure 4.9).
 
-    THD by eq. 4.26 from the fundamental and the first four harmonics of averaged periods. Open
-    loop: from u to the coil's current, 10 to 50 Hz (focus) or 100 Hz (radial). Closed loop, under
-    the reference controller: from the whole control signal to the normalised error, 100 to 2000 Hz.
-    There the input's level falls to a few percent; it starts near 60 %, not 100 %, because that
-    depends on the excitation's size. The output's stays around 5 % in the median, as the text says;
-    single frequencies of a record reach ten times that by noise.
+    THD by eq. 4.26 is computed from the fundamental and the first four harmonics of averaged
+    periods. In open loop the channels are u and the coil's current, from 10 to 50 Hz (focus) or 100
+    Hz (radial). In closed loop, under the reference controller, they are the whole control signal
+    and the normalised error, from 100 to 2000 Hz. There the input's level falls to a few percent.
+    It starts near 60 % instead of the text's 100 %, because it depends on the size of the
+    excitation. The output's level stays around 5 % in the median, as the text says; noise raises
+    single frequencies of a record to ten times that.
 
-    The same loop without noise and without a turning disc shows which part is distortion: hardly
-    any in focus; in radial, where the error is a sine of the position, 2 % of the output and up to
-    25 % of the input. The rest is noise at the harmonics. The controller passes it on where the
-    loop suppresses the fundamental, and ten periods at a high frequency average little of it.
+    The same loop without noise and without a turning disc shows how much is distortion: hardly any
+    in focus; radially, where the error is a sine of the position, 2 % of the output and up to 25 %
+    of the input. The rest is noise at the harmonics. The controller passes it on at frequencies
+    where the loop suppresses the fundamental, and ten periods at a high frequency average out
+    little of it.
 
-    The excitation is designed for the nominal drive, whichever is measured.
+    The excitation is designed for the nominal drive, whichever drive is measured.
 
-    drive: CD1 ... CD12. frequencies: how many in each loop, evenly spaced. draws: of the noise.
-    values: tables "printed" or "corrected".
+    drive: CD1 ... CD12. frequencies: number of frequencies in each loop, evenly spaced. draws:
+    number of draws of the noise. values: tables "printed" or "corrected".
     """
     return Linearity(Laboratory(axis, drive, values), frequencies, draws)
 
@@ -128,7 +133,7 @@ class Linearity(Study):
     @part
     def spectra(self, grids: list[RealArray], seed: DataArray, context: Context) -> Any:
         """Harmonics (draw, loop, channel, step, MOST_HARMONICS) of every record."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         trials = dict(zip(LOOPS, zip((open_loop, closed_loop), grids, strict=True), strict=True))
 
         def played(place: tuple[int, ...]) -> ComplexArray:
@@ -236,7 +241,7 @@ class Linearity(Study):
 
 
 def described(thd: DataArray) -> dict[str, DataArray]:
-    """Whether the levels of each draw are as section 4.6.4 describes them, by what it says."""
+    """For each draw whether the levels are as section 4.6.4 describes them, by statement."""
     opened, closed = thd.sel(loop="open"), thd.sel(loop="closed")
     apart = abs(opened.sel(channel="input") - opened.sel(channel="output")).max("step")
     given, output = (closed.sel(channel=name) for name in CHANNELS)
@@ -271,7 +276,7 @@ def closed_loop(
 
 
 def closed_loop_amplitude(axis: Axis, frequency: RealArray) -> float:
-    """Amplitude [V] of the excitation: it moves the nominal lens by `LARGEST_DISPLACEMENT`."""
+    """Amplitude [V] of the excitation that moves the nominal lens by `LARGEST_DISPLACEMENT`."""
     return LARGEST_DISPLACEMENT[axis] / float(abs(displacement(axis, frequency)).max())
 
 

@@ -31,9 +31,10 @@ from .known_values import CHAIN, CONFIDENCE, Lumped, arm_parameters, chain_known
 from .unknowns import GAIN_DEVIATION, Told
 
 ARM_SHARES = np.geomspace(0.5, 2.0, 9)
-"""Springs and masses of the arm, over the nominal ones, among which a fit finds its start."""
+"""Springs and masses of the arm, over the nominal ones, that are tried as starting values of a fit.
+"""
 MISMATCHES = (0.1, 0.2, 0.35, 0.5)
-"""Mismatches of the first arm among which a fit of unlike arms finds its start."""
+"""Mismatches of the first arm that are tried as starting values of a fit of unlike arms."""
 NUMBERS = (
     "gain",
     "chi_square",
@@ -44,14 +45,15 @@ NUMBERS = (
     "covered_response",
     "error_fitted",
 )
-"""Numbers of the fit of a draw."""
+"""Names of the numbers that describe the fit of a draw."""
 
 
 class LoopFit(NamedTuple):
     """The fit of one draw.
 
-    value, half_width (6,): of FITTED. response, radius, fitted, exact (F,): measured with its
-    region, fitted, and without noise, all by the measurement chain that is told.
+    value, half_width (6,): parameters FITTED. response, radius, fitted, exact (F,): measured
+    response with the radius of its region, fitted one, and one without noise, all with the told
+    measurement chain.
     """
 
     value: RealArray
@@ -72,13 +74,13 @@ def fit_of_draw(
     options: Options,
     arms: int = 1,
 ) -> LoopFit:
-    """The two masses on two springs of one draw, the second one in so many unlike arms.
+    """Fit of two masses on two springs to one draw; the second mass may be in several unlike arms.
 
-    Raises SolverError where there is no answer.
+    Raises SolverError if there is no answer.
     """
     bench, grid = experiment.bench, experiment.frequency
     chain = Chain.told(bench, told).response(grid)
-    estimate = _of_lens(record.estimate, chain)
+    estimate = _lens_response(record.estimate, chain)
     program = two_mass_fit(estimate, known, bench.axis, arms)
     solution = solve(program, options=options)
     if solution.answer is None or solution.certificate is None:
@@ -104,8 +106,8 @@ def fit_of_draw(
     return LoopFit(value, half_width, *shown, numbers, program.notes(found))
 
 
-def _of_lens(raw: PeriodicResponse, chain: ComplexArray) -> PeriodicResponse:
-    """A measured f_en/u_m, by the measurement chain (F,), as x / coil voltage."""
+def _lens_response(raw: PeriodicResponse, chain: ComplexArray) -> PeriodicResponse:
+    """A measured f_en/u_m, divided by the measurement chain (F,): x / coil voltage."""
     factor = chain[:, None, None]
     variance = raw.variance / abs(factor) ** 2
     return replace(raw, response=raw.response / factor, variance=variance)
@@ -116,10 +118,10 @@ def two_mass_fit(
 ) -> ParameterFit:
     """Fit of the masses, springs and dampers to a measured response x / coil voltage [m/V].
 
-    The force factor and the measurement chain are fitted beside them, as what is known of them is
-    not exact either. The search starts at the best of several arms with the lumped values known:
-    a resonance in noise has other minima, where the arm's mass runs away. Where the arm is in
-    several parts, their mismatches are fitted too, and starts differ in how large these are.
+    The force factor and the measurement chain are fitted as well, since they are not known exactly
+    either. The search starts at the best of several arms with the known lumped values, because a
+    resonance in noise has other minima, at which the arm's mass diverges. If the arm is in several
+    parts, their mismatches are fitted too, and the starts have mismatches of several sizes.
     """
 
     def model(p: Any, s: Any) -> Any:
@@ -135,7 +137,7 @@ def two_mass_fit(
     shape = np.linspace(1.0, -1.0, arms)[:-1]
     starts = [
         np.array([*arm.values(), known.values.Bl, *np.ones(len(CHAIN)), *(size * shape)])
-        for arm in _arms(known.values, axis)
+        for arm in _starting_arms(known.values, axis)
         for size in (MISMATCHES if arms > 1 else (0.0,))
     ]
     best = min(starts, key=lambda values: float(np.linalg.norm(program.residuals(values))))
@@ -143,8 +145,10 @@ def two_mass_fit(
     return ParameterFit(data, {n: replace(one, start=near[n]) for n, one in parameters.items()})
 
 
-def _arms(values: LumpedValues, axis: Axis) -> Iterator[dict[str, float]]:
-    """FITTED parameters with these lumped values, link and mass of the arm about the nominal."""
+def _starting_arms(values: LumpedValues, axis: Axis) -> Iterator[dict[str, float]]:
+    """FITTED parameters with these lumped values, for arms with link and mass around the nominal
+    ones.
+    """
     arm = nominal_parameters(axis)
     for share, weight in product(ARM_SHARES, ARM_SHARES):
         k2, m2, b2 = share * arm.k2, weight * arm.m2, arm.b2

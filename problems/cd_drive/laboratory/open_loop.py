@@ -43,13 +43,14 @@ from .known_values import CONFIDENCE, MASS_POWER
 from .unknowns import Told, experiment_seeds
 
 PARAMETERS = {"R": "ohm", "Bl": "N/A", "k": "N/m", "b": "N s/m"}
-"""Parameters of the lumped model that are judged, and their units; they come first in `FOUND`."""
+"""Judged parameters of the lumped model, and their units; they come first in `FOUND`."""
 JUDGED = len(PARAMETERS)
 ERROR_TOLERANCE = {"R": 0.01, "Bl": 0.01, "k": 0.01, "b": 0.05}
-"""Largest relative error of each parameter at the mass that is told: the accuracies that the thesis
-states, where the mass is taken as known."""
+"""Largest accepted relative error of each parameter at the told mass: the accuracies that the
+thesis states, where the mass counts as known.
+"""
 ASSUMPTIONS = ("circular", "normal", "independent")
-"""Assumptions of the intervals about the noise, each tested with a p-value."""
+"""Assumptions of the intervals about the noise, each of which is tested by a p-value."""
 
 
 @problem("cd/{axis}/open-loop", slow=True, axis=("focus", "radial"), data=TABLES)
@@ -63,23 +64,24 @@ def open_loop(
 ) -> OpenLoop:
     """R, Bl, k and b of a drive from its coil's current, by stepped sine (figure 4.4).
 
-    v_r/u is measured from 10 to 50 Hz (focus) or 100 Hz (radial), 20 periods at each frequency of
-    which the last 10 count, and fitted by the lumped model of eq. 4.17: physical parameters
-    directly, and by eq. 4.20-4.23 from the rational structure of eq. 4.19. The current tells k/m,
-    b/m and Bl^2/m alone. The experimenter is told the mass with an error of 2 % and the corners of
-    the channels' filters with one of 2 % (standard deviations), other ones in each draw, and the
-    intervals contain them. Judged against the lumped fit to the noise-free response of the same
-    drive.
+    v_r/u is measured from 10 to 50 Hz (focus) or 100 Hz (radial), with 20 periods at each
+    frequency, of which the last 10 count. The lumped model of eq. 4.17 is fitted to it, for its
+    physical parameters directly, and by eq. 4.20-4.23 from the rational structure of eq. 4.19. The
+    current shows only k/m, b/m and Bl^2/m. The experimenter is told the mass with an error of 2 %,
+    and the corners of the channels' filters with errors of 2 % (standard deviations), other ones in
+    each draw; the intervals include these errors. The parameters are compared with the lumped fit
+    to the noise-free response of the same drive.
 
-    drive: CD1 ... CD12. step [Hz] of the frequencies. amplitude [V] of the excitation. draws: of
-    the noise and of what the experimenter is told. values: tables "printed" or "corrected".
+    drive: CD1 ... CD12. step: distance between the frequencies [Hz]. amplitude: of the excitation
+    [V]. draws: number of draws of the noise and of the told values. values: tables "printed" or
+    "corrected".
     """
     return OpenLoop(CoilExperiment(Laboratory(axis, drive, values), step, amplitude), draws)
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop(Study):
-    """Stepped-sine experiments on the coil of a drive, and the lumped fits to them."""
+    """Stepped-sine experiments on the coil of a drive, and lumped models fitted to them."""
 
     experiment: CoilExperiment
     draws: int
@@ -108,9 +110,9 @@ class OpenLoop(Study):
 
     @part
     def currents(self, context: Context, seed: DataArray, told: list[Told]) -> list[Current]:
-        """The signals of each draw, corrected by what is told of the filters."""
+        """The signals of each draw, corrected by the told corners of the filters."""
         first, *others = seed.values.tolist()
-        found = [self.experiment.played(first)]  # makes the signals that the others share
+        found = [self.experiment.played(first)]  # computes the signals that all draws share
         found += context.spread(self.experiment.played, others, "draws")
         pairs = zip(found, told, strict=True)
         return [one.corrected(each, self.experiment.frequency) for one, each in pairs]
@@ -132,7 +134,7 @@ class OpenLoop(Study):
     def settled(
         self, raw: list[PeriodicResponse], currents: list[Current], mass: DataArray
     ) -> list[PeriodicResponse]:
-        """v_r/u of each draw without what still rings of the resonance."""
+        """v_r/u of each draw, without the transient of the resonance."""
         every = zip(raw, currents, mass.values.tolist(), strict=True)
         return [self.experiment.settled(*one) for one in every]
 
@@ -141,7 +143,9 @@ class OpenLoop(Study):
         self, settled: list[PeriodicResponse], mass: DataArray, context: Context
     ) -> list[LumpedFit]:
         every = list(zip(settled, mass.values.tolist(), strict=True))
-        return [self.experiment.fit(*_measured(one), m) for one, m in context.track(every, "fits")]
+        return [
+            self.experiment.fit(*_with_variance(one), m) for one, m in context.track(every, "fits")
+        ]
 
     # --- the first draw -----------------------------------------------------------------------
 
@@ -152,7 +156,10 @@ class OpenLoop(Study):
         value=lambda settled: settled[0].response[:, 0, 0],
     )
     variance = array(
-        dims=frequency, unit="1", value=lambda settled: _measured(settled[0])[1], degrees=DEGREES
+        dims=frequency,
+        unit="1",
+        value=lambda settled: _with_variance(settled[0])[1],
+        degrees=DEGREES,
     )
     radius = array(
         dims=frequency,
@@ -195,7 +202,7 @@ class OpenLoop(Study):
     def by_equations(self, settled: list[PeriodicResponse], mass: DataArray) -> Any:
         """R, Bl, k, b by equations 4.20-4.23"""
         every = zip(settled, mass.values.tolist(), strict=True)
-        return [self.experiment.by_equations(*_measured(one)[:2], m) for one, m in every]
+        return [self.experiment.by_equations(*_with_variance(one)[:2], m) for one, m in every]
 
     @arrays(
         parameter,
@@ -221,7 +228,7 @@ class OpenLoop(Study):
     # --- checks -------------------------------------------------------------------------------
 
     def at_told_mass(self, answer: Dataset) -> DataArray:
-        """Relative errors (draw, parameter), the truth taken at the mass that is told."""
+        """Relative errors (draw, parameter), with the truth scaled to the told mass."""
         power = answer["truth"].copy(data=[MASS_POWER[name] for name in PARAMETERS])
         told = answer["mass"] / self.experiment.mass
         return abs(answer["estimate"] / (answer["truth"] * told**power) - 1)
@@ -241,7 +248,7 @@ class OpenLoop(Study):
     check_coverage = check(
         title="coverage of {parameter}",
         statement="1 - p of so few draws whose 99 % interval holds the truth",
-        value=lambda answer: 1.0 - coverage_p(_held(answer), CONFIDENCE),
+        value=lambda answer: 1.0 - coverage_p(_covers_truth(answer), CONFIDENCE),
         each="parameter",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
@@ -269,9 +276,9 @@ class OpenLoop(Study):
         value=lambda self, answer: over_draws(self.at_told_mass(answer)),
     )
     covered_each = metric(
-        template="covered_{parameter}", value=lambda answer: _held(answer).mean("draw")
+        template="covered_{parameter}", value=lambda answer: _covers_truth(answer).mean("draw")
     )
-    covered = metric(lambda answer: _held(answer).mean())
+    covered = metric(lambda answer: _covers_truth(answer).mean())
     biases = metric(
         template="bias_{parameter}", value=lambda answer: answer["truth"] / answer["table"] - 1
     )
@@ -287,9 +294,9 @@ class OpenLoop(Study):
 
     @table
     def parameters(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """The first draw, and how often the intervals of all draws hold the truth."""
+        """Parameters of the first draw, and how often the intervals of all draws hold the truth."""
         heads = ["parameter", "estimate", "99 % interval", "by eq. 4.20-4.23", "noise-free fit"]
-        held, first, rows = _held(answer), answer.isel(draw=0), []
+        held, first, rows = _covers_truth(answer), answer.isel(draw=0), []
         for name, unit in PARAMETERS.items():
             row = first.sel(parameter=name)
             estimate, truth, printed = (float(row[key]) for key in ("estimate", "truth", "table"))
@@ -313,12 +320,12 @@ class OpenLoop(Study):
         return figures.numbered(drawn, "4.4")
 
 
-def _measured(settled: PeriodicResponse) -> tuple[ComplexArray, RealArray, float]:
-    """v_r/u (F,), its variance and the degrees of freedom of that."""
+def _with_variance(settled: PeriodicResponse) -> tuple[ComplexArray, RealArray, float]:
+    """v_r/u (F,), its variance, and the degrees of freedom of the variance."""
     variance = (DEGREES + 2) / DEGREES * settled.variance[:, 0, 0]
     return settled.response[:, 0, 0], variance, DEGREES
 
 
-def _held(answer: Dataset) -> DataArray:
+def _covers_truth(answer: Dataset) -> DataArray:
     """Whether an interval (draw, parameter) holds the truth."""
     return abs(answer["estimate"] - answer["truth"]) <= answer["half_width"]

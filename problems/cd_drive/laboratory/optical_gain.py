@@ -1,8 +1,8 @@
 """Optical gains from the diodes' signals and one known distance (section 4.4).
 
-Focus: a ramp moves the lens through the s-curve of a disc at rest; the s-curve's extremes are
-12 um apart. Radial: an eccentric disc moves its tracks past a lens at rest; they are 1.6 um apart.
-Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+Focus: a ramp moves the lens through the s-curve of a disc at rest; the extremes of the s-curve are
+12 um apart. Radial: an eccentric disc moves its tracks past a lens at rest; the tracks are 1.6 um
+apart. Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
 """
 
@@ -44,22 +44,24 @@ from .unknowns import DISTANCE_DEVIATION, Told, experiment_seeds
 OPTICAL_GAINS = {"K_opt": "V/m", "K_optn": "units/m"}
 """The two optical gains and their units."""
 SIGNS = {"K_opt": "$K_{opt}$", "K_optn": "$K_{optn}$"}
-"""The gains as figures and tables write them."""
+"""The gains as they are written in figures and tables."""
 CONFIDENCE = 0.99
 """Probability with which an interval covers the true gain."""
 NORMAL = float(stats.norm.ppf(0.5 + CONFIDENCE / 2))
 LEAST_P = 1e-3
-"""Probability below which intervals that keep their promise would cover so few."""
+"""Smallest accepted probability of a coverage this low, if the intervals keep their promise."""
 GAIN_TOLERANCE = {"focus": 0.06, "radial": 0.03}
-"""Largest relative error of a gain in 95 % of the draws: three deviations of the distance that the
-experimenter is told."""
+"""Largest accepted error of a gain in 95 % of the draws, relative: three standard deviations of the
+told distance.
+"""
 STATED_SPREADS = {"focus": {"K_opt": 0.5, "K_optn": 0.2}, "radial": {"K_opt": 0.3, "K_optn": 0.1}}
-"""Spreads over the twelve drives as section 4.6.3 states them. In focus that of K_opt is more and
-that of K_optn less than stated; the radial ones are near the stated values."""
+"""Spreads over the twelve drives as stated in section 4.6.3. In focus the spread of K_opt is stated
+as more and that of K_optn as less than these; the radial spreads are near them.
+"""
 SPREAD_TOLERANCE = {"K_opt": 0.03, "K_optn": 0.02}
-"""Largest distance of a radial spread from the stated one."""
+"""Largest accepted difference between a radial spread and the stated one."""
 SPREAD_SLACK = 0.02
-"""By how much what is told may widen a spread over the drives."""
+"""Amount by which errors of the told distance may widen a spread over the drives."""
 
 
 @problem("cd/{axis}/optical-gain", slow=True, axis=("focus", "radial"), data=TABLES)
@@ -72,22 +74,22 @@ def optical_gain(
 
     Focus: ramps through the s-curve while the disc is at rest. Radial: the tracks of an eccentric
     disc pass the lens sideways in open loop. The diodes' signals and a known distance in them give
-    K_opt [V/m] and K_optn [units/m] of Table A.3 and their spreads over the drives. The bench has
-    no optical cross-coupling, so the radial sum of figure 4.6 is not part of it.
+    K_opt [V/m] and K_optn [units/m] of Table A.3, and their spreads over the drives. The bench has
+    no optical cross-coupling, so the radial sum of figure 4.6 is left out.
 
-    In every draw the known distance is told with an error, by 2 % in focus and by 1 % radially as
-    a standard deviation. Intervals count it, the noise, and in focus how much the gains change if
-    the law of the s-curve is not taken for granted.
+    In every draw the known distance is told with an error, whose standard deviation is 2 % in focus
+    and 1 % radially. The intervals include this error, the noise, and, in focus, the change of the
+    gains if no shape of the s-curve is assumed.
 
-    passes: number of passes to and fro that are averaged (focus), or of half rotations (radial).
-    draws: of the noise and of what is told, on each drive.
+    passes: number of averaged passes to and fro (focus), or of half rotations (radial). draws:
+    number of draws of the noise and of the told distance on each drive.
     """
     return OpticalGain(axis, passes, draws)
 
 
 @dataclass(frozen=True, eq=False)
 class OpticalGain(Study):
-    """Scans of an axis by all drives, repeated over draws."""
+    """Scans of one axis on all drives, repeated over draws."""
 
     axis: Axis
     passes: int
@@ -113,9 +115,9 @@ class OpticalGain(Study):
 
     @part
     def scans(self, seed: DataArray, context: Context) -> list[list[Scan]]:
-        """A scan of every drive in every draw, each with noise of its own."""
+        """A scan of every drive in every draw, each with its own noise."""
         scan = focus_scan if self.axis == "focus" else radial_scan
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def scanned(place: tuple[int, ...]) -> Scan:
             one = seed[place]
@@ -131,13 +133,13 @@ class OpticalGain(Study):
         dims=along,
         unit="V",
         meaning="error, one draw",
-        value=lambda scans: _first(scans, "difference"),
+        value=lambda scans: _first_draw(scans, "difference"),
     )
     sum = array(
         dims=along,
         unit="V",
         meaning="sum of the diodes, one draw",
-        value=lambda scans: _first(scans, "sum"),
+        value=lambda scans: _first_draw(scans, "sum"),
     )
     normalised = array(
         dims=along,
@@ -156,24 +158,24 @@ class OpticalGain(Study):
     )
     found = array(
         dims=(draw, drive, quantity),
-        value=lambda scans, told: _every(scans, "gains") / told.values[..., None],
+        value=lambda scans, told: _field_of_scans(scans, "gains") / told.values[..., None],
     )
 
     @array(
         dims=(draw, drive, quantity), unit="1", meaning="half-width of the 99 % interval, relative"
     )
     def half_width(self, scans: list[list[Scan]]) -> RealArray:
-        degrees = _every(scans, "repeats")[..., None] - 1
-        noise = stats.t.ppf(0.5 + CONFIDENCE / 2, degrees) * _every(scans, "scatter")
+        degrees = _field_of_scans(scans, "repeats")[..., None] - 1
+        noise = stats.t.ppf(0.5 + CONFIDENCE / 2, degrees) * _field_of_scans(scans, "scatter")
         known = NORMAL * DISTANCE_DEVIATION[self.axis]
-        half: RealArray = np.hypot(noise, known) + _every(scans, "law")[..., None]
+        half: RealArray = np.hypot(noise, known) + _field_of_scans(scans, "law")[..., None]
         return half
 
     gain = array(dims=(drive, quantity), value=lambda found: found.isel(draw=0, drop=True))
 
     def error(self, gain: DataArray) -> DataArray:
         """Relative distance of gains (..., drive, quantity) from those of Table A.3."""
-        return gain / _printed(self.axis) - 1
+        return gain / _table_gains(self.axis) - 1
 
     @check(title="{quantity}", at_most=1.0 - SURE, each="quantity")
     def near(self, found: DataArray) -> DataArray:
@@ -193,7 +195,9 @@ class OpticalGain(Study):
 
     @check()
     def spreads(self, found: DataArray) -> list[Check]:
-        """The tolerances of section 4.6.3: bounds in focus, near ones in the radial loop."""
+        """The statements of section 4.6.3: bounds in focus, approximate values in the
+        radial loop.
+        """
         mean, stated = spread(found.mean("draw")), STATED_SPREADS[self.axis]
         K_opt, K_optn = (float(mean.sel(quantity=name)) for name in OPTICAL_GAINS)
         if self.axis == "focus":
@@ -245,7 +249,7 @@ class OpticalGain(Study):
         rows = []
         for number, drive in enumerate(found["drive"].values):
             row = [str(drive)]
-            for name, true in zip(OPTICAL_GAINS, _printed(self.axis)[number], strict=True):
+            for name, true in zip(OPTICAL_GAINS, _table_gains(self.axis)[number], strict=True):
                 at = {"drive": drive, "quantity": name}
                 width = float(half_width.sel(at).mean("draw"))
                 share = f"{float(covered.sel(at)):.0%}"
@@ -264,17 +268,17 @@ class OpticalGain(Study):
         return {name: _scan_figure(answer, self.axis), "gains": _gain_figure(answer)}
 
 
-def _every(scans: list[list[Scan]], name: str) -> RealArray:
-    """A number of all scans (draws, drives, ...)."""
+def _field_of_scans(scans: list[list[Scan]], name: str) -> RealArray:
+    """One field of all scans (draws, drives, ...)."""
     return np.array([[getattr(one, name) for one in row] for row in scans])
 
 
-def _first(scans: list[list[Scan]], name: str) -> list[RealArray]:
-    """A signal of every drive in the first draw."""
+def _first_draw(scans: list[list[Scan]], name: str) -> list[RealArray]:
+    """One signal of every drive in the first draw."""
     return [getattr(one, name).astype("f4") for one in scans[0]]
 
 
-def _printed(axis: Axis) -> RealArray:
+def _table_gains(axis: Axis) -> RealArray:
     """The gains of Table A.3, (12, 2)."""
     return np.array([[getattr(drive, name) for name in OPTICAL_GAINS] for drive in drives(axis)])
 

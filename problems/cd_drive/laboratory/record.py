@@ -11,7 +11,7 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset
 
 UNITS = {"f_en": "1", "x": "m", "x_cd": "m", "f_sd": "m", "light": "1", "time": "s"}
-"""Units of the recorded signals; those not named here are in V."""
+"""Units of the recorded signals; signals not listed here are in V."""
 
 
 class Event(NamedTuple):
@@ -26,9 +26,9 @@ class CoilRecord:
     """Record of an experiment without optics, sampled at 35 kHz: arrays (N,).
 
     time [s]. u: commanded signal [V]; u_dac: the same after conversion, before the delay [V]. v_r:
-    voltage over the series resistor, u_m: control signal, both as measured and divided by the gain
-    of their amplifiers [V]. saturation: by signal, share of the samples at which its converter was
-    at its limit.
+    voltage over the series resistor, u_m: control signal, both as measured, divided by the gains of
+    their amplifiers [V]. saturation: by signal, share of the samples at which its converter was at
+    its limit.
     """
 
     time: RealArray
@@ -53,12 +53,13 @@ class CoilRecord:
 
 @dataclass(frozen=True, eq=False)
 class Record(CoilRecord):
-    """Record of an experiment with optics. Radial: d1, d2, f_en, x, x_cd are s1, s2, r_en, y, y_cd.
+    """Record of an experiment with optics. Radially, d1, d2, f_en, x, x_cd stand for s1, s2, r_en,
+    y, y_cd.
 
-    d1, d2 and their sum [V] and the normalised error f_en, as measured; x and x_cd [m], the true
-    positions of the focus point and of the layer; light, 1 where the disc is clean, and f_sd [m],
-    the false displacement. events: focus or track lost and regained, in the order of time. signals
-    (N,) by name: signals that the parts of the controller report, see `SampledLoop`.
+    d1, d2, their sum [V] and the normalised error f_en are as measured; x and x_cd [m] are the true
+    positions of the focus point and of the layer. light is 1 on a clean disc, and f_sd [m] is the
+    false displacement. events: focus or track lost and regained, in the order of time. signals (N,)
+    by name: signals that parts of the controller report, see `SampledLoop`.
     """
 
     f_en: RealArray

@@ -21,37 +21,42 @@ from .experiment import Laboratory
 from .record import Record
 
 SHOWN_DISTANCE = {"focus": 15e-6, "radial": 2.4e-6}
-"""Half of the distance shown [m]: the s-curve and its surroundings, or three tracks."""
+"""Half of the displayed distance [m]: the s-curve and its surroundings, or three tracks."""
 
 RAMP_TIME, CORNER_TIME = 0.4, 0.2
 """Durations [s] of a ramp and of its rounded corners, which do not excite the first resonance."""
 TRIANGLE_AMPLITUDE = 0.15
-"""Amplitude [V] of the triangle whose flanks are the ramps: about 24 um, 18 um after rounding."""
+"""Amplitude [V] of the triangle wave whose flanks are the ramps: about 24 um, or 18 um after
+rounding.
+"""
 DITHER_PERIOD = 16
-"""Period [samples] of the saw tooth that is added to the ramp, one step of the D/A converter high.
+"""Period [samples] of the sawtooth that is added to the ramp; its height is one step of the D/A
+converter.
 
-A step moves the lens by 0.8 um at rest; the actuator averages the saw tooth, so the ramp is even.
+A step moves the lens by 0.8 um at rest. The actuator averages the sawtooth, so the ramp is even.
 """
 ROTATION, ECCENTRICITY = 4.0, 20e-6
 """Rotation [Hz] and eccentricity [m] of a slow disc. Its tracks pass at 300 Hz at most, far below
 the corner of the anti-aliasing filters."""
 WINDOW_SAMPLES = round(0.016 * RATE)
-"""Length [samples] of a window in which the speed of the tracks changes linearly."""
+"""Length [samples] of a window within which the speed of the tracks changes linearly."""
 
 
 GROUPS = 5
-"""Groups into which the passes of the s-curve are divided; their scatter is that of the noise."""
+"""Number of groups into which the passes of the s-curve are divided; their scatter shows the noise.
+"""
 TOP_SHARE, TOP_DEGREE = 0.25, 3
-"""Stretch about an extreme, over half the way between them, and degree of the curve through it,
-where no law of the s-curve is taken for granted."""
+"""Length of the stretch around an extreme, over half the distance between the extremes, and degree
+of the polynomial fitted there. No shape of the s-curve is assumed.
+"""
 
 
 class Scan(NamedTuple):
     """Distance [m], difference and sum of the diodes [V] along it, and the gains that they give.
 
-    gains: K_opt [V/m] and K_optn [units/m]. scatter (2,): their standard errors by the noise,
-    relative, from `repeats` repetitions. law: relative difference of the gains if no law of the
-    s-curve is taken for granted; 0 radially, where the law is a sine.
+    gains: K_opt [V/m] and K_optn [units/m]. scatter (2,): their relative standard errors by the
+    noise, from `repeats` repetitions. law: relative change of the gains if no shape of the s-curve
+    is assumed; 0 radially, where the shape is a sine.
     """
 
     distance: RealArray
@@ -64,7 +69,7 @@ class Scan(NamedTuple):
 
 
 def ramps(passes: int) -> RealArray:
-    """Excitation [V] that passes the focus to and fro, after a first period in which it grows."""
+    """Excitation [V] that passes the focus to and fro; its size grows during the first period."""
     samples = round(2 * RAMP_TIME * RATE)
     cycle = np.arange(samples) / samples
     triangle = 2 / np.pi * np.arcsin(np.sin(2 * np.pi * cycle))
@@ -111,31 +116,33 @@ def focus_scan(bench: Laboratory, passes: int, seed: int) -> Scan:
 
 
 def _distance(difference: RealArray, centre: float, half: float) -> RealArray:
-    """Distance [m] from the focus at each sample, from centre and half way of the extremes."""
+    """Distance [m] from the focus at each sample, from the centre and half distance of the
+    extremes.
+    """
     distance: RealArray = (np.arange(float(difference.size)) - centre) * (S_CURVE_PEAK / half)
     return distance
 
 
 def _s_curve_gains(difference: RealArray, total: RealArray) -> RealArray:
-    """Slopes of the difference [V/m] and of the normalised error [units/m] about the focus."""
+    """Slopes of the difference [V/m] and of the normalised error [units/m] around the focus."""
     distance = _distance(difference, *_s_curve_extremes(difference))
     inside = np.abs(distance) < S_CURVE_LINEAR
-    # A ratio of averages: the noise of the sum would shift an average of ratios.
+    # The ratio of averages is used, since the noise of the sum would bias an average of ratios.
     x, d, level = (signal[inside] for signal in (distance, difference, total))
     return np.array([np.polyfit(x, signal, 1)[0] for signal in (d, d / level)])
 
 
 def _with_scatter(repeats: list[RealArray]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Means of repeated gains (R, 2), and the standard errors of these, relative."""
+    """Means of repeated gains (R, 2), and the relative standard errors of the means."""
     mean, spread = np.mean(repeats, axis=0), np.std(repeats, axis=0, ddof=1)
     scatter = spread / abs(mean) / np.sqrt(len(repeats))
     return (float(mean[0]), float(mean[1])), (float(scatter[0]), float(scatter[1]))
 
 
 def _top_to_top(difference: RealArray) -> float:
-    """Half the way between the extremes [samples], each the top of a curve through what is near.
+    """Half the distance between the extremes [samples], found as the tops of local polynomials.
 
-    It takes no law of the s-curve for granted, and moves a sharp extreme to its flatter side.
+    It assumes no shape of the s-curve, but moves a sharp extreme towards its flatter side.
     """
     coarse = np.convolve(difference, np.full(61, 1 / 61), "same")
     ends = np.array([coarse.argmin(), coarse.argmax()], float)
@@ -153,12 +160,14 @@ def _top_to_top(difference: RealArray) -> float:
 
 
 def _s_curve_extremes(difference: RealArray) -> tuple[float, float]:
-    """Centre of the s-curve, and half the way from its minimum to its maximum, both in samples.
+    """Centre of the s-curve, and half the distance from its minimum to its maximum, both in
+    samples.
 
-    The second is negative where the curve falls.
+    The half distance is negative if the curve falls.
 
-    The extremes are flat, so a curve is fitted: straight within the linear range, bent smoothly to
-    the extremes by a power of the distance from them, fading beyond as light and error do.
+    The extremes are flat, so a curve is fitted: a straight line within the linear range, then a
+    smooth bend to the extremes by a power of the distance from them, and a decay beyond, as light
+    and error fade.
     """
     straight = S_CURVE_LINEAR / S_CURVE_PEAK
     time = np.arange(difference.size)
@@ -180,7 +189,7 @@ def _s_curve_extremes(difference: RealArray) -> tuple[float, float]:
     guess = np.array([(low + high) / 2, (high - low) / 2, 1.7 * top, top, 1.0])
     scale = np.array([abs(guess[1]), guess[1], top, top, 1.0])
     limits = [[-np.inf, 0.3, 1.05, 0.5, 0.1], [np.inf, 3.0, 2.9, 2.0, 20.0]]
-    for _ in range(2):  # the second time with the window at the fitted place
+    for _ in range(2):  # the second time with the window at the fitted position
         near = np.abs(time - guess[0]) < 1.5 * abs(guess[1])
         seen, at = difference[near], time[near]
         fit = least_squares(
@@ -193,7 +202,9 @@ def _s_curve_extremes(difference: RealArray) -> tuple[float, float]:
 
 
 def radial_scan(bench: Laboratory, passes: int, seed: int) -> Scan:
-    """Tracks that pass a lens at rest: sines whose slope follows from amplitude and pitch."""
+    """Scan of tracks that pass a lens at rest: amplitude and pitch of the sines give
+    their slope.
+    """
     disc = Disc(eccentricity=(ECCENTRICITY,), rotation=ROTATION, run_up=0.0)
     rest = np.zeros(round(passes / (2 * ROTATION) * RATE))
     record = bench.open_loop(rest, disc, seed=seed)
@@ -202,7 +213,7 @@ def radial_scan(bench: Laboratory, passes: int, seed: int) -> Scan:
         for i in range(0, rest.size - WINDOW_SAMPLES + 1, WINDOW_SAMPLES)
     ]
     tracks = [_tracks_passed(record.f_en[window]) for window in windows]
-    # Where the disc turns around, tracks pass slowly and not evenly.
+    # Where the disc's motion turns around, tracks pass slowly and unevenly.
     fast = [w for w, count in zip(windows, tracks, strict=True) if count > 0.9 * max(tracks)]
     gains, shown = [], None
     for window in fast:
@@ -211,7 +222,7 @@ def radial_scan(bench: Laboratory, passes: int, seed: int) -> Scan:
         distance = phase * TRACK_PITCH / (2 * np.pi)
         if shown is None:
             shown = distance, (record.d1 - record.d2)[window], record.sum[window]
-    assert shown is not None  # the fastest window is one of them
+    assert shown is not None  # one of them is the fastest window
     grid = np.linspace(-SHOWN_DISTANCE["radial"], SHOWN_DISTANCE["radial"], 301)
     difference, total = (np.interp(grid, shown[0], signal) for signal in shown[1:])
     return Scan(grid, difference, total, *_with_scatter(gains), len(gains))
@@ -227,7 +238,8 @@ def _tracks_passed(signal: RealArray) -> float:
 def _track_passage(record: Record, window: slice) -> tuple[RealArray, RealArray]:
     """Phase [rad] in a window, 0 at a rising crossing near its middle, and both amplitudes.
 
-    A sine whose frequency changes evenly; its amplitudes, of d1 - d2 [V] and f_en, are linear.
+    The signals are sines with a linearly changing frequency. The amplitudes, of d1 - d2 [V] and
+    f_en, are linear parameters of the fit.
     """
     signals = np.column_stack([(record.d1 - record.d2)[window], record.f_en[window]])
     time = np.linspace(-1.0, 1.0, len(signals))

@@ -1,7 +1,8 @@
-"""What an experimenter is told of a drive and of the bench, which is never quite the truth.
+"""Values of a drive and of the bench that an experimenter is told, with errors.
 
-The numbers are drawn about the truth with stated standard deviations. An estimator is given the
-numbers and their deviations; the truth is for the simulation and for those who judge the estimate.
+The told values are drawn around the truth with stated standard deviations. An estimator receives
+these values and their deviations; only the simulation and the judgement of an estimate know the
+truth.
 """
 
 from __future__ import annotations
@@ -21,13 +22,15 @@ Experiment = Literal["open-loop", "closed-loop", "optical-gain", "linearity"]
 DRIVES = ("nominal", *(f"CD{number}" for number in range(1, 13)))
 
 MASS_DEVIATION = 0.02
-"""Relative standard deviation of the effective mass: its parts can be weighed, but how much of the
-springs and of the glue moves with them cannot."""
+"""Relative standard deviation of the effective mass: its parts can be weighed, but not the share of
+the springs and of the glue that moves with them.
+"""
 GAIN_DEVIATION = {"focus": 0.03, "radial": 0.02}
 """Relative standard deviation of the optical gain that a scan finds (`cd/{axis}/optical-gain`)."""
 DISTANCE_DEVIATION = {"focus": 0.02, "radial": 0.01}
-"""Relative standard deviation of the known distance of a scan: that of the s-curve's extremes of
-one pick-up, or the track pitch of one disc."""
+"""Relative standard deviation of the known distance of a scan: between the s-curve's extremes of
+one pick-up, or the track pitch of one disc.
+"""
 CORNER_DEVIATION = 0.02
 """Relative standard deviation of the corner of each channel's anti-aliasing filter."""
 DELAY_DEVIATION = 0.02
@@ -36,11 +39,11 @@ DELAY_DEVIATION = 0.02
 
 @dataclass(frozen=True)
 class Told:
-    """What an experimenter is told in one draw; without arguments it is the truth.
+    """The values that an experimenter is told in one draw; by default they are true.
 
     mass, gain, distance: effective mass, optical gain and known distance of a scan, over the true
-    ones. delay: the told less the true one [samples]. error_corner, control_corner, current_corner:
-    corners of the filters of the diodes', u_m's and v_r's channels, over the true ones.
+    values. delay: told minus true delay [samples]. error_corner, control_corner, current_corner:
+    corners of the filters in the channels of the diodes, u_m and v_r, over the true values.
     """
 
     mass: float = 1.0
@@ -53,8 +56,10 @@ class Told:
 
     @classmethod
     def drawn(cls, axis: Axis, seed: int) -> Told:
-        """What is told in the draw of a seed, whose noise is independent of it."""
-        rng = np.random.default_rng([int(seed), 1])  # the noise is that of the seed alone
+        """The told values in the draw of this seed; they are independent of the noise of the same
+        seed.
+        """
+        rng = np.random.default_rng([int(seed), 1])  # the noise uses the seed alone
         about_one = (MASS_DEVIATION, GAIN_DEVIATION[axis], DISTANCE_DEVIATION[axis])
         mass, gain, distance = 1 + np.array(about_one) * rng.standard_normal(3)
         corners = 1 + CORNER_DEVIATION * rng.standard_normal(3)
@@ -70,7 +75,7 @@ def experiment_seeds(
 ) -> NDArray[np.int64]:
     """Seeds (draws,) of an experiment on a drive, independent of other experiments and drives.
 
-    They begin alike whatever the number of draws.
+    The first seeds are the same for every number of draws.
     """
     kinds = get_args(Experiment)
     every = independent_seeds(rng, draws, len(kinds), len(DRIVES))
@@ -78,5 +83,7 @@ def experiment_seeds(
 
 
 def corner_ratio(ratio: Any, s: Any) -> Any:
-    """Response of one channel's filter over another's with a corner lower by the ratio."""
+    """Response of one channel's filter divided by that of another, whose corner is lower by the
+    ratio.
+    """
     return (1 + s / ANTIALIASING) / (1 + s / (ratio * ANTIALIASING))

@@ -1,1 +1,1 @@
-"""How a loop is closed, jumps tracks, changes its controller, and is closed again when lost."""
+"""Start-up of a loop, track jumps, change of its controller, and recovery when it is lost."""

@@ -1,9 +1,9 @@
 """The search for the focus: the lens ramps through the s-curve until the loop can be closed.
 
-The thesis starts its experiments with the loop closed and does not describe how: this is the usual
-way (G. Bouwhuis et al., Principles of Optical Disc Systems, 1985). The lens draws back, waits and
-advances. Where the sum of the diodes says that there is light, and the error crosses zero, the
-controller takes over from the voltage of the ramp, without a bump.
+The thesis starts its experiments with the loop closed and does not describe how it is closed. This
+is the usual way (G. Bouwhuis et al., Principles of Optical Disc Systems, 1985). The lens draws
+back, waits and advances. If the sum of the diodes shows light and the error crosses zero, the
+controller takes over from the ramp's voltage, without a bump.
 """
 
 from __future__ import annotations
@@ -22,20 +22,21 @@ from ..laboratory.bench_setup import PERIOD, coil_gain, find_drive
 from ..laboratory.experiment import MEASUREMENTS
 
 BEGIN, END = -1.3e-3, 0.8e-3
-"""Places of the lens [m], from where it rests, between which it advances: below the surface of a
-disc that hangs in the middle, and above its layer."""
+"""Positions of the lens [m] between which it advances, relative to its rest: from below the surface
+of a disc in the middle, to above its layer.
+"""
 RETREAT = 20e-3
 """Speed [m/s] at which the lens draws back."""
 WAIT = 0.1
-"""Time [s] in which a lens that has drawn back comes to rest."""
+"""Time [s] in which a lens that was drawn back comes to rest."""
 FOLLOWING = 5000.0
-"""Rate [1/s] at which the controller follows the ramp, whose voltage grows meanwhile."""
+"""Rate [1/s] at which the controller follows the ramp's voltage, which still grows."""
 NEVER = 1e9
-"""Patience [samples] of a search that is not begun anew."""
+"""Patience [samples] of a search that never starts again."""
 
 
 def volts_per_metre() -> float:
-    """Control voltage that holds the nominal lens one metre out of its rest [V/m]."""
+    """Control voltage that holds the nominal lens one metre from its rest [V/m]."""
     p = find_drive("focus", "nominal")
     return (p.R + SERIES_RESISTANCE) * p.k / (p.Bl * coil_gain(p))
 
@@ -44,9 +45,9 @@ def volts_per_metre() -> float:
 class Search:
     """A search for the focus, in voltages that suit the nominal drive.
 
-    speed: of the advancing lens [m/s]. light: sum of the diodes [V] above which the focus is near.
-    patience: time [s] without light after which a closed loop is given up and the search begins
-    anew; None: never.
+    speed: speed of the advancing lens [m/s]. light: sum of the diodes [V] above which the focus is
+    near. patience: time [s] without light after which a closed loop is opened and the search starts
+    again; None: never.
     """
 
     speed: float
@@ -55,8 +56,9 @@ class Search:
 
     @property
     def law(self) -> Controller:
-        """Part that reads f_en, the sum and the last voltage; it tells w, 1 with the loop closed,
-        and the voltage of the ramp."""
+        """Part that reads f_en, the sum and the last voltage; it returns w, which is 1 with the
+        loop closed, and the voltage of the ramp.
+        """
         volts = volts_per_metre()
         waited = NEVER if self.patience is None else self.patience / PERIOD
         steps = RETREAT * volts * PERIOD, self.speed * volts * PERIOD
@@ -66,7 +68,9 @@ class Search:
 
     @property
     def cascade(self) -> Cascade:
-        """The search and the reference controller, one of which has the command."""
+        """The search and the reference controller, only one of which gives the command at a
+        time.
+        """
         follower = following(controller("focus"), PERIOD, FOLLOWING)
         parts = [
             Part("search", self.law, given=["f_en", "sum", "u_last"], tells=["closed", "ramp"]),
@@ -81,8 +85,9 @@ class Search:
 def _search(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
     """Step of `Search`.
 
-    The state is the phase (0 drawing back, 1 waiting, 2 advancing, 3 closed), the voltage, samples
-    of the phase (without light, when closed), the last error, and whether there was light.
+    The state holds the phase (0 drawing back, 1 waiting, 2 advancing, 3 closed), the voltage, the
+    number of samples of the phase (when closed: without light), the last error, and whether there
+    was light.
     """
     begin, end, back, forth, wait, light, patience = parameters
     error, lit = given[0], given[1] > light

@@ -1,1 +1,1 @@
-"""Strategies that keep the loop while a defect passes, and how well they do."""
+"""Strategies that hold the loop while a defect passes, and their performance."""

@@ -1,4 +1,4 @@
-"""How long a defect is seen after it has passed: in the error, and in the sum (section 7.1.2).
+"""How long the effect of a past defect is visible in the error and in the sum (section 7.1.2).
 
 Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -45,23 +45,23 @@ from ..laboratory.experiment import Laboratory
 from .tactics import Strategies, clean_level
 
 KINDS = ("scratch", "black dot", "dropout")
-"""Kinds of defects; while a finger print passes, a loop that is open for as long is lost."""
+"""Kinds of defects. Finger prints are left out: a loop that is open for so long is lost."""
 LOOPS = ("no detector", "reference strategy")
-"""The reference controller by itself, and with its error set to 0 while a defect is detected."""
+"""The reference controller alone, and with its error set to 0 while a defect is detected."""
 SIGNALS = ("error", "sum", "high-passed error")
-"""Signals that are watched, in units in which a clean disc's sum is 1."""
+"""Signals that are compared; a clean disc's sum is 1."""
 SHARES: dict[Axis, float] = {"focus": 1.0, "radial": 0.5}
-"""Deviations of the disc over the Red Book's at which no loop is lost."""
+"""Deviations of the disc, over the Red Book's, at which no loop is lost."""
 SIGMAS = 3.0
-"""Standard deviations of a signal's noise beyond which the effect of a defect is seen."""
+"""The effect of a defect is visible beyond this many standard deviations of the signal's noise."""
 SETTLED = 0.05
-"""Share of its largest size below which the effect of a scratch has settled, without noise."""
+"""Share of its largest value below which the effect of a scratch has settled, without noise."""
 WATCHED = 15e-3
-"""Time [s] after a defect for which it is watched: ten periods of the loop's crossover."""
+"""Time [s] after a defect in which its effect is evaluated: ten periods of the loop's crossover."""
 CLEAN_TIME = 3.0
 """Duration [s] of the record without defects that gives the clean levels."""
 SHOWN = (-2e-3, 8e-3)
-"""Times [s] about the end of a scratch between which one is shown."""
+"""Times [s] before and after the end of a scratch that figures show."""
 
 
 @problem("cd/{axis}/after-defects", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
@@ -74,23 +74,24 @@ def after_defects(
 ) -> AfterDefects:
     """How long a defect is seen after it has passed, in the error and in the sum (7.1.2, fig. 7.4).
 
-    Scratches, black dots and dropouts pass on a disc that wobbles, with the reference controller by
-    itself and with the reference strategy. The effect of a defect is the difference from the same
-    record without defects. It is seen as long as it is beyond three standard deviations of the
-    signal's noise; without noise, that of a scratch settles when it falls below a twentieth of its
-    largest size. As a detector would see it, the error is high-passed and compared with its largest
+    Scratches, black dots and dropouts pass on a wobbling disc, with the reference controller alone
+    and with the reference strategy. The effect of a defect is the difference from the same record
+    without defects. It is visible while it exceeds three standard deviations of the signal's noise.
+    Without noise, the effect of a scratch has settled when it is below a twentieth of its largest
+    value. In addition the error is high-passed, as for a detector, and compared with its largest
     value on a clean record.
 
     drive: "CD1" to "CD12", or "nominal". share: deviation of the disc over the Red Book's; by
     default 1 in focus and a half radially, where the reference strategy loses the track of the
-    worst disc at some angles. defects: of each kind in a draw. draws: of noise and defects.
+    worst disc at some angles. defects: number of each kind in a draw. draws: number of draws of
+    noise and defects.
     """
     return AfterDefects(axis, drive, SHARES[axis] if share is None else share, defects, draws)
 
 
 @dataclass(frozen=True)
 class AfterDefects(Study):
-    """Runs with defects of every kind, and without any."""
+    """Runs with defects of every kind, and runs without defects."""
 
     axis: Axis
     drive: str
@@ -116,8 +117,8 @@ class AfterDefects(Study):
 
     @part
     def found(self, seed: DataArray, context: Context) -> Any:
-        """Clean levels, times after the defects and losses of every draw and loop."""
-        machine()  # threads that meet it at one time would each compile it
+        """Clean levels, times after the defects and losses, for every draw and loop."""
+        machine()  # otherwise threads that need it at the same time would each compile it
         cells = [(loop, int(one)) for one in seed.values for loop in LOOPS]
         every = context.spread(lambda cell: self.one_draw(*cell), cells, "draws")
         return tuple(
@@ -170,7 +171,9 @@ class AfterDefects(Study):
         return run(bench, defects, seed, duration=duration, disc=disc, law=law)
 
     def pair(self, loop: str, seed: int, noisy: bool = True) -> tuple[DefectRun, DefectRun]:
-        """The record of a seed with its defects, kind after kind, and the same without them."""
+        """The record of a seed with its defects, kind after kind, and the same record
+        without them.
+        """
         rng = np.random.default_rng(seed)
         drawn = [draw(kind, rng, self.axis) for kind in KINDS for _ in range(self.defects)]
         noise, duration = int(rng.integers(2**31)), SPACING * len(drawn)
@@ -297,12 +300,14 @@ def watched(one: DefectRun) -> tuple[RealArray, RealArray, RealArray]:
 
 
 def effects(passed: DefectRun, clean: DefectRun) -> tuple[RealArray, RealArray, RealArray]:
-    """Effect of defects on SIGNALS (N,); of the last its own size, as a detector sees it."""
+    """Effect of defects on SIGNALS (N,); for the last signal its own magnitude, as a detector sees
+    it.
+    """
     error, total = passed.record.f_en - clean.record.f_en, passed.record.sum - clean.record.sum
     return abs(error), abs(total) / clean.level, abs(high_passed(passed.record.f_en))
 
 
 def last_beyond(values: RealArray, limit: float) -> int:
-    """Number of samples up to the last one beyond a limit; 0 where none is."""
+    """Number of samples up to the last one beyond a limit; 0 if there is none."""
     beyond = np.flatnonzero(values > limit)
     return int(beyond[-1]) + 1 if beyond.size else 0

@@ -1,4 +1,4 @@
-"""Discs and circumstances that a player meets, drawn at random from stated distributions.
+"""Discs and circumstances of a player, drawn at random from stated distributions.
 
 Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
 (2003).
@@ -23,9 +23,10 @@ from ..laboratory.experiment import Laboratory
 
 GROUPS = ("disc deviation", "shocks", *KINDS, "everything")
 """Causes of errors: the disc's deviation alone, with one other cause, or with all of them (figure
-2.15)."""
+2.15).
+"""
 BEGIN = 0.3
-"""Time [s] from which on there are shocks and defects; the disc has run up by then."""
+"""Time [s] from which shocks and defects occur; the disc has run up by then."""
 GAIN_STEP = 0.5
 """Step [dB] to which loop gains are rounded."""
 
@@ -86,9 +87,9 @@ class Spread:
 
 @dataclass(frozen=True)
 class Remembered(Disc):
-    """A disc that remembers its motion, which is computed once for all strategies.
+    """A disc whose motion is computed once for all strategies.
 
-    What it returns can be read only.
+    The returned arrays are read-only.
     """
 
     def deviation(self, axis: Axis, time: RealArray) -> RealArray:
@@ -138,19 +139,21 @@ class Circumstance:
     seed: int
 
     def noise_seed(self, drive: str) -> int:
-        """Seed of the noise on a drive, independent of that on the others."""
+        """Seed of the noise on a drive, different from those on the others."""
         key = (self.seed, *drive.encode())
         return int(np.random.SeedSequence(key).generate_state(1)[0])
 
     def excitation(self, bench: Laboratory, duration: float) -> RealArray:
-        """Voltage [V] (N,) that moves the lens as the shocks do, see `defect_kinds.shocks`."""
+        """Voltage [V] (N,) that has the same effect on the lens as the shocks, see
+        `defect_kinds.shocks`.
+        """
         return _excitation(bench, self.shocks, round(duration * RATE)).copy()
 
 
 def circumstances(
     axis: Axis, count: int, duration: float, rng: np.random.Generator, spread: Spread | None = None
 ) -> list[Circumstance]:
-    """Draw circumstances; the groups' numbers differ by one at most.
+    """Draw circumstances; the sizes of the groups differ by one at most.
 
     Raises InputError for an ensemble of none, and for a duration that ends before BEGIN [s].
     """
@@ -205,5 +208,5 @@ def _placed(defect: Defect, rng: np.random.Generator, spread: Spread) -> Defect:
 
 
 def groups(many: list[Circumstance]) -> np.ndarray:
-    """Number of the group of each circumstance (C,)."""
+    """Index of the group of each circumstance (C,)."""
     return np.array([GROUPS.index(one.group) for one in many])

@@ -1,4 +1,4 @@
-"""What a false detection costs: each strategy acts as in a defect where there is none (A.3).
+"""Cost of a false detection: each strategy reacts as in a defect although there is none (A.3).
 
 Section and appendix numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -46,11 +46,11 @@ from .strategies.runs import AFTER, FALSE, Experiment
 from .strategy_looks import COLOURS, titled
 
 SHOWN = (-1e-3, 6e-3)
-"""Times [s] about the start of a false detection between which the error is shown."""
+"""Times [s] before and after the start of a false detection for which the error is shown."""
 STRATEGIES = ("reference", "A", "B", "C")
-"""Strategies of figures A.1 to A.3."""
+"""Strategies in figures A.1 to A.3."""
 CASES = ("with", "without")
-"""Records with the false detection and without it, of the same noise."""
+"""Records with and without the false detection, with the same noise."""
 
 
 @problem(
@@ -66,20 +66,20 @@ def false_detections(
 ) -> FalseDetections:
     """What a false detection costs each strategy on a disc of the largest deviation (appendix A.3).
 
-    The experiment of `cd/<axis>/strategies` on a disc without defects: as there the reference
-    strategy for a second, then another one, which settles before the detection. The largest true
-    error from its start to 5 ms after its end, beside the same record without it, and how often the
-    detector calls a clean disc bad of itself.
+    The experiment of `cd/<axis>/strategies` is run on a disc without defects: the reference
+    strategy for a second, then another one, which settles before the detection. Compared are the
+    largest true error from the detection's start to 5 ms after its end, the same without the
+    detection, and how often the detector itself calls a clean disc bad.
 
-    drive: "CD1" to "CD12", or "nominal". lasts: duration of the false detection [s]. draws: of
-    noise and of the disc's angle at the detection.
+    drive: "CD1" to "CD12", or "nominal". lasts: duration of the false detection [s]. draws: number
+    of draws of noise and of the disc's angle at the detection.
     """
     return FalseDetections(Experiment(axis), drive, lasts, draws)
 
 
 @dataclass(frozen=True)
 class FalseDetections(Study):
-    """Every strategy with a false detection and without it, in the same draws."""
+    """Every strategy with and without a false detection, in the same draws."""
 
     experiment: Experiment
     drive: str
@@ -102,7 +102,7 @@ class FalseDetections(Study):
     seed = array(dims=draw, value=lambda self, context: independent_seeds(context.rng, self.draws))
 
     def start(self, scratch: ScratchDraw) -> float:
-        """Start [s] of the detection: at the scratch's angle, when the strategy has settled."""
+        """Start [s] of the detection: at the scratch's angle, once the strategy has settled."""
         return self.experiment.first + scratch.angle / ROTATION
 
     def record(self, strategy: str, scratch: ScratchDraw, case: str, noisy: bool = True) -> Record:
@@ -114,7 +114,7 @@ class FalseDetections(Study):
         return replace(whole, defects=(), false_alarms=alarms, duration=ends).run()
 
     def outcome(self, strategy: str, scratch: ScratchDraw, noisy: bool = True) -> list[list[float]]:
-        """Largest error [m], losses, and clean samples called bad, of both CASES."""
+        """Largest error [m], number of losses, and clean samples called bad, for both CASES."""
         start, found = self.start(scratch), []
         for case in CASES:
             one = self.record(strategy, scratch, case, noisy)
@@ -127,7 +127,7 @@ class FalseDetections(Study):
     @part
     def met(self, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (draws, strategies, cases, 3)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         axis = self.experiment.axis
         cells = [
             (name, ScratchDraw.drawn(axis, int(one))) for one in seed.values for name in STRATEGIES
@@ -205,7 +205,9 @@ class FalseDetections(Study):
 
     @table
     def cost(self, error: DataArray, lost: DataArray) -> Any:
-        """Each strategy: largest error, how often it is lost, and whether it errs less."""
+        """Each strategy: largest error, how often the loop is lost, and whether its error is
+        smaller.
+        """
         rows = []
         for name in STRATEGIES:
             one = 1e6 * error.sel(strategy=name)

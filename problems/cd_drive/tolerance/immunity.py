@@ -1,4 +1,4 @@
-"""How much more gain immunity against defects allows, and what shocks gain by it (section 9.1).
+"""Additional gain that immunity against defects permits, and its benefit in shocks (section 9.1).
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -39,7 +39,7 @@ STRATEGIES: tuple[Name, ...] = get_args(Name)
 GAINS = (0.0, 2.0, 4.0, 6.0, 8.0)
 """Gains of the controller over the reference controller's [dB]."""
 CAUSES = ("shocks", "defects")
-"""Circumstances of one cause each: shocks, or defects of any one kind."""
+"""Circumstances with one cause each: shocks, or defects of any one kind."""
 
 
 @problem("cd/{axis}/immunity", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
@@ -51,15 +51,15 @@ def immunity(
 ) -> Immunity:
     """How much more gain immunity against defects allows, and what shocks gain by it (section 9.1).
 
-    The reference strategy, A, B and C at gains of up to 8 dB more, in those circumstances of
-    `cd/playability` that hold shocks alone or defects of one kind alone. A strategy's gain may be
-    raised until defects cost it as much time out of spec as they cost the reference strategy at its
-    own gain; what shocks cost it there is compared with what they cost at its own gain. Intervals
-    of 95 % are bootstrapped over the circumstances. The largest sensitivity of the twelve drives
-    stands beside each gain: it is another limit.
+    The reference strategy, A, B and C are run at gains of up to 8 dB more, in those circumstances
+    of `cd/playability` that contain only shocks or only defects of one kind. A strategy's gain may
+    be raised until defects cost it as much time out of spec as they cost the reference strategy at
+    its own gain. Its time out of spec in shocks at that gain is compared with that at its own gain.
+    Intervals of 95 % are bootstrapped over the circumstances. The largest sensitivity of the twelve
+    drives is given for each gain, since it is another limit.
 
-    scenarios: circumstances of all 7 kinds in turn, of which 5 are played. drives: how many of the
-    twelve. workers: threads; the answer is the same with any.
+    scenarios: number of circumstances of all 7 kinds in turn, of which 5 kinds are run. drives: how
+    many of the twelve. workers: number of threads; the answer does not depend on it.
     """
     cases = Cases(sampled_controller(axis), chosen(drives))
     return Immunity(axis, cases, scenarios, workers)
@@ -67,7 +67,7 @@ def immunity(
 
 @dataclass(frozen=True, eq=False)
 class Immunity(Study):
-    """Every strategy at every gain through the same circumstances."""
+    """Every strategy at every gain in the same circumstances."""
 
     axis: Axis
     cases: Cases
@@ -85,7 +85,7 @@ class Immunity(Study):
 
     @part
     def many(self, context: Context) -> list[Circumstance]:
-        """Circumstances of shocks alone, and of one kind of defect alone."""
+        """Circumstances with shocks only, and with one kind of defect only."""
         rng = np.random.default_rng(context.rng.integers(2**31))
         every = circumstances(self.axis, self.scenarios, self.cases.duration, rng)
         return [one for one in every if one.group == "shocks" or one.group in KINDS]
@@ -113,7 +113,9 @@ class Immunity(Study):
 
     @part
     def weight(self, group: DataArray, context: Context) -> RealArray:
-        """Weights (1 + samples, circumstances): all once, then bootstrapped within each kind."""
+        """Weights (1 + samples, circumstances): first all equal, then bootstrapped within each
+        kind.
+        """
         numbers: NDArray[np.int64] = np.unique(group.values, return_inverse=True)[1]
         drawn = bootstrap_weights(numbers, BOOTSTRAP_SAMPLES, context.rng)
         return np.vstack([np.ones((1, len(numbers))), drawn])
@@ -181,7 +183,7 @@ class Immunity(Study):
 
     @table
     def compared(self, answer: Dataset) -> dict[str, str]:
-        """Gain that defects allow, and what shocks cost there."""
+        """Gain that defects permit, and cost of shocks there."""
         rows = []
         for name in STRATEGIES:
             one = answer.sel(strategy=name)
@@ -221,7 +223,7 @@ class Immunity(Study):
 
 
 def _crossing(cost: RealArray, limit: float) -> float:
-    """Largest gain [dB] up to which a cost stays at or below a limit; linear between gains."""
+    """Largest gain [dB] up to which a cost is at or below a limit; linear between gains."""
     above = np.flatnonzero(cost > limit)
     if not len(above):
         return GAINS[-1]
@@ -234,9 +236,10 @@ def _crossing(cost: RealArray, limit: float) -> float:
 
 
 def _told(samples: RealArray) -> RealArray:
-    """Found, low and high (3, ...) of samples (1 + S, ...), whose first is what was found.
+    """Value found, low and high end (3, ...) of samples (1 + S, ...), of which the first is the
+    value found.
 
-    Samples without a value do not count.
+    Samples without a value are not counted.
     """
     filled = np.where(np.isnan(samples), samples[:1], samples)
     return np.concatenate([samples[:1], percentile_interval(np.moveaxis(filled[1:], 0, -1))])

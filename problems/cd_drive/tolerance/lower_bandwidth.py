@@ -1,8 +1,8 @@
-"""K', one controller of lower bandwidth for while a defect passes (section 8.5, figure 8.6).
+"""K', a single controller of lower bandwidth for the time of a defect (section 8.5, figure 8.6).
 
-The thesis makes it of the controller K and a filter, K' = K (1 - F), and finds it nearly unstable
-(figure 8.10); that it could be designed directly in the mu framework is said and not done there.
-Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+The thesis forms it from the controller K and a filter, K' = K (1 - F), and finds it nearly unstable
+(figure 8.10). It mentions that K' could be designed directly in the mu framework, but does not do
+it. Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
 """
 
@@ -33,11 +33,11 @@ from ..drive.tables import Axis
 from ..laboratory.bench_setup import PERIOD
 
 THIRD = 1 / 3
-"""Gain of the start relative to eq. 6.12, that of figure 6.7."""
+"""Gain of the start relative to eq. 6.12, as in figure 6.7."""
 ROLL_OFF = 2000.0
-"""Frequency [Hz] from which |K' S| must fall."""
+"""Frequency [Hz] from which |K' S| must decrease."""
 FLAT_RATIO = 50.0
-"""The weight of K' S is flat from FLAT_RATIO * ROLL_OFF on, so that it is proper."""
+"""The weight of K' S is flat from FLAT_RATIO * ROLL_OFF, so that it is proper."""
 FREQUENCY = np.geomspace(1.0, 17.5e3, 300)
 """Frequencies [Hz] of the figure."""
 DEFECT_FREQUENCY = np.geomspace(1000.0, 17.5e3, 300)
@@ -63,12 +63,13 @@ def lower_bandwidth(
     - W_u of K' S, 1 / (100 K_optn) as section 6.3 up to 2 kHz and rising in proportion beyond, so
       that K' falls off well below half the sampling frequency of 35 kHz.
 
-    A peak below 1 means that all three hold for all plants of the set at once. With share = 3, the
-    default, focus just reaches that; a larger share leaves less bandwidth than the Red Book's
-    deviations need. PI, lead and roll-off of the form of eq. 6.12, from a third of its gain.
+    A peak below 1 means that all three requirements hold for all plants of the set at once. With
+    share = 3, the default, focus just reaches that; a larger share leaves less bandwidth than the
+    Red Book's deviations need. The controller has PI, lead and roll-off as in eq. 6.12, and the
+    search starts from a third of its gain.
 
-    defect_mm: length of the longest defect [mm]; 2.5 is what the error correction repairs.
-    share: weight of defects. start: gain of the start relative to the reference controller.
+    defect_mm: length of the longest defect [mm]; 2.5 is what the error correction repairs. share:
+    weight of defects. start: gain of the start relative to the reference controller.
     """
     import control
 
@@ -86,7 +87,9 @@ def lower_bandwidth(
 
 
 def roll_off() -> StateSpace:
-    """Weight factor of W_u: 1 up to ROLL_OFF, then rising in proportion to the frequency."""
+    """Frequency-dependent factor of W_u: 1 up to ROLL_OFF, then rising in proportion to
+    frequency.
+    """
     import control
 
     corner = 2 * np.pi * ROLL_OFF
@@ -96,7 +99,7 @@ def roll_off() -> StateSpace:
 
 @dataclass(frozen=True, eq=False)
 class LowerBandwidth(MuSynthesis):
-    """K' and its sampled form, beside the reference controller."""
+    """K' and its sampled form, compared with the reference controller."""
 
     axis: Axis = "focus"
 
@@ -124,7 +127,8 @@ class LowerBandwidth(MuSynthesis):
     def robust_stability(self, answer: MuController) -> float:
         """Upper bound of mu over all frequencies; infinite for an unstable nominal loop.
 
-        Robust performance below 1 implies it, so that only a larger peak asks for one of its own.
+        Robust performance below 1 implies it, so a separate computation is needed only for a larger
+        peak.
         """
         if answer.upper < 1:
             return answer.upper

@@ -1,9 +1,9 @@
-"""What an observer does to the bandwidth of the loop on a clean disc (section 7.3.3).
+"""Effect of an observer on the bandwidth of the loop on a clean disc (section 7.3.3).
 
 Strategy B (figure 8.4) adds the estimated u_p to the controller's output at all times. On a clean
-disc the controller sees f_en itself; with the state feedback that section 8.4 suggests it would see
-the estimate of f_en. Both loops are linear there, for the quality is 1. Section and figure numbers
-refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+disc the controller gets f_en itself; with the state feedback that section 8.4 suggests it would get
+the estimate of f_en. Both loops are linear there, since the quality is 1. Section and figure
+numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -40,14 +40,15 @@ from ..laboratory.bench_setup import PERIOD
 OBSERVERS = ("none", "thesis", "ITAE 5 kHz", "ITAE 300 Hz", "Kalman")
 """Observers: none; K_obs and K_p of eq. 7.33 to 7.35; ITAE poles and placed oscillators; Kalman."""
 SEEN = ("f_en", "estimate", "estimate, no u_p")
-"""What the controller sees: the error as it is measured (figure 8.4) or its estimate; u_p is added
-but in the last, which shows the observer alone."""
+"""Input of the controller: the measured error (figure 8.4) or its estimate. u_p is added in all
+cases except the last, which shows the observer alone.
+"""
 DELAY = 1
-"""Turn-around of the computer [samples], as in the experiments with strategy B."""
+"""Delay of the computer [samples], as in the experiments with strategy B."""
 FAST = ("thesis", "ITAE 5 kHz")
 """Observers of 5 kHz."""
 SAME = 0.05
-"""Largest relative change of the bandwidth that is no notable one."""
+"""Largest relative change of the bandwidth that counts as negligible."""
 FREQUENCY = np.geomspace(10.0, 10e3, 300)
 """Frequencies [Hz] of the figure."""
 
@@ -56,10 +57,10 @@ FREQUENCY = np.geomspace(10.0, 10e3, 300)
 def observer_bandwidth(axis: Axis) -> ObserverBandwidth:
     """Bandwidth of strategy B's loop on a clean disc, with its observer and without (sec. 7.3.3).
 
-    T of twelve drives and the nominal one, sampled at 35 kHz with one sample of delay, and where it
-    falls to -3 dB: with the controller alone; with the thesis' observer, with one of ITAE poles at
-    5 kHz and with the Kalman filter, all of the nominal drive. The controller sees f_en, or the
-    observer's estimate of it.
+    T of twelve drives and the nominal one is computed, sampled at 35 kHz with one sample of delay,
+    with the frequency at which it falls to -3 dB: with the controller alone, with the thesis'
+    observer, with one with ITAE poles at 5 kHz, and with the Kalman filter, all designed for the
+    nominal drive. The controller gets f_en or the observer's estimate of it.
     """
     return ObserverBandwidth(axis)
 
@@ -107,7 +108,7 @@ class ObserverBandwidth(Study):
         ].astype("f4")
 
     def over(self, laws: Any, drives: dict[str, StateSpace], found: Any) -> RealArray:
-        """What a function finds of every loop (observer, seen, drive, ...)."""
+        """Values of a function for every loop (observer, seen, drive, ...)."""
         return np.array(
             [
                 [[found(P * laws[one, what]) for P in drives.values()] for what in SEEN]
@@ -119,7 +120,9 @@ class ObserverBandwidth(Study):
 
     @check(over=THIS_SYSTEM)
     def stable(self, radius: DataArray) -> list[Check]:
-        """Every loop but those whose controller sees what a slow observer estimates."""
+        """All loops are stable except those whose controller gets the estimate of a slow
+        observer.
+        """
         slow = (radius["observer"] == "ITAE 300 Hz") & (radius["seen"] != SEEN[0])
         worst = "largest modulus of a closed loop's pole, every drive"
         return [
@@ -199,19 +202,19 @@ class ObserverBandwidth(Study):
 
 
 def changes(bandwidth: DataArray) -> DataArray:
-    """Relative change of the bandwidth against that of the same drive without an observer."""
+    """Relative change of the bandwidth from that of the same drive without an observer."""
     alone = bandwidth.sel(observer="none", drop=True)
     return bandwidth / alone - 1.0
 
 
 def sampled_drives(axis: Axis) -> dict[str, StateSpace]:
-    """u [V] -> f_en [units] of every drive, behind the hold and the delay."""
+    """u [V] -> f_en [units] of every drive, including hold and delay."""
     every = plants(axis, "own", "printed")
     return {name: sampled(one, PERIOD, delay_samples=DELAY) for name, one in every.items()}
 
 
 def every_law(axis: Axis) -> dict[tuple[str, str], StateSpace]:
-    """f_en -> u by the observer and by what the controller sees."""
+    """f_en -> u, by observer and input of the controller."""
     every: dict[str, Estimator | None] = {"none": None}
     every |= observers(axis)
     return {(o, s): law(axis, one, s) for o, one in every.items() for s in SEEN}
@@ -229,7 +232,7 @@ def observers(axis: Axis) -> dict[str, Estimator]:
 
 
 def law(axis: Axis, observer: Estimator | None, seen: str) -> StateSpace:
-    """f_en -> u: the controller, fed with f_en or with its estimate, and u_p of an observer."""
+    """f_en -> u: the controller, with f_en or its estimate as input, plus u_p of an observer."""
     import control
 
     K = in_discrete_time(controller(axis), PERIOD)
@@ -251,7 +254,7 @@ def law(axis: Axis, observer: Estimator | None, seen: str) -> StateSpace:
 
 
 def closed_radius(L: StateSpace) -> float:
-    """Largest modulus of a pole of the loop that L closes with negative feedback."""
+    """Largest modulus of a pole of the loop closed around L with negative feedback."""
     poles = np.linalg.eigvals(L.A - L.B @ np.linalg.solve(np.eye(1) + L.D, L.C))
     return float(abs(poles).max())
 

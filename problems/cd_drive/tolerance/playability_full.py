@@ -1,4 +1,4 @@
-"""Playability of the whole ensemble: every drive, every strategy, a thousand scenarios."""
+"""Playability over the whole ensemble: every drive, every strategy, a thousand scenarios."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ def playability_full(
 ) -> Playability:
     """All of `cd/playability`: twelve drives, both axes, five strategies, 1,000 scenarios of 1 s.
 
-    scenarios: circumstances of each axis. workers: threads.
+    scenarios: number of circumstances for each axis. workers: number of threads.
     """
     return playability(focus, radial, scenarios, drives=12, training=35, trials=20, workers=workers)

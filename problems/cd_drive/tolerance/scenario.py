@@ -1,4 +1,4 @@
-"""Scenarios: a disc, how it turns, what is wrong with it, shocks, and strategies by the clock.
+"""Scenarios: a disc, its rotation and its defects, shocks, and strategies over time.
 
 A scenario is written down as a dictionary, or in a TOML file:
 
@@ -64,7 +64,7 @@ class Shock:
 @with_config(STRICT)
 @dataclass(frozen=True)
 class Stage:
-    """A strategy of `STRATEGIES`, which is in charge from a time [s] on."""
+    """A strategy in `STRATEGIES` that is in charge from a time [s]."""
 
     strategy: str
     time: float = 0.0
@@ -160,7 +160,7 @@ class Scenario:
         )
 
     def run(self, **designs: Any) -> Record:
-        """Simulate; raises InputError where a strategy cannot be made or a part of it fails."""
+        """Simulate. Raises InputError if a strategy cannot be made or a part of it fails."""
         strategies = self.strategies(**designs)
         schedule = [(stage.time, strategies.named(stage.strategy)) for stage in self.stages]
         samples = round(self.duration * RATE)
@@ -174,8 +174,8 @@ class Scenario:
 def scenario(script: Mapping[str, Any]) -> Scenario:
     """Make the scenario of a dictionary, see the module.
 
-    Raises InputError for keys that are unknown (with those that are known), and for values of
-    another type or that make no sense.
+    Raises InputError for unknown keys (and lists the known ones), and for values of a wrong type or
+    without meaning.
     """
     try:
         return _adapter().validate_python(dict(script))
@@ -198,7 +198,7 @@ def _adapter() -> TypeAdapter[Scenario]:
 
 
 def _told(error: Any) -> str:
-    """Message of one error of a script, with its place."""
+    """Message for one error in a script, with its place."""
     place = ".".join(str(step) for step in error["loc"])
     if error["type"] != "unexpected_keyword_argument":
         message = str(error["msg"]).removeprefix("Value error, ")
@@ -208,7 +208,7 @@ def _told(error: Any) -> str:
 
 
 def _holder(path: tuple[str | int, ...]) -> Any:
-    """Class whose fields are allowed at a place of a script."""
+    """Class whose fields are allowed at this place of a script."""
     parts = {"bench": Laboratory, "disc": Disc, "defects": Defect, "shocks": Shock, "stages": Stage}
     holder = parts[str(path[0])] if path else Scenario
     return holder

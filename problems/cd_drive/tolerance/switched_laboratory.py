@@ -1,8 +1,8 @@
 """The switched loop in the virtual laboratory: its strategies, optics and quality signal.
 
 The bounds of the linear loop are compared with these simulations. Defects begin and end abruptly,
-so that the strategy is in charge for the given number of samples and one more, in which the light
-comes back. The converters' noise and rounding are left out, since the bounds do not include them.
+so the strategy is in charge for the given number of samples, and for one more in which the light
+returns. The converters' noise and rounding are left out, since the bounds do not include them.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ LENGTH_FACTOR = 1.0 - 1e-9
 
 @dataclass(frozen=True)
 class Rig:
-    """Drives that play a disc at a rotation frequency [Hz].
+    """Drives with a disc at a rotation frequency [Hz].
 
-    size: factor of the disc's largest deviation and of the defects' displacement [m]. delay: that
-    of the computer [samples].
+    size: factor on the disc's largest deviation and on the defects' displacement [m]. delay: of the
+    computer [samples].
     """
 
     axis: Axis
@@ -50,7 +50,7 @@ class Rig:
         return Disc.along(self.axis, deviation, rotation=self.rotation)
 
     def defects(self, samples: int) -> Sequence[Defect]:
-        """Defects of a length [samples], one at every angle, each met in one revolution."""
+        """Defects of this length [samples], one at every angle, one in each revolution."""
         return [
             Defect(
                 LENGTH_FACTOR * samples / RATE * VELOCITY,

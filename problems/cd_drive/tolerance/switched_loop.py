@@ -4,9 +4,10 @@ With w the disc's deviation, x the lens, both in um, and AAF the anti-aliasing f
 
     eps = k AAF (w - x)    measured error [units],   u = z + C_i f + D_i eps,   z' = a z + b_i eps.
 
-z is the integrator, f the fast states of every controller and filter, which run all the time. Both
-controllers have the same slow pole a: the integrator is handed over, so that u keeps its slow part.
-While a defect passes, the strategy replaces what the controller K is in clean parts:
+z is the integrator. f are the fast states of every controller and filter, which run all the time.
+Both controllers have the same slow pole a. The integrator is shared, so that u keeps its slow part
+when the controller changes. While a defect passes, the strategy replaces the controller K of the
+clean parts:
 
     open    the reference strategy of section 8.2: eps = 0 to K, whose states run on
     filter  figure 8.6 as the thesis has it: K (1 - F), F a first-order high-pass of 450 Hz

@@ -1,7 +1,7 @@
-"""Strategies: the controller's input and action while a surface defect passes (chapter 8).
+"""Strategies: input and action of the controller while a surface defect passes (chapter 8).
 
-Every strategy is a cascade of parts behind the same detector, w_Q. Equation, figure and section
-numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+Every strategy is a cascade of parts behind the same detector, which gives w_Q. Equation, figure and
+section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -46,7 +46,9 @@ CORNER = 200.0
 
 
 def stand_in_filter() -> StateSpace:
-    """Discrete stand-in F of the fault filter: the part of a signal that the low-pass removes."""
+    """Discrete stand-in F for the fault filter: it returns the part of a signal that the low-pass
+    removes.
+    """
     return in_discrete_time(1 - low_pass(), PERIOD)
 
 
@@ -119,11 +121,13 @@ class Strategies:
         return linear(self.controller, PERIOD)
 
     def _reference(self) -> list[Part]:
-        """Figure 8.2: the loop is opened; the controller goes on with an error of 0."""
+        """Figure 8.2: the loop is opened, and the controller continues with an error of 0."""
         return [Part("seen", blend(), ["w_Q", "f_en"]), Part("K", self._law, ["seen"], tells=["u"])]
 
     def _repetitive(self) -> list[Part]:
-        """Strategy A, figure 8.3: the repetitive filter goes on with what it has learnt."""
+        """Strategy A, figure 8.3: the repetitive filter continues with the periodic command it has
+        learnt.
+        """
         return [
             Part("trusted", blend(), ["w_Q", "f_en"]),
             Part("REP", self.repetitive.controller, ["trusted"]),
@@ -153,7 +157,7 @@ class Strategies:
         ]
 
     def _replaced(self) -> list[Part]:
-        """Figure 8.6 as one controller: K' has the command while w_Q is 0."""
+        """Figure 8.6 as one controller: K' gives the command while w_Q is 0."""
         other = self.replacement
         if other is None:
             raise InputError(
@@ -182,7 +186,7 @@ STRATEGIES: dict[str, Callable[[Strategies], list[Part]]] = {
     "C": Strategies._removed,
     "K_prime": Strategies._replaced,
 }
-"""Functions that make the parts of each strategy."""
+"""Functions that return the parts of each strategy."""
 
 
 def clean_level(laboratory: Laboratory, reflectivity: float = 1.0) -> float:

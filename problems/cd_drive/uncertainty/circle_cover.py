@@ -37,14 +37,14 @@ def circle_cover(
 ) -> CircleCover:
     """Nominal and complex weight that contain twelve drives (section 5.3, figures 5.10-5.12).
 
-    Method "steps" fits the nominal to the centres of the smallest circles, as the thesis does;
-    "joint" chooses it for small circles about it.
+    Method "steps" fits the nominal to the centres of the smallest circles, as the thesis does.
+    Method "joint" chooses the nominal so that the circles around it are small.
 
     frequencies, lowest, highest, gain, values: as in cd/<axis>/circles. source: drives from the
     measured "tables", or as "identified" in the virtual laboratory. order, zeros: of the nominal;
-    complex_order: of the weight. form: weights "multiplicative" or "additive". leave_out: drives
-    that may lie outside at each frequency. content: widen the sets so that a further drive is
-    inside with this probability, if drives are normally distributed.
+    complex_order: of the weight. form: weights "multiplicative" or "additive". leave_out: number of
+    drives that may be outside at each frequency. content: the sets are widened so that they contain
+    a further drive with this probability, if drives are normally distributed.
     """
     measured = measured_drives(
         axis, frequencies, lowest, highest, gain, values, identified, optical_gains, content

@@ -25,9 +25,9 @@ def circles(
     At each frequency the twelve responses from control voltage to normalised error are a set of
     points; the smallest circle around them is the first set of the complex uncertainty model.
 
-    frequencies: how many, logarithmically spaced from lowest to highest [Hz].
-    gain: "own" optical gain of each drive, "equal" for all, or equalised at crossover as the
-    automatic gain control does ("agc"). values: tables "printed" or "corrected".
+    frequencies: number of frequencies, logarithmically spaced from lowest to highest [Hz]. gain:
+    "own" optical gain of each drive, "equal" for all, or equalised at crossover as the automatic
+    gain control does ("agc"). values: tables "printed" or "corrected".
     """
     points = nyquist_points(axis, frequencies, lowest, highest, gain, values)
     return SmallestCircle(points, windows=WINDOWS[axis])

@@ -1,4 +1,6 @@
-"""The responses that a cover covers, in full precision: its file has them to look at only."""
+"""The responses that a cover contains, in full precision; the cover's file holds rounded ones to
+look at.
+"""
 
 from __future__ import annotations
 
@@ -10,5 +12,5 @@ from workbench.uncertainty.covers.cover import UncertaintyCover
 
 
 def covered_responses(run: Run) -> DataArray:
-    """Responses (frequency [Hz], plant) that the run of a cover was asked to cover."""
+    """Responses (frequency [Hz], plant) that the run of a cover had to cover."""
     return cast(UncertaintyCover, run.task).responses.labelled()

@@ -1,4 +1,4 @@
-"""Responses of the twelve drives from which covers start, and the covers' common parameters.
+"""Responses of the twelve drives from which covers are made, and parameters that covers share.
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control
 of CD-players (2003). Responses are those of the actuator, without the anti-aliasing filter: a
@@ -26,7 +26,7 @@ LeaveOut = Annotated[int, Field(ge=0, le=4)]
 
 
 def identified_drives(axis: str, source: Source = "tables", **_: Any) -> dict[str, Any]:
-    """The runs of the virtual laboratory's identification; none where the tables are the source."""
+    """References to the laboratory's identification runs; empty if the tables are the source."""
     if source == "tables":
         return {}
     return {
@@ -48,9 +48,9 @@ def measured_drives(
 ) -> Responses:
     """Responses u [V] to f_en [units] of twelve drives, from the tables or as identified.
 
-    The drives' models are known at every frequency, and covers contain them there.
-    With ``content`` the responses are widened, so that a further drive lies within them with this
-    probability.
+    The drives' models are known at every frequency, so covers contain them between the given
+    frequencies, too. With ``content`` the responses are widened so that they contain a further
+    drive with this probability.
     """
     frequency = grid(frequencies, lowest, highest)
     twelve = drives(axis, values)

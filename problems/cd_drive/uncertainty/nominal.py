@@ -24,11 +24,11 @@ from .covered import covered_responses
 
 NOMINAL_FORMS = ("parametric", "complex", "mixed")
 CLOSE = {"outside": 2.0, "inside": 4.0}
-"""Largest difference [dB] of two nominal magnitudes outside and inside the resonances."""
+"""Largest accepted difference [dB] of two nominal magnitudes, outside and inside the resonances."""
 
 
 def steps_of_covers(axis: str, frequencies: int = 400, **_: Any) -> dict[str, Any]:
-    """The runs of both covers by the method of the thesis, "steps"."""
+    """References to the runs of both covers by the thesis' method "steps"."""
     return {
         f"{shape}s": ref(f"cd/{axis}/{shape}-cover", method="steps", frequencies=frequencies)
         for shape in ("circle", "stadium")
@@ -48,7 +48,7 @@ def nominal(axis: Axis, circles, stadiums, frequencies: Frequencies = 400) -> No
     parameters of Table 5.2, a fourth-order function fitted to the centres of the smallest circles,
     and one fitted to the centres of the narrowest stadiums.
 
-    frequencies: how many, logarithmically spaced from 5 Hz to 5 kHz.
+    frequencies: number of frequencies, logarithmically spaced from 5 Hz to 5 kHz.
     """
     return NominalModels(axis, circles, stadiums)
 
@@ -76,7 +76,7 @@ class NominalModels(Study):
 
     @property
     def fitted(self) -> list[Rational]:
-        """Nominal functions of the complex and the mixed form."""
+        """Nominal transfer functions of the complex and the mixed form."""
         return [self.circles.answer.model.nominal, self.stadiums.answer.model.nominal]
 
     @array(dims=(form, frequency), unit="units/V", meaning="nominal response")

@@ -1,4 +1,5 @@
-"""Parametric uncertainty of the actuator: nine parameters, or three in their place (section 5.2).
+"""Parametric uncertainty of the actuator: nine parameters, or three that represent them (section
+5.2).
 
 The two masses of Table 3.2 with the tolerances of Tables 5.2 and 5.3. The anti-aliasing filter is
 known and left out. Equation and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant
@@ -27,8 +28,9 @@ UNITS = {
     "b1": "N s/m", "b2": "N s/m", "m1": "kg", "m2": "kg",
 }  # fmt: skip
 COPIES = dict.fromkeys(UNITS, 1) | {"Bl": 2}
-"""Number of real perturbations of each parameter. Bl has two, because it turns current into force
-and speed into voltage."""
+"""Number of real perturbations of each parameter. Bl has two, since it converts current into force
+and speed into voltage.
+"""
 
 
 def two_masses(
@@ -36,7 +38,7 @@ def two_masses(
 ) -> tuple[Any, Any, Any, float]:
     """A, B, C, D of eq. 3.12-3.14, u [V] -> f_en [units]; states x1, x2 and their speeds.
 
-    M x'' + C x' + K x = g Bl i and (R + r) i = u - Bl g'x', each parameter written once.
+    M x'' + C x' + K x = g Bl i and (R + r) i = u - Bl g'x', with each parameter entered once.
     """
     lens, arm = np.eye(2)
 
@@ -49,12 +51,14 @@ def two_masses(
     current = matrix([[0.0, 0.0, -Bl, 0.0, 1.0]]) / (R + SERIES_RESISTANCE)
     force = matrix([[-stiffness, -damping, np.zeros((2, 1))]]) + lens[:, None] @ (Bl * current)
     speeds = np.eye(2, 5, k=2)
-    change = matrix([[speeds], [left_divide(mass, force)]])  # of the states, by the states and u
+    change = matrix(
+        [[speeds], [left_divide(mass, force)]]
+    )  # rows of the states, columns of the states and u
     return change @ np.eye(5, 4), change @ np.eye(5)[:, 4:], K_total * np.eye(1, 4), 0.0
 
 
 def uncertain_parameters(axis: Axis, reduced: bool = True) -> tuple[Parameter, ...]:
-    """The nine parameters of Table 5.2, or the three of Table 5.3, where R stands for others."""
+    """The nine parameters of Table 5.2, or the three of Table 5.3, in which R represents others."""
     table = nominal_table(axis)
     tolerances = {name: entry.tolerance for name, entry in table.items()}
     chosen = reduced_tolerances(axis) if reduced else tolerances
@@ -62,7 +66,7 @@ def uncertain_parameters(axis: Axis, reduced: bool = True) -> tuple[Parameter, .
 
 
 def parametric_plant(axis: Axis, reduced: bool = True) -> ParametricModel:
-    """u [V] -> f_en [units] with its real perturbations pulled out, without the filter."""
+    """Uncertain model u [V] -> f_en [units] with its real perturbations, without the filter."""
     uncertain = uncertain_parameters(axis, reduced)
     names = [parameter.name for parameter in uncertain]
     certain = {n: entry.nominal for n, entry in nominal_table(axis).items() if n not in names}
@@ -70,5 +74,5 @@ def parametric_plant(axis: Axis, reduced: bool = True) -> ParametricModel:
 
 
 def parametric_nominal(axis: Axis) -> StateSpace:
-    """u [V] -> f_en [units] at the nominal values of Table 5.2, without the filter."""
+    """Model u [V] -> f_en [units] at the nominal values of Table 5.2, without the filter."""
     return plant(nominal_parameters(axis), total_gain(axis), antialiasing=False)

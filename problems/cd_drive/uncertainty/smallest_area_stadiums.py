@@ -22,8 +22,8 @@ def smallest_area_stadiums(
 ) -> SmallestAreaStadium:
     """Stadiums of the smallest area around the Nyquist points of twelve drives (section 5.4).
 
-    The other criterion that the thesis names, beside the narrowest stadiums of cd/<axis>/stadiums.
-    Method "narrowest" gives those, so that a comparison shows how much larger their area is.
+    This is the thesis' other criterion, besides the narrowest stadiums of cd/<axis>/stadiums.
+    Method "narrowest" gives the latter, so that a comparison shows how much larger their area is.
 
     frequencies, gain, values: as in cd/<axis>/circles.
     """

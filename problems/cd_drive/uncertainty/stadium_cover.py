@@ -51,8 +51,8 @@ def stadium_cover(
     Method "steps" takes the seven steps of the thesis; "joint" chooses nominal and real weight
     together for narrow stadiums.
 
-    real_order: order of the real weight. minimum_phase: its zeros lie in the left half plane.
-    orientation of the third set: each stadium the "narrowest", "limited" where the angle is
+    real_order: order of the real weight. minimum_phase: whether its zeros are in the left half
+    plane. orientation of the third set: each stadium the "narrowest", "limited" if the angle is
     erratic, or "smooth" along frequency. The other parameters: as in cd/<axis>/circle-cover.
     """
     measured = measured_drives(

@@ -31,15 +31,17 @@ from .measured_drives import measured_drives
 COVER_METHODS = ("steps", "joint")
 COVER_SHAPES = ("circle", "stadium")
 HIGH_FREQUENCY = 100.0
-"""Frequency [Hz] above which the gain spread is most of the uncertainty."""
+"""Frequency [Hz] above which the spread of the gain dominates the uncertainty."""
 LEAST_RATIO = 2.0
-"""Least ratio of the circle's radius to the stadium's half-width where the circle is largest."""
+"""Least ratio of the circle's radius to the stadium's half-width, where the circle is largest."""
 LEAST_REMOVED = 0.5
-"""Least share of the uncertainty above HIGH that the automatic gain control removes."""
+"""Least share of the uncertainty above HIGH_FREQUENCY that the automatic gain control removes."""
 
 
 def needs(axis: str, frequencies: int = 400, **_: Any) -> dict[str, Any]:
-    """The runs of both covers by both methods, and of the parametric spread, on one grid."""
+    """References to the runs of both covers by both methods, and of the parametric spread, on one
+    grid.
+    """
     covers = {
         f"{shape}_{method}": ref(f"cd/{axis}/{shape}-cover", method=method, frequencies=frequencies)
         for shape, method in product(COVER_SHAPES, COVER_METHODS)
@@ -59,10 +61,11 @@ def comparison(  # type: ignore[no-untyped-def]
 ) -> UncertaintyComparison:
     """Parametric, complex and mixed uncertainty side by side (figure 5.16, section 5.6).
 
-    Sizes of the sets and of the weights fitted to them, by the steps of the thesis and with the
-    nominal chosen for small sets; the three gain variants about the nominal of Table 5.2.
+    Shown are the sizes of the sets and of the weights fitted to them, by the steps of the thesis
+    and with a nominal chosen for small sets; and the three gain variants about the nominal of Table
+    5.2.
 
-    frequencies: how many, logarithmically spaced from 5 Hz to 5 kHz.
+    frequencies: number of frequencies, logarithmically spaced from 5 Hz to 5 kHz.
     """
     covers = (circle_steps, circle_joint, stadium_steps, stadium_joint)
     runs = dict(zip(product(COVER_SHAPES, COVER_METHODS), covers, strict=True))
@@ -129,7 +132,7 @@ class UncertaintyComparison(Study):
 
     @check()
     def numbers_as_stated(self, answer: Dataset) -> list[Check]:
-        """The peak at the first resonance, and what stadiums and gain control gain."""
+        """The peak at the first resonance, and the reduction by stadiums and by gain control."""
         low, high = WINDOWS[self.axis]["first resonance"]
         numbers = self.metrics(answer)
         peak, ratio = numbers["peak_hz"], 1 / numbers["radius_over_width_at_peak"]
@@ -226,11 +229,11 @@ def _about(axis: Axis, frequency: RealArray, gain: Gain, nominal: ComplexArray) 
 
 
 def _named(variant: DataArray) -> DataArray:
-    """Sizes with the shapes called by what measures them."""
+    """Sizes, with each shape renamed after the quantity that measures it."""
     return variant.assign_coords(shape=["radius", "width"])
 
 
 def _worst(ratio: DataArray) -> tuple[float, str]:
-    """The largest ratio, and the frequency that has it."""
+    """The largest ratio, and the frequency at which it occurs."""
     frequency = ratio["frequency"].values
     return worst(ratio.values, lambda place: f"at {frequency[place[1]]:.4g} Hz")

@@ -1,1 +1,1 @@
-"""Nonlinear plants in plain NumPy: nothing of the workbench is known here."""
+"""Nonlinear plants in plain NumPy, which use nothing of the workbench."""

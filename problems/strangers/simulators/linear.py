@@ -1,4 +1,4 @@
-"""The truth about each unit near rest: its linear plant, found by differences."""
+"""True linear plant of each unit near rest, from numerical derivatives."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from .rig import at_rest, jacobian
 from .stranger import Array, Parameters, Stranger
 
 FAR = 1e3
-"""Zeros farther than this from zero, over the largest pole, are those at infinity, rounded."""
+"""Zeros larger than the largest pole by this factor are zeros at infinity that rounding made
+finite.
+"""
 
 
 @dataclass(frozen=True)
 class LinearPlant:
-    """A (n, n), B (n, m), C (m, n) of a unit near rest, and dead time of its inputs [s]."""
+    """A (n, n), B (n, m) and C (m, n) of a unit near rest, and the dead time of its inputs [s]."""
 
     A: Array
     B: Array
@@ -51,7 +53,7 @@ class LinearPlant:
 
 
 def linear_plants(plant: Stranger, p: Parameters) -> list[LinearPlant]:
-    """The linear plant of each unit at its rest, dry friction and backlash left out."""
+    """The linear plant of each unit at its rest, without dry friction and backlash."""
     x, u = at_rest(plant, p)
     smooth = plant.linear(p)
     if plant.frictionless:
@@ -61,7 +63,7 @@ def linear_plants(plant: Stranger, p: Parameters) -> list[LinearPlant]:
     B = jacobian(lambda z: plant.slope(x, z, still, smooth), u)
     C = jacobian(lambda z: plant.output(z, smooth), x)
     step = plant.period / plant.substeps
-    delay = step * np.round(getattr(p, "delay", still) / step)  # as the rig waits
+    delay = step * np.round(getattr(p, "delay", still) / step)  # rounded as the rig rounds it
     return [
         LinearPlant(A[:, :, k], B[:, :, k], C[:, :, k], float(delay[k])) for k in range(x.shape[1])
     ]

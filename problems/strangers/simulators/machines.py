@@ -11,7 +11,7 @@ GRAVITY = 9.81
 
 
 def dry(speed: Array, size: Array, width: float) -> Array:
-    """Coulomb friction of a size, which turns over within a width of speeds."""
+    """Coulomb friction of this size, smoothed over speeds of this width."""
     friction: Array = size * np.tanh(speed / width)
     return friction
 
@@ -20,7 +20,7 @@ def dry(speed: Array, size: Array, width: float) -> Array:
 
 
 def motor_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """The gear bears torque where it is twisted beyond its play; d is a torque on the load [Nm]."""
+    """The gear transmits torque once its twist exceeds the play; d is a torque on the load [Nm]."""
     motor, load, twist = x
     drive = p.constant / p.resistance * (u[0] - p.constant * motor)
     pressed = twist - np.clip(twist, -p.play / 2, p.play / 2)
@@ -67,7 +67,7 @@ MOTOR = Stranger(
 
 
 def arm_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Hub and arm with the spring between them; gravity pulls the arm down; d is a torque [Nm]."""
+    """Hub and arm with a spring between them. Gravity pulls the arm down; d is a torque [Nm]."""
     hub, hub_speed, arm, arm_speed = x
     inertia = p.inertia + p.payload * p.length**2
     weight = GRAVITY * (p.moment + p.payload * p.length) * np.sin(arm)
@@ -109,7 +109,7 @@ ARM = Stranger(
 
 
 def drive_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """The fan's torque grows with the square of its speed; d is a torque on it [Nm]."""
+    """The fan's torque grows with the square of its speed; d is a torque on the fan [Nm]."""
     motor, fan, twist = x
     shaft = p.stiffness * twist + p.damping * (motor - fan)
     return np.array(

@@ -13,7 +13,7 @@ GRAVITY = 9.81
 
 
 def levitation_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """The magnet pulls with the square of current over gap; d is a force downwards [N]."""
+    """The magnet pulls with the square of (current / gap); d is a downward force [N]."""
     gap, speed, current = x
     pull = p.magnet * (current / np.maximum(gap, 1e-4)) ** 2
     return np.array([speed, GRAVITY + (d - pull) / p.mass, (u[0] - current) / p.lag])
@@ -42,7 +42,7 @@ LEVITATION = Stranger(
 
 
 def roll_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Thrust grows with the square of a rotor's speed; d is a gust's torque [Nm]."""
+    """Thrust grows with the square of a rotor's speed; d is the torque of a gust [Nm]."""
     rate, left, right = x
     torque = p.arm * p.thrust * (left**2 - right**2)
     wanted = p.swing * u[0]
@@ -80,7 +80,7 @@ ROLL = Stranger(
 
 
 def cylinder_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Flow grows with the root of the pressure that is left; d is a force on the piston [N]."""
+    """Flow grows with the square root of the remaining pressure; d is a force on the piston [N]."""
     _, speed, pressure, spool = x
     left = np.maximum(1.0 - np.sign(spool) * pressure / p.supply, 0.0)
     flow = p.valve * spool * np.sqrt(left)
@@ -118,11 +118,11 @@ CYLINDER = Stranger(
 # --- the arm of a disk drive: a pivot, and many modes of the arm ----------------------------------
 
 MODES_HZ, SHARES, RATIOS = (900.0, 1600.0, 2300.0, 3100.0), (0.3, -0.6, 0.8, -1.0), 0.015
-"""Frequencies, shares of the acceleration and damping ratio of the modes."""
+"""Frequencies [Hz] of the modes, their shares of the acceleration, and their damping ratio."""
 
 
 def disk_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """A mode for each pair of states; the magnet weakens away from the middle; d is a bias [V]."""
+    """Each pair of states is a mode. The magnet weakens away from the middle; d is a bias [V]."""
     slopes, force = [], p.gain * (1.0 - (x[0] / p.stroke) ** 2) * (u[0] - d)
     pivot = 2 * np.pi * p.pivot_hz
     rest = pivot**2 * x[0] + 2 * p.pivot_ratio * pivot * x[1] + p.dry * np.tanh(x[1] / 500.0)

@@ -8,11 +8,11 @@ from .stranger import Array, Channel, Demand, Parameters, Stranger, Test
 
 KELVIN = 273.15
 SMOOTH = 0.01
-"""Head [cm] below which flow grows in proportion to head, not to its root."""
+"""Head [cm] below which flow is proportional to the head instead of its square root."""
 
 
 def root(head: Array) -> Array:
-    """Root of a head [cm], with its sign, without the infinite slope at zero."""
+    """Square root of |head| [cm], with the sign of the head and a finite slope at zero."""
     rooted: Array = head / np.sqrt(np.abs(head) + SMOOTH)
     return rooted
 
@@ -21,7 +21,7 @@ def root(head: Array) -> Array:
 
 
 def heater_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Energy balance of the plate, and the lag of its thermometer; d is a loss of power [W]."""
+    """Energy balance of the plate, and the lag of its thermometer; d is a lost power [W]."""
     plate, shown = x
     radiated = p.radiation * ((plate + KELVIN) ** 4 - (p.ambient + KELVIN) ** 4)
     heat = p.power * u[0] / 100.0 - p.convection * (plate - p.ambient) - radiated - d
@@ -56,7 +56,9 @@ HEATER = Stranger(
 
 
 def tanks_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Torricelli's law between the tanks and out of the second; d is a flow into it [cm^3/s]."""
+    """Torricelli's law between the tanks and at the outlet of the second; d is a flow into it
+    [cm^3/s].
+    """
     first, second, flow = x
     between, out = p.pipe * root(first - second), p.outlet * root(second)
     return np.array(
@@ -89,7 +91,7 @@ TANKS = Stranger(
 
 
 def boiler_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Cold water lets bubbles collapse first, so the level falls before it rises; d is steam."""
+    """Cold water first makes bubbles collapse, so the level falls before it rises; d is steam."""
     water, bubbles, feed = x
     leaked = p.leak * np.sqrt(np.maximum(water, 1.0))
     return np.array(
@@ -129,7 +131,7 @@ BOILER = Stranger(
 
 
 def mixing_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Balances of volume and heat; valves are slow; d is a flow of cold water [cm^3/s]."""
+    """Balances of volume and heat. The valves are slow; d is a flow of cold water [cm^3/s]."""
     level, temperature, hot, cold = x
     volume = p.area * np.maximum(level, 1.0)
     heat = hot * (p.hot - temperature) + (cold + d) * (p.cold - temperature)
@@ -176,14 +178,14 @@ WATER = 1e-14
 
 
 def neutral_slope(x: Array, u: Array, d: Array, p: Parameters) -> Array:
-    """Balance of the excess of base over acid; d is acid [ml/s]."""
+    """Balance of the excess of base over acid; d is a flow of acid [ml/s]."""
     excess, base = x
     gained = base * (p.base - excess) - (p.acid_flow + d) * (p.acid + excess)
     return np.array([gained / p.volume, (p.pump * u[0] - base) / p.lag])
 
 
 def acidity(x: Array, p: Parameters) -> Array:
-    """pH by the balance of charges, [H] + excess = K / [H], and the electrode's slope."""
+    """pH from the balance of charges, [H] + excess = K / [H], and the slope of the electrode."""
     hydrogen = 0.5 * (-x[:1] + np.sqrt(x[:1] ** 2 + 4 * WATER))
     hydrogen = np.where(
         x[:1] > 0, WATER / (0.5 * (x[:1] + np.sqrt(x[:1] ** 2 + 4 * WATER))), hydrogen

@@ -1,4 +1,4 @@
-"""Records of a stranger's units, as loggers write them."""
+"""Records of a stranger's units, written as loggers write them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from .rig import Rig
 from .stranger import Array, Channel, Stranger
 
 HIGHEST = 0.1
-"""Highest excited frequency over the sampling frequency."""
+"""Highest excited frequency, divided by the sampling frequency."""
 LONGER = 0.4
-"""Largest part of a period by which the record of a unit is longer than whole periods."""
+"""Largest fraction of a period that a unit's record has beyond whole periods."""
 
 
 def multisine(plant: Stranger) -> Array:
-    """A period of cosines on lines of a nearly even spacing in logarithm, at most 1 in size.
+    """One period of a multisine with nearly logarithmically spaced lines, at most 1 in size.
 
     Phases: M. R. Schroeder, IEEE Transactions on Information Theory 16 (1970) 85-89.
     """
@@ -32,7 +32,9 @@ def multisine(plant: Stranger) -> Array:
 
 
 def measured(plant: Stranger, excited: int = 0) -> tuple[Array, Array]:
-    """Inputs and outputs (T, m, N) of all units, one input excited, after a period to settle."""
+    """Inputs and outputs (T, m, N) of all units with one input excited, after a first period of
+    settling.
+    """
     rig, rng = Rig(plant, plant.drawn()), np.random.default_rng(plant.seed + 1 + excited)
     test, wave = plant.test, multisine(plant)
     periods = test.periods + 1 + (1 if LONGER else 0)
@@ -53,9 +55,9 @@ def measured(plant: Stranger, excited: int = 0) -> tuple[Array, Array]:
 
 
 def write_records(plant: Stranger, folder: Path) -> list[Path]:
-    """Write the records of all units; their files.
+    """Write the records of all units, and return their files.
 
-    Units differ in the length of their records, and in when their clocks began.
+    The units differ in the length of their records and in the time at which they begin.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng, files = np.random.default_rng(plant.seed + 100), []
@@ -75,7 +77,9 @@ def write_records(plant: Stranger, folder: Path) -> list[Path]:
 
 
 def _write(file: Path, columns: Array, channels: tuple[Channel, ...], delimiter: str) -> None:
-    """A file with names and units in its first line; semicolons go with decimal commas."""
+    """Write a file with names and units in its first line. With semicolons, numbers have decimal
+    commas.
+    """
     head = delimiter.join(["time [s]", *(f"{one.name} [{one.unit}]" for one in channels)])
     lines = [delimiter.join(f"{value:.9g}" for value in row) for row in columns]
     text = "\n".join(

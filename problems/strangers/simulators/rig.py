@@ -1,4 +1,4 @@
-"""Units of a stranger at work: rest, steps of integration, dead time, converters."""
+"""Simulation of a stranger's units: rest, integration steps, dead time, converters."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from .stranger import Array, Parameters, Stranger
 
 NEWTON_STEPS, DIFFERENCE, SMALL = 30, 1e-6, 1e-3
-"""Steps to the state of rest, relative width of numerical derivatives, least size of a state."""
+"""Newton steps to the state of rest, relative width of differences, and least scale of a state."""
 
 
 def jacobian(function: object, at: Array) -> Array:
-    """Central differences (k, n, N) of a function (n, N) -> (k, N)."""
+    """Jacobian (k, n, N) of a function (n, N) -> (k, N), by central differences."""
     columns = []
     for i in range(len(at)):
         width = DIFFERENCE * np.maximum(np.abs(at[i]), 1e-3)
@@ -24,9 +24,9 @@ def jacobian(function: object, at: Array) -> Array:
 
 
 def at_rest(plant: Stranger, p: Parameters) -> tuple[Array, Array]:
-    """States (n, N) and inputs (m, N) at which nothing moves, by Newton's method.
+    """States (n, N) and inputs (m, N) at rest, where all derivatives are zero, by Newton's method.
 
-    An integrator may rest anywhere: of its states those nearest to the guess are taken.
+    A plant that integrates has many states of rest; the one nearest to the guess is returned.
     """
     count, n = len(next(iter(p.__dict__.values()))), len(plant.guess)
     still = np.zeros(count)
@@ -77,7 +77,7 @@ class Rig:
         return self.plant.output(self.x, self.p)
 
     def read(self, rng: np.random.Generator) -> Array:
-        """Outputs (m, N) as the converters give them."""
+        """Outputs (m, N) as the converters show them, with noise."""
         y = self.y
         return np.stack(
             [
@@ -87,7 +87,7 @@ class Rig:
         )
 
     def advance(self, u: Array, load: float = 0.0) -> None:
-        """One sampling period with inputs (m, N), held and limited, and a disturbance."""
+        """Simulate one sampling period with held, limited inputs (m, N) and a disturbance."""
         low = np.array([[one.low] for one in self.plant.inputs])
         high = np.array([[one.high] for one in self.plant.inputs])
         given, units = np.clip(u, low, high), np.arange(self.x.shape[1])

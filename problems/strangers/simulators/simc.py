@@ -1,9 +1,9 @@
-"""A PI or PID controller as a process engineer tunes it, on the true nominal.
+"""A PI or PID controller as a process engineer tunes it, for the true nominal plant.
 
 S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, Journal of
-Process Control 13 (2003) 291-309: the half rule, then the settings of a plant of one or two lags.
-Where that is no good, since the plant is unstable or rings, the settings with the widest bandwidth
-among those on a grid, whose sensitivity stays below a limit.
+Process Control 13 (2003) 291-309: the half rule, then the settings for a plant with one or two
+lags. For an unstable plant the settings are searched on a grid: those with the widest bandwidth
+whose sensitivity stays below a limit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .linear import LinearPlant
 from .stranger import Array
 
 PEAK = 1.7
-"""Largest sensitivity of a good loop; an unstable plant is allowed `UNSTABLE_PEAK`."""
+"""Largest peak sensitivity of a good loop; for an unstable plant it is `UNSTABLE_PEAK`."""
 UNSTABLE_PEAK = 1.95
 SLOWER = 1.25
 """Factor by which the closed loop is made slower until its sensitivity is below the limit."""
@@ -32,17 +32,18 @@ class Pid:
     derivative: float = 0.0
 
     def response(self, omega: Array) -> Array:
-        """Its response (F,)."""
+        """Frequency response (F,)."""
         s = 1j * omega
         lead = (1 + self.derivative * s) / (1 + 0.1 * self.derivative * s)
         return self.gain * (1 + 1 / (self.integral * s)) * lead
 
 
 def half_rule(plant: LinearPlant, hold: float) -> tuple[float, float, float, float, bool]:
-    """Gain, two lags, dead time and whether it integrates; ``hold`` [s] is the computer's delay.
+    """Gain, two lags, dead time, and whether the plant integrates; ``hold`` [s] is the computer's
+    delay.
 
-    The gain of an integrator is that of its ramp. A pair of complex poles counts as two lags of
-    their size.
+    The gain of an integrating plant is the slope of its step response. A pair of complex poles
+    counts as two lags with the magnitude of the poles.
     """
     poles, zeros = plant.poles, plant.zeros
     slowest = np.abs(poles).min()
@@ -73,28 +74,30 @@ def settings(plant: LinearPlant, hold: float, closed: float) -> Pid:
 
 
 def loop(plant: LinearPlant, controller: Pid, hold: float, omega: Array) -> Array:
-    """Response (F,) of plant, controller and the computer's delay."""
+    """Loop transfer function (F,): plant, controller and the computer's delay."""
     late = np.exp(-1j * omega * hold)
     open_loop: Array = plant.response(omega)[:, 0, 0] * controller.response(omega) * late
     return open_loop
 
 
 def encloses(open_loop: Array, unstable: int, integrators: int) -> bool:
-    """Whether the closed loop is stable, by the turns of 1 + L from low to high frequencies."""
+    """Whether the closed loop is stable, from the turns of 1 + L between low and high
+    frequencies.
+    """
     turned = np.unwrap(np.angle(1 + open_loop))
     return bool(abs((turned[-1] - turned[0]) - np.pi * (unstable + 0.5 * integrators)) < 0.5)
 
 
 def tuned(plant: LinearPlant, hold: float) -> Pid | None:
-    """The SIMC controller, made slower until its loop is good; of an unstable plant the best PID.
+    """The SIMC controller, made slower until its loop is good; for an unstable plant the best PID.
 
-    None where no such controller is found.
+    None if no such controller is found.
     """
     size = np.abs(plant.poles)
     omega = np.geomspace(1e-3 * size[size > 0].min(), WIDE * size.max(), POINTS)
     unstable = int((plant.poles.real > 1e-9 * size.max()).sum())
     if unstable:
-        return _searched(plant, hold, omega, unstable)
+        return _best_pid(plant, hold, omega, unstable)
     *_, dead, integrates = half_rule(plant, hold)
     for closed in dead * SLOWER ** np.arange(25):
         found = settings(plant, hold, float(closed))
@@ -105,8 +108,8 @@ def tuned(plant: LinearPlant, hold: float) -> Pid | None:
     return None
 
 
-def _searched(plant: LinearPlant, hold: float, omega: Array, unstable: int) -> Pid | None:
-    """The PID of the widest bandwidth on a grid."""
+def _best_pid(plant: LinearPlant, hold: float, omega: Array, unstable: int) -> Pid | None:
+    """The PID controller with the widest bandwidth on a grid."""
     speed = float(plant.poles.real.max())
     static = abs(plant.response(np.array([1e-3 * speed]))[0, 0, 0])
     sign = -np.sign(plant.response(np.array([1e-3 * speed]))[0, 0, 0].real)

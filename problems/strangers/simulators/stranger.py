@@ -1,4 +1,4 @@
-"""What a stranger is: equations, a spread, a logger, and what is asked of its loop."""
+"""Definition of a stranger: equations, spread of its units, logger, and demands on its loop."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ import numpy as np
 
 Array = np.ndarray
 Parameters = Any
-"""A namespace of arrays (N,): a number for each unit."""
+"""Namespace of arrays (N,): each parameter's value for every unit."""
 Slope = Callable[[Array, Array, Array, Parameters], Array]
 """Derivative (n, N) of the states (n, N) with inputs (m, N) and a disturbance (N,)."""
 Output = Callable[[Array, Parameters], Array]
 """Outputs (m, N) of the states (n, N)."""
 
 BITS = 12
-"""Of the converters."""
+"""Resolution of the converters [bit]."""
 
 
 @dataclass(frozen=True)
 class Channel:
     """A signal: its name and unit in the header, the range of its converter, and its noise.
 
-    Noise is a standard deviation in the unit of the signal. The range of an input is its limits.
+    Noise is given as its standard deviation, in the unit of the signal. The range of an input is
+    also its limits.
     """
 
     name: str
@@ -36,23 +37,23 @@ class Channel:
 
     @property
     def resolution(self) -> float:
-        """A step of the converter."""
+        """One step of the converter, in the unit of the signal."""
         return (self.high - self.low) / 2**BITS
 
     def converted(self, values: Array) -> Array:
-        """Values as the converter gives them."""
+        """Values after the converter: rounded and limited."""
         steps = np.round((values - self.low) / self.resolution)
         return self.low + self.resolution * np.clip(steps, 0, 2**BITS - 1)
 
 
 @dataclass(frozen=True)
 class Demand:
-    """What is asked of every unit's loop.
+    """Demands on the loop of every unit.
 
-    The set-point of each output steps by ``step``; a disturbance ``load`` acts later. The output
-    overshoots by a share of the step at most and stays within a twentieth of it after ``settling``
-    [s]. In the end the error is below a step of the converter, or it stays within ``dead_zone``,
-    which friction or backlash leave.
+    The set-point of each output changes by ``step``; a disturbance ``load`` acts later. The output
+    overshoots by at most ``overshoot``, a share of the step, and stays within a twentieth of the
+    step after ``settling`` [s]. At the end the error is below one step of the converter, or below
+    ``dead_zone``, where friction or backlash leave an error.
     """
 
     step: tuple[float, ...]
@@ -66,9 +67,10 @@ class Demand:
 class Test:
     """How the records are made.
 
-    A multisine of ``samples`` and of a largest size (m,), from ``lowest`` times its fundamental, in
-    ``periods`` periods, and some more samples of some units. Where a plant does not stay where it
-    is, a simple controller ``hold`` = (gain, rate gain) on the first output holds it meanwhile.
+    The excitation is a multisine with a period of ``samples`` and a largest size ``amplitude``
+    (m,), from ``lowest`` times its fundamental, in ``periods`` periods; some units record some
+    samples more. A plant that would drift away is held meanwhile by a simple controller on its
+    first output, ``hold`` = (gain, rate gain).
     """
 
     samples: int
@@ -82,26 +84,27 @@ class Test:
 
 @dataclass(frozen=True)
 class Stranger:
-    """A plant of several units.
+    """A plant with several units.
 
     Parameters
     ----------
     title
-        What it is.
+        Name of the plant in figures.
     nominal, spread
-        Parameters of the nominal unit, and half the width of each one's uniform spread, relative.
+        Parameters of the nominal unit, and the half width of each parameter's uniform spread,
+        relative.
     slope, output
-        The equations. A parameter ``delay`` [s] is dead time of the inputs.
+        Equations of state and output. A parameter ``delay`` [s] is the dead time of the inputs.
     guess
-        States near those at rest.
+        States near the state of rest.
     rest_u, rest_y
-        Inputs, or outputs, at rest; one of both is given.
+        Inputs or outputs at rest; exactly one of both is given.
     period, substeps
-        Sampling time [s], and steps of integration in it.
+        Sampling time [s], and number of integration steps in it.
     frictionless
-        Parameters with which the plant is linearised, where it has dry friction or backlash.
+        Parameters that remove dry friction and backlash, for the linearisation.
     refusable
-        Whether the chain may refuse it, or warn.
+        Whether the chain may refuse the plant, or warn of it.
     """
 
     title: str
@@ -124,7 +127,7 @@ class Stranger:
     refusable: bool = False
 
     def drawn(self) -> Parameters:
-        """Parameters of the units, the same each time."""
+        """Parameters of all units, the same at each call."""
         rng = np.random.default_rng(self.seed)
         return SimpleNamespace(
             **{
@@ -134,7 +137,7 @@ class Stranger:
         )
 
     def middle(self) -> Parameters:
-        """Parameters of the nominal unit, as of one unit."""
+        """Parameters of the nominal unit, as arrays of one unit."""
         return SimpleNamespace(**{name: np.array([value]) for name, value in self.nominal.items()})
 
     def linear(self, p: Parameters) -> Parameters:

@@ -1,4 +1,4 @@
-"""What the tables of the chapters compute from stored runs."""
+"""Functions by which the chapters' tables compute values from stored runs."""
 
 from . import covers, defects, discs, drives, identification, loops, strategies, tables
 from .registry import VALUES

@@ -14,14 +14,16 @@ from workbench.geometry.thesis import Medians, thesis_circle, thesis_stadium
 from .registry import value
 
 WIDER = 1e-6
-"""Relative excess of a radius that is more than rounding."""
+"""Relative excess of a radius that is more than a rounding error."""
 
 
 @value
 def cover_size(
     run: Run, quantity: str, end: Literal["min", "median", "max"], over: str = ""
 ) -> float:
-    """A size of the covers by steps, over another one, at its `end` over the frequencies."""
+    """A size of the covers by steps, over another size; `end` says which value over the
+    frequencies.
+    """
     steps = run.data.sel(by="steps")
     sizes = {
         "": np.array(1.0),
@@ -51,7 +53,8 @@ def stadium_excess(run: Run) -> float:
 def reach_over_narrowest(run: Run, end: Literal["min", "median", "max"]) -> float:
     """Radius plus half-length of stadiums over that of the narrowest ones of the same points.
 
-    It is the radius of the circle that D-K iteration takes a stadium for."""
+    This is the radius of the circle by which D-K iteration replaces a stadium.
+    """
     narrowest = narrowest_stadium(run.data["points"].values)
     reach = run.data["radius"].values + run.data["half_length"].values
     return float(getattr(np, end)(reach / (narrowest.radius + narrowest.half_length)))
@@ -59,9 +62,10 @@ def reach_over_narrowest(run: Run, end: Literal["min", "median", "max"]) -> floa
 
 @value
 def second_sets_missed(run: Run, medians: Medians) -> float:
-    """Frequencies at which section 5.4.2 finds no stadium, or one wider than need be.
+    """Number of frequencies at which section 5.4.2 finds no stadium, or a wider one than necessary.
 
-    About the nominal of Table 5.2, on the open loop: what it is multiplied by changes no ratio.
+    The stadiums are about the nominal of Table 5.2, on the open loop, whose factor changes no
+    ratio.
     """
     narrowest = run.data.sel(kind="Table 5.2", shape="stadium")
     points = run.data["L"].transpose("frequency", "drive").values
@@ -71,7 +75,9 @@ def second_sets_missed(run: Run, medians: Medians) -> float:
 
 
 def _excess(radius: RealArray, least: RealArray) -> float:
-    """Largest relative excess; below 1e-10 it is rounding, which differs between processors."""
+    """Largest relative excess; below 1e-10 it is a rounding error, which differs between
+    processors.
+    """
     return round(float((radius / least - 1).max()), 10)
 
 
@@ -93,7 +99,7 @@ def states_over(run: Run, model: str) -> float:
 
 @value
 def mu_over_norm(run: Run) -> float:
-    """mu over the norm with a full block, most of eight controllers."""
+    """Largest mu over the norm with a full block, of eight controllers."""
     peak = run.data["peak"]
     mu = peak.sel(condition="robust performance", bound="lower")
     return float((mu / peak.sel(condition="full block", bound="upper")).max())

@@ -17,7 +17,7 @@ from .registry import value
 
 @value
 def largest_other_sum(run: Run) -> float:
-    """Largest mean sum, over the clean one, in defects of the kinds other than white dots."""
+    """Largest mean sum in defects other than white dots, over the clean sum."""
     means = run.data["raised"].mean(["draw", "axis", "drive"])
     return float(means.drop_sel(kind="white dot").max())
 
@@ -50,13 +50,13 @@ def clean_inside(run: Run) -> float:
 
 @value
 def missed_by(run: Run, detector: str) -> float:
-    """Share of defects that a detector misses, mean over kinds."""
+    """Share of defects that a detector misses, as a mean over kinds."""
     return float(run.data["missed"].sel(detector=detector).mean())
 
 
 @value
 def alarms_of_sum(run: Run) -> float:
-    """False alarms of the detectors that use the sum, over those of the error under shocks."""
+    """False alarms under shocks of the detectors that use the sum, over those of the error."""
     by_sum = run.data["false_alarms"].sel(detector=["binary", "quality"]).sum()
     return float(by_sum) / alarms_of_error(run)
 
@@ -75,7 +75,7 @@ def largest_coupling(run: Run) -> float:
 
 @value
 def lead(run: Run) -> float:
-    """How much sooner the quality signal is than the binary one, mean [samples]."""
+    """Mean time [samples] by which the quality signal is earlier than the binary one."""
     return float(run.data["lead"].mean()) / PERIOD
 
 
@@ -89,7 +89,7 @@ def drops_per_second(run: Run) -> float:
 
 @value
 def told_rightly(run: Run, truth: str, found: str) -> float:
-    """Share of the defects or faults that are told for what they are."""
+    """Share of the defects or faults whose kind is recognised."""
     every = run.data["confusion"]
     right = sum(float(every.sel({truth: n, found: n}).sum()) for n in every[truth].values)
     return right / float(every.sum())
@@ -104,7 +104,7 @@ def missed_deep(run: Run, statistic: str) -> float:
 
 @value
 def lost_light(run: Run, way: str) -> float:
-    """Share of the light that a fading laser has lost when a way of noticing it alarms, mean."""
+    """Mean share of the light that a fading laser has lost when one way of noticing it alarms."""
     return float(run.data["fade"].sel(way=way).mean())
 
 
@@ -123,7 +123,7 @@ def filter_gain(run: Run, frequency: float) -> float:
 
 @value
 def sensed_gain(run: Run, frequency: float) -> float:
-    """The same from the normalised error, by the mean optical gain of Table A.3."""
+    """The same for the normalised error, with the mean optical gain of Table A.3."""
     K_optn = np.mean([one.K_optn for one in drives("focus")])
     return filter_gain(run, frequency) - float(20 * np.log10(K_optn))
 
@@ -142,7 +142,7 @@ def gain_off(run: Run) -> float:
 
 @value
 def slow_over_level(run: Run) -> float:
-    """Light that a fading laser has lost when a slow sum alarms, over that when a level does."""
+    """Light that a fading laser has lost when a slow sum alarms, over that when a level alarms."""
     return lost_light(run, "slow sum") / lost_light(run, "level")
 
 
@@ -154,29 +154,29 @@ def least_quality(run: Run) -> float:
 
 @value
 def graded_samples(run: Run) -> float:
-    """Samples of a scratch whose quality is between 0.01 and 0.99."""
+    """Number of samples in a scratch with a quality between 0.01 and 0.99."""
     quality = run.data["zoom_quality"]
     return float(((quality > 0.01) & (quality < 0.99)).sum())
 
 
 @value
 def least_leakage(run: Run, error: float) -> float:
-    """Leakage [m] that no filter gets below at a relative error."""
+    """Lower bound on the leakage [m] of every filter at a relative error."""
     return float(run.data["least_total"].sel(point=error, method="nearest"))
 
 
 @value
 def thesis_spike(run: Run, quality: str) -> float:
-    """Spike [um] of the thesis' estimator after a scratch, mean over the draws.
+    """Spike [um] of the thesis' estimator after a scratch, as a mean over the draws.
 
-    quality: as in the table of readings; "prompt" is exact from sample to sample.
+    quality: as in the table of readings; "prompt" is exact at every sample.
     """
     return 1e6 * float(_thesis_error(run, quality).sel(phase="after").mean())
 
 
 @value
 def thesis_during(run: Run, quality: str) -> float:
-    """Largest error of the thesis' estimator in a scratch over that of the measurement, means."""
+    """Mean largest error of the thesis' estimator in a scratch, over that of the measurement."""
     measured = run.data["error_measured"].sel(phase="during", size="largest")
     return float(_thesis_error(run, quality).sel(phase="during").mean() / measured.mean())
 

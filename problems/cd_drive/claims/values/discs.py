@@ -15,18 +15,18 @@ from .registry import value
 DEBRIS = 300e-6
 
 
-"""Diameter [m] that stands for "a few hundred micrometres"."""
+"""Diameter [m] that represents "a few hundred micrometres"."""
 
 
 @value
 def blocked_by_debris(run: Run) -> float:
-    """Share of the light of a CD's beam that a particle of the size DEBRIS takes."""
+    """Share of the light of a CD's beam that a particle of size DEBRIS blocks."""
     return (DEBRIS / run.metrics["D_CD_m"]) ** 2
 
 
 @value
 def angle(run: Run, quantity: str, disc: str) -> float:
-    """An angle [deg] of Table 2.2, which prints whole degrees."""
+    """An angle [deg] of Table 2.2, where whole degrees are printed."""
     return float(run.data["beam"].sel(format=disc, quantity=quantity))
 
 
@@ -38,7 +38,7 @@ def limit(run: Run, axis: Axis, array: str) -> float:
 
 @value
 def attenuation(run: Run, axis: Axis) -> float:
-    """Largest deviation over the error that may remain."""
+    """Largest deviation over the acceptable error."""
     return float(10 ** (run.metrics[f"attenuation_{axis}_db"] / 20))
 
 
@@ -52,7 +52,7 @@ def slope(run: Run, axis: Axis, low: float, high: float) -> float:
 
 @value
 def disc_limit(run: Run) -> float:
-    """Deviation [um] of the track that the measuring loop turns into 0.03 um at most."""
+    """Deviation [um] of the track that the measuring loop reduces to 0.03 um at most."""
     return 1e6 * red_book("radial").deviation_above / run.metrics["largest_tracking_S"]
 
 
@@ -70,12 +70,12 @@ def layer_thickness(run: Run, disc: str) -> float:
 
 @value
 def tracks_passed(run: Run) -> float:
-    """Tracks that an eccentric disc moves by in half a revolution."""
+    """Number of tracks by which an eccentric disc moves in half a revolution."""
     return float(2 * run.data["envelope"].sel(axis="radial").max() / TRACK_PITCH)
 
 
 @value
 def below_line(run: Run) -> float:
-    """Rotation halfway between the radii, over that of a straight line between the ends."""
+    """Rotation at the middle radius, over that on a straight line between the ends."""
     start, end = run.metrics["rotation_start_hz"], run.metrics["rotation_end_hz"]
     return 4.0 * start * end / (start + end) ** 2

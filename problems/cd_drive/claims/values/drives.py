@@ -32,7 +32,7 @@ def off_by(run: Run, axis: Axis, quantity: str) -> float:
 
 @value
 def how_many_off(run: Run, quantity: str, rounding: float) -> float:
-    """How many of the 24 loops have a derived quantity beyond what rounding explains."""
+    """Number of the 24 loops with a derived quantity beyond what rounding can explain."""
     return float((abs(run.data["derived"].sel(quantity=quantity)) > rounding).sum())
 
 
@@ -53,7 +53,9 @@ def general_slope(run: Run, axis: Axis, low: float) -> float:
 
 @value
 def peak_over_quality(run: Run) -> float:
-    """Height of the first peak over the level at rest, over the quality factor: farthest from 1."""
+    """Height of the first peak over the static value, over the quality factor; the value farthest
+    from 1.
+    """
     one = {name: run.data["parameters"].sel(parameter=name) for name in ("Bl", "k", "R")}
     at_rest = one["Bl"] / one["k"] / (one["R"] * (1 + run.data["derived"].sel(quantity="r over R")))
     height = abs(run.data["actuator_general"]).max("frequency") / at_rest
@@ -63,7 +65,9 @@ def peak_over_quality(run: Run) -> float:
 
 @value
 def tracks_in_reach(run: Run) -> float:
-    """Tracks that the radial coil reaches to one side at the converter's limit of 10 V."""
+    """Number of tracks that the radial coil reaches on one side at the converter's
+    limit of 10 V.
+    """
     slowest = run.data["response"].sel(axis="radial").isel(frequency=0)
     K_optn = run.data["parameters"].sel(axis="radial", parameter="K_optn")
     return float((abs(slowest) / K_optn).median()) * OUTPUT_LIMIT / TRACK_PITCH
@@ -71,12 +75,12 @@ def tracks_in_reach(run: Run) -> float:
 
 @value
 def ringing_left(run: Run, axis: Axis, highest: float) -> float:
-    """What is left of the first resonance's ringing after ten periods at a frequency [Hz]."""
+    """Remaining share of the first resonance's transient after ten periods at a frequency [Hz]."""
     return float(np.exp(-10.0 / highest * derived(run, axis, "decay", "median")))
 
 
 CHOSEN_RESISTANCE = 1.0 / 1.25
-"""The 1 ohm that was chosen for r over the 1.25 ohm that it became (section 4.6.1)."""
+"""The 1 ohm that was chosen for r, over the 1.25 ohm that was used (section 4.6.1)."""
 
 
 @value
@@ -95,13 +99,15 @@ def control_path(run: Run, axis: Axis) -> float:
 
 @value
 def power_drive(run: Run, axis: Axis) -> float:
-    """Gain of the power drive that K_total of Table 5.2 leaves to it."""
+    """Gain of the power drive that explains K_total of Table 5.2."""
     return printed_total_gain(axis) / run.metrics[f"K_total_by_eq_3_18_{axis}"]
 
 
 @value
 def extremes(run: Run) -> float:
-    """Half the distance [m] of the extremes of the normalised s-curve, median of the drives."""
+    """Half the distance [m] between the extremes of the normalised s-curve, median of
+    the drives.
+    """
     curve = run.data["normalised"]
     apart = curve.idxmax("distance") - curve.idxmin("distance")
     return float(abs(apart).median()) / 2
@@ -117,7 +123,7 @@ def turning_point(run: Run) -> float:
 
 @value
 def chosen_share(run: Run, axis: Axis) -> float:
-    """Share of the 1 ohm that was chosen in the coil's resistance, median over the drives."""
+    """The chosen 1 ohm over the coil's resistance, median over the drives."""
     return CHOSEN_RESISTANCE * float(
         run.data["derived"].sel(axis=axis, quantity="r over R").median()
     )
@@ -125,7 +131,7 @@ def chosen_share(run: Run, axis: Axis) -> float:
 
 @value
 def phase_at_resonance(run: Run) -> float:
-    """Phase [deg] of equation 3.7 at the natural frequency, that farthest from -90."""
+    """Phase [deg] of equation 3.7 at the natural frequency; the value farthest from -90."""
     every = run.data["spring_response"].interp(relative=1.0)
     phase = np.degrees(np.angle(every.values))
     return float(phase[abs(phase + 90.0).argmax()])
@@ -133,7 +139,9 @@ def phase_at_resonance(run: Run) -> float:
 
 @value
 def slope_above(run: Run) -> float:
-    """Slope [dB/decade] of equation 3.7 above five natural frequencies, that farthest from -40."""
+    """Slope [dB/decade] of equation 3.7 above five natural frequencies; the value farthest from
+    -40.
+    """
     above = run.data["spring_response"].sel(relative=slice(5.0, None)).isel(relative=[0, -1])
     levels = 20.0 * np.log10(abs(above.transpose("zeta", "relative").values))
     slope = (levels[:, 1] - levels[:, 0]) / np.diff(np.log10(above["relative"].values))
@@ -155,5 +163,5 @@ def share_of_damper(run: Run, end: Literal["min", "max"]) -> float:
 
 @value
 def contradictions(run: Run) -> float:
-    """Values of Tables A.1 and A.2 that contradict others beyond their rounding."""
+    """Number of values of Tables A.1 and A.2 that contradict others beyond their rounding."""
     return how_many_off(run, "k off", 0.15) + how_many_off(run, "b off", 1e-6)

@@ -62,7 +62,7 @@ def median_width(run: Run) -> float:
 
 @value
 def largest_frequency(run: Run, axis: str) -> float:
-    """Frequency at which the nominal drive's response is largest: the oval of figure 4.8."""
+    """Frequency at which the nominal drive's response is largest, the oval of figure 4.8."""
     size = abs(run.data["nominal"].sel(axis=axis))
     return float(size["frequency"][int(size.values.argmax())])
 
@@ -77,13 +77,13 @@ def worst_parameters(run: Run, names: str) -> float:
 
 @value
 def nearer(run: Run, noise: str, pairs: list[str]) -> float:
-    """Least share of the draws in which the first of a pair is nearer the truth."""
+    """Least share of the draws in which the first estimator of a pair is nearer to the truth."""
     return min(run.metrics[f"nearer_{noise}_{pair}"] for pair in pairs)
 
 
 @value
 def apart(run: Run) -> float:
-    """Largest difference [%] of the levels of input and output in open loop."""
+    """Largest difference [%] between the levels of input and output in open loop."""
     levels = run.data["thd"].sel(loop="open")
     return float(abs(levels.sel(channel="input") - levels.sel(channel="output")).max())
 
@@ -97,7 +97,9 @@ def added(run: Run) -> float:
 
 @value
 def two_or_three_of_random_arms(run: Run) -> float:
-    """Share of random arms whose links are 40 % off (standard deviation) that show 2 or 3."""
+    """Share of random arms with links that differ by 40 % (standard deviation) and show 2 or 3
+    resonances.
+    """
     return float(run.data["random_shown"].sel(deviation=0.4, count=[2, 3]).sum())
 
 
@@ -111,6 +113,6 @@ def least_known_damper(run: Run) -> float:
 
 @value
 def error_of_last_periods(run: Run) -> float:
-    """Largest relative error of v_r/u by the mean of the last ten periods, ringing and all."""
+    """Largest relative error of v_r/u from the mean of the last ten periods, transient included."""
     found = run.data["periods"].isel(period=slice(-10, None)).mean("period")
     return float((abs(found - run.data["exact"]) / abs(run.data["exact"])).max())

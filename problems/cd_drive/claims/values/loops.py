@@ -23,7 +23,9 @@ def check_of(run: Run, name: str) -> float:
 
 @value
 def stadium_above_circle(run: Run) -> float:
-    """Frequencies at which mu with stadiums is proven above mu with circles, w_p to z_p, 1X."""
+    """Number of frequencies at which mu with stadiums is proven above mu with circles, w_p to z_p,
+    1X.
+    """
     mu = run.data["mu"].sel(gain="own", speed=1.0, channel="disturbance")
     lower = mu.sel(form="stadium", bound="lower").values
     return float((lower > mu.sel(form="circle", bound="upper").values).sum())
@@ -31,7 +33,9 @@ def stadium_above_circle(run: Run) -> float:
 
 @value
 def fails_above(run: Run, form: str, frequency: float) -> float:
-    """Frequencies above one [Hz] at which mu of the fitted sets is above 1, w_p to z_p, 1X."""
+    """Number of frequencies above one [Hz] at which mu of the fitted sets exceeds 1, w_p to z_p,
+    1X.
+    """
     mu = run.data["mu"].sel(gain="own", speed=1.0, channel="disturbance", form=form)
     above = mu.sel(bound="lower", frequency=slice(frequency, None))
     return float((above > 1).sum())
@@ -45,7 +49,7 @@ def flatness(run: Run, low: float, high: float, **of: str) -> float:
 
 
 def _printed_weight(frequency: RealArray, slope: int) -> RealArray:
-    """|W_p| of equation 6.11 at X = 1; 3 is the printed power, which makes -60 dB a decade."""
+    """|W_p| of equation 6.11 at X = 1, with this power; the printed 3 gives -60 dB per decade."""
     s, w_B, w_I, M, A = 2j * np.pi * frequency, 2 * np.pi * 230, 2 * np.pi * 10, 2.0, 0.004
     corner = (s / M ** (1 / slope) + w_B) / (s + w_B * A ** (1 / slope))
     weight: RealArray = abs(corner**slope * (s + w_I) / (s + 0.001))
@@ -61,7 +65,9 @@ def weight_off(run: Run) -> float:
 
 @value
 def laxer_with_slope(run: Run, slope: int) -> float:
-    """Error that 1 / W_p permits over what the Red Book does, most, with 20 dB times a slope."""
+    """Largest ratio of the error that 1 / W_p permits to that of the Red Book, with 20 dB times a
+    slope.
+    """
     allowed = run.data["red_book"]
     return float((1 / _printed_weight(allowed["frequency"].values, slope) / allowed).max())
 
@@ -113,14 +119,16 @@ def _set_peak(run: Run, kind: str, channel: str, gain: str) -> float:
 
 @value
 def ramp_over_least(run: Run, drive: str) -> float:
-    """What a ramp up reaches on a drive over the least of all drives [dB], mean of the draws."""
+    """Change of gain that an upward ramp reaches on a drive, over the least of all drives [dB],
+    mean of the draws.
+    """
     change = run.data["change"].sel(direction="up").mean("draw")
     return float(change.sel(drive=drive) - change.min())
 
 
 @value
 def ramp_correlation(run: Run) -> float:
-    """Correlation of what ramps up reach on the drives with Table A.4."""
+    """Correlation of the changes that upward ramps reach on the drives with Table A.4."""
     change = run.data["change"].sel(direction="up").mean("draw")
     printed = [gain_margins()[str(name)] for name in change["drive"].values]
     return float(np.corrcoef(change.values, printed)[0, 1])

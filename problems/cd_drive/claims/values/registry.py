@@ -1,4 +1,4 @@
-"""Names by which the tables of the chapters call what is computed from a run."""
+"""Names under which the chapters' tables refer to functions of a run."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from workbench import Run
 
 Computed = TypeVar("Computed", bound=Callable[..., float])
 VALUES: dict[str, Callable[..., float]] = {}
-"""Functions of a run, and of arguments that a table gives by name."""
+"""Functions of a run and of named arguments, which a table gives."""
 
 
 def value(function: Computed) -> Computed:
-    """Enter a function under its own name. Raises ValueError for a name that is taken."""
+    """Register a function under its own name. Raises ValueError if the name is taken."""
     if VALUES.setdefault(function.__name__, function) is not function:
         raise ValueError(f"two ways to compute a number are called {function.__name__}")
     return function
@@ -21,13 +21,13 @@ def value(function: Computed) -> Computed:
 
 @value
 def quotient(run: Run, above: str, below: str) -> float:
-    """A metric over another one of the run."""
+    """A metric divided by another metric of the run."""
     return float(run.metrics[above] / run.metrics[below])
 
 
 @value
 def difference(run: Run, more: str, less: str) -> float:
-    """A metric less another one of the run."""
+    """A metric minus another metric of the run."""
     return float(run.metrics[more] - run.metrics[less])
 
 

@@ -17,7 +17,7 @@ from .registry import value
 
 @value
 def false_reading(run: Run, axis: Axis) -> float:
-    """How much farther the normalised error is from the true one in a scratch than beside it."""
+    """Largest difference between normalised and true error in a scratch, over that elsewhere."""
     signals = run.data["zoom"].sel(strategy="reference").transpose("stage", "zoomed", "signal")
     false = abs(
         signals.sel(signal="f_en") / find_drive(axis, "nominal").K_optn
@@ -28,7 +28,7 @@ def false_reading(run: Run, axis: Axis) -> float:
 
 
 AFTER = 52
-"""Samples after a defect in which the error's swing is read: 1.5 ms."""
+"""Samples after a defect over which the error's swing is read: 1.5 ms."""
 
 
 @value
@@ -64,21 +64,25 @@ def least_over_others(run: Run) -> float:
 
 @value
 def worse_at_red_book(run: Run, strategy: str) -> float:
-    """Share of defects and draws on the Red Book's disc in which a strategy errs more."""
+    """Share of defects and draws on the Red Book's disc in which a strategy's error is larger."""
     peak = run.data["peak"].sel(share=1.0)
     return float((peak.sel(strategy=strategy) > peak.sel(strategy="reference")).mean())
 
 
 @value
 def worse_cells(run: Run, strategy: str) -> float:
-    """Angles and lengths at which a strategy errs more than the reference in the mean of draws."""
+    """Number of angles and lengths at which a strategy's mean error is larger than the
+    reference's.
+    """
     peak = run.data["peak"].sel(share=1.0).mean("draw")
     return float((peak.sel(strategy=strategy) > peak.sel(strategy="reference")).sum())
 
 
 @value
 def error_at_top(run: Run) -> float:
-    """Error of a lens that stops, in a defect at the top of the deviation, over the largest."""
+    """Error of a lens that stops, in a defect at the top of the deviation, over the largest such
+    error.
+    """
     standing = abs(run.data["standing"])
     return float(standing.sel(theta=np.pi / 2, method="nearest").max() / standing.max())
 
@@ -91,7 +95,7 @@ def longest_at(run: Run, velocity: float) -> float:
 
 @value
 def crossovers(run: Run) -> float:
-    """Crossover frequency with the filtered controller over that with K, nominal drive."""
+    """Crossover frequency with the filtered controller, over that with K, for the nominal drive."""
     size = (run.data["L_real"] ** 2 + run.data["L_imag"] ** 2) ** 0.5
     frequency = run.data["frequency"].values
 
@@ -103,7 +107,7 @@ def crossovers(run: Run) -> float:
 
 @value
 def unstable_drives(run: Run, controller: str, sampling: str) -> float:
-    """How many of the twelve drives are unstable with a controller kept."""
+    """Number of the twelve drives that are unstable with a controller."""
     growth = run.data["growth"].sel(controller=controller, sampling=sampling)
     return float((growth.drop_sel(plant="nominal") > 0).sum())
 
@@ -114,7 +118,9 @@ REPAIRED = 2.5e-3
 
 @value
 def repairable_defects_survived(run: Run, axis: Axis) -> float:
-    """How often the reference strategy keeps focus or track over the longest repairable defect."""
+    """Share of angles and draws in which the reference strategy keeps focus or track over the
+    longest repairable defect.
+    """
     peak = run.data["peak"].sel(share=1.0, strategy="reference")
     longest = peak.sel(length=REPAIRED, method="nearest")
     return float((longest < CAPTURE[axis]).mean())
@@ -128,7 +134,9 @@ def arm(run: Run, case: str, group: str) -> float:
 
 @value
 def shocks_of_slow(run: Run) -> float:
-    """How much more often shocks put the slow controller out of spec than the disc alone does."""
+    """Least excess of the slow controller's time out of spec in shocks over that by the disc alone,
+    by their intervals.
+    """
     ends = run.data["arm_interval"].sel(case="slow")
     return float(ends.sel(end="low", group="shocks") - ends.sel(end="high", group="disc deviation"))
 
@@ -146,7 +154,9 @@ def _arm(run: Run, use: str, gain: float) -> Any:
 
 @value
 def in_defects(run: Run, use: str) -> float:
-    """Time out of spec in defects at 2 dB more gain over the reference strategy's at its own."""
+    """Time out of spec in defects at 2 dB more gain, over the reference strategy's at
+    its own gain.
+    """
     most, least = _arm(run, use, 2.0), _arm(run, "reference", 0.0)
     return float(most.sel(group=DEFECTS).mean() / least.sel(group=DEFECTS).mean())
 
@@ -165,13 +175,13 @@ def over_reference(run: Run, name: str, error: str) -> float:
 
 @value
 def reduced_in(run: Run, name: str) -> float:
-    """Share of the draws with an unreadable reference in which a strategy errs less."""
+    """Share of the draws with an unreadable reference in which a strategy's error is smaller."""
     return float(run.data["reduced"].sel(strategy=name, level=1.0))
 
 
 @value
 def spike_of_control(run: Run, name: str) -> float:
-    """Range of u about the scratch under a strategy over that under the reference strategy."""
+    """Range of u around the scratch under a strategy, over that under the reference strategy."""
     u = run.data["zoom"].sel(strategy=name, signal="u")
     before, after = (u.sel(stage=stage) for stage in ("before", "after"))
     return float((after.max() - after.min()) / (before.max() - before.min()))
@@ -179,15 +189,18 @@ def spike_of_control(run: Run, name: str) -> float:
 
 @value
 def causes(run: Run) -> float:
-    """Causes that take more than 0.1 % of the time under the reference strategy, radially."""
+    """Number of causes that take more than 0.1 % of the time under the reference strategy,
+    radially.
+    """
     return float((run.data["arm"].sel(axis="radial", strategy="reference") > 1e-3).sum())
 
 
 @value
 def more_in_shocks(run: Run, strategy: str) -> float:
-    """Time out of spec in shocks, a strategy less the reference strategy at the same gain.
+    """Time out of spec in shocks, a strategy minus the reference strategy at the same gain.
 
-    The largest over the gains from the printed one upwards, at which the loops meet the standard.
+    The largest value over the gains from the printed one upwards at which the loops meet the
+    standard.
     """
     return max(
         float((_arm(run, strategy, gain) - _arm(run, "reference", gain)).sel(group="shocks"))
@@ -197,9 +210,9 @@ def more_in_shocks(run: Run, strategy: str) -> float:
 
 @value
 def larger_balloon(run: Run, strategy: str) -> float:
-    """Balloon of a strategy less that of the reference strategy at the same gain, the largest.
+    """Largest balloon of a strategy minus that of the reference strategy at the same gain.
 
-    Over the gains from the printed one upwards, at which the loops meet the standard.
+    It is taken over the gains from the printed one upwards at which the loops meet the standard.
     """
 
     def balloon(use: str, gain: float) -> float:

@@ -10,7 +10,7 @@ from .registry import value
 
 @value
 def convention(run: Run, axis: Axis) -> float:
-    """5 % of the middle b [N s/m]."""
+    """5 % of the middle value of b [N s/m]."""
     return 0.05 * _range(run, axis, "b")[0]
 
 
@@ -23,7 +23,7 @@ def masses_apart(run: Run) -> float:
 
 @value
 def reduced_tolerance(run: Run, factor: float) -> float:
-    """Tolerance of R in Table 5.3, by that of Table 5.2."""
+    """Tolerance of R in Table 5.3, over that of Table 5.2."""
     return factor * float(run.data["tolerance"].sel(model="nine", parameter="R"))
 
 

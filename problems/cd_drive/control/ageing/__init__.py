@@ -1,1 +1,3 @@
-"""A suspension that ages: one controller for all of its life, or one for what each start finds."""
+"""A suspension that ages: one controller for its whole life, or one for the values found at each
+start.
+"""

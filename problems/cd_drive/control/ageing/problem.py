@@ -1,4 +1,4 @@
-"""An ageing suspension: one controller for all of its life, or one for what a start finds.
+"""An ageing suspension: one controller for its whole life, or one for the values found at a start.
 
 Section, equation and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -41,10 +41,11 @@ from .sets import AGEING, Design, all_known, designed, life, narrowed, over, pea
 from .start import StartUp, Suspension
 
 SOFTENINGS = (1.0, 0.75, 0.5)
-"""Spring and damper of the suspension at the end of its life, over those of the new one."""
+"""Spring and damper of the suspension at the end of its life, relative to those of the new one."""
 SETS = ("life", "found", "known")
-"""What plants are taken to be possible: of all drives from new to the end of life; of a drive at
-the end of its life by what a start finds; and the nominal one with nothing uncertain."""
+"""Plants assumed to be possible: all drives from new to the end of life; a drive at the end of its
+life, within the intervals found at a start; and the nominal drive with nothing uncertain.
+"""
 CONTROLLERS = ("reference", *SETS)
 """The reference controller, and the best one for each set."""
 
@@ -55,18 +56,18 @@ def ageing(
 ) -> Ageing:
     """What an estimate of the ageing suspension at each start gains in robust performance.
 
-    Section 7.1.1. How far a suspension softens is assumed: k1 and b1 fall together to 75 % or 50 %
-    of those of the new drive, or stay. At a start the open-loop experiment on the coil finds k and
-    b of the nominal drive at the end of its life, and k1 and b1 follow with intervals of 99 % that
-    contain what the experimenter is told wrongly. One controller is made for the whole life of
-    every drive, another for what the start of the first draw finds. R and k2 have the tolerances of
-    Table 5.3 for both; the gain control takes care of the gain. The certified peak of mu of robust
-    performance tells how well they do, each on both sets of plants. What a controller gains for
-    which nothing is uncertain is told beside it. Every set takes the best of all controllers that
-    were made, as the search for each ends in a local minimum.
+    Section 7.1.1. The softening of the suspension is assumed: k1 and b1 fall together to 75 % or 50
+    % of those of the new drive, or stay. At a start, the open-loop experiment on the coil finds k
+    and b of the nominal drive at the end of its life. k1 and b1 follow from them with 99 %
+    intervals, which include the errors of the told values. One controller is made for the whole
+    life of every drive, another for the values found at the start of the first draw. R and k2 have
+    the tolerances of Table 5.3 for both; the gain control takes care of the gain. The controllers
+    are compared by the certified peak of mu of robust performance, each on both sets of plants, and
+    with a controller for which nothing is uncertain. Every set takes the best of all controllers
+    made, since each search ends in a local minimum.
 
     design: "fixed", third order from the reference controller; or "dk", of full order, slow. draws:
-    of the noise and of what the experimenter is told.
+    number of draws of the noise and of the told values.
     """
     return Ageing(axis, design, draws)
 
@@ -96,12 +97,12 @@ class Ageing(Study):
 
     @part
     def starts(self, context: Context, seed: DataArray) -> list[list[Suspension]]:
-        """What every start finds, by softening and draw."""
+        """Values that every start finds, by softening and draw."""
         found = []
         for n, softening in enumerate(SOFTENINGS):
             start = StartUp(self.axis, softening)
             first, *others = seed.values[n].tolist()
-            own = [start.found(first)]  # makes the signals that the others share
+            own = [start.found(first)]  # computes the signals that all draws share
             found.append([*own, *(start.found(one) for one in context.track(others, "starts"))])
         return found
 
@@ -114,7 +115,7 @@ class Ageing(Study):
 
     @array(dims=(softening, parameter))
     def truth(self) -> list[list[float]]:
-        """Of the nominal drive at the end of its life."""
+        """True values of the nominal drive at the end of its life."""
         benches = [Laboratory(self.axis, "nominal", suspension=one) for one in SOFTENINGS]
         return [[getattr(one.parameters, name) for name in AGEING] for one in benches]
 
@@ -138,7 +139,7 @@ class Ageing(Study):
         meaning="ranges of the sets that are uncertain",
     )
     def ranges(self, starts: list[list[Suspension]]) -> list[Any]:
-        """Of a life, and as found."""
+        """Ranges over a life, and as found at a start."""
         told = []
         for softening, row in zip(SOFTENINGS, starts, strict=True):
             whole = life(self.axis, softening)
@@ -168,10 +169,10 @@ class Ageing(Study):
         meaning="certified bounds on the peak of mu",
     )
     def peak(self, judged_all: RealArray) -> RealArray:
-        """A set's controller is the one of the pool with the least peak on that set.
+        """A set's controller is the one with the least peak on that set, of all controllers made.
 
-        The search for a controller ends in one of several local minima; what was made for another
-        set may be better.
+        The search for a controller ends in one of several local minima, so one made for another set
+        may be better.
         """
         found = np.empty((len(SOFTENINGS), len(CONTROLLERS), len(SETS), 2))
         best = judged_all[..., 1].argmin(axis=0)
@@ -185,7 +186,7 @@ class Ageing(Study):
     covered_ = check(
         title="intervals of {parameter}",
         statement="1 - p of so few starts whose 99 % interval holds the truth, any softening",
-        value=lambda answer: 1.0 - coverage_p(_held(answer), CONFIDENCE),
+        value=lambda answer: 1.0 - coverage_p(_covers_truth(answer), CONFIDENCE),
         each="parameter",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
@@ -207,7 +208,7 @@ class Ageing(Study):
         title="chosen for it",
         statement="peak of the controller chosen for a set over the least of the others on it, "
         "less 1",
-        value=lambda peak: _beaten(peak),
+        value=lambda peak: _excess_over_others(peak),
         at_most=PEAK_TOLERANCE,
     )
 
@@ -215,7 +216,7 @@ class Ageing(Study):
 
     @metric
     def numbers(self, answer: Dataset) -> dict[str, float]:
-        """Peaks, and what is gained: 1 less the quotient of two peaks."""
+        """Peaks, and gains: 1 minus the quotient of two peaks."""
         told, upper = {}, answer["peak"].sel(bound="upper")
         for softening in SOFTENINGS:
             name, one = f"{100 * softening:.0f}_percent", upper.sel(softening=softening)
@@ -236,7 +237,7 @@ class Ageing(Study):
 
     covered = metric(
         template="covered_{parameter}",
-        value=lambda answer: _held(answer).mean(["draw", "softening"]),
+        value=lambda answer: _covers_truth(answer).mean(["draw", "softening"]),
     )
 
     @table
@@ -253,7 +254,7 @@ class Ageing(Study):
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:
-        """Peaks of mu by how far the suspension softens."""
+        """Peaks of mu over the softening of the suspension."""
         drawn, panels = figures.axes(1, 2, size=(9.0, 3.8), sharey=True)
         upper = answer["peak"].sel(bound="upper")
         looks = dict(
@@ -280,13 +281,15 @@ class Ageing(Study):
         return {"ageing": drawn}
 
 
-def _held(answer: Dataset) -> DataArray:
+def _covers_truth(answer: Dataset) -> DataArray:
     """Whether an interval (softening, draw, parameter) holds the truth."""
     return abs(answer["found"] - answer["truth"]) <= answer["half_width"] * answer["found"]
 
 
-def _beaten(peak: DataArray) -> float:
-    """Largest excess of the peak of the controller made for a set over that of another one."""
+def _excess_over_others(peak: DataArray) -> float:
+    """Largest excess of the peak of a set's controller over the peak of another controller on the
+    set.
+    """
     upper = peak.sel(bound="upper")
     found = [
         upper.sel(plants=name, judged=name) / upper.sel(judged=name).min("plants") - 1

@@ -28,7 +28,7 @@ Design = Literal["fixed", "dk"]
 AGEING = ("k1", "b1")
 """Parameters of the suspension that fall as it ages."""
 CERTAIN = 1e-3
-"""Relative tolerance of a parameter that is known."""
+"""Relative tolerance of a parameter that counts as known."""
 
 
 Range = tuple[float, float]
@@ -36,7 +36,7 @@ Range = tuple[float, float]
 
 
 def life(axis: Axis, softest: float) -> dict[str, Range]:
-    """Ranges of k1 and b1 of every drive from new to a share of what it was.
+    """Ranges of k1 and b1 of all drives, from new down to the share `softest` of their values.
 
     New drives have the tolerance of Table 5.3 (k1) and of Table 5.2 (b1).
     """
@@ -50,9 +50,9 @@ def life(axis: Axis, softest: float) -> dict[str, Range]:
 
 
 def narrowed(known: dict[str, Range], suspension: Suspension) -> dict[str, Range]:
-    """What is left of ranges that are known beforehand by what a start finds.
+    """Intersection of the ranges known beforehand with those found at a start.
 
-    Raises SolverError where nothing is: the start then contradicts what is known.
+    Raises SolverError if it is empty: the start then contradicts the prior knowledge.
     """
     left = {}
     for one in suspension.parameters:
@@ -66,7 +66,7 @@ def narrowed(known: dict[str, Range], suspension: Suspension) -> dict[str, Range
 
 
 def over(axis: Axis, ranges: dict[str, Range]) -> ParametricModel:
-    """R and k2 of Table 5.3 uncertain, and k1 and b1 in ranges."""
+    """R and k2 uncertain as in Table 5.3, and k1 and b1 within these ranges."""
     others = [one for one in uncertain_parameters(axis) if one.name not in AGEING]
     ageing = [
         Parameter(name, (high + low) / 2, (high - low) / (high + low))
@@ -76,7 +76,9 @@ def over(axis: Axis, ranges: dict[str, Range]) -> ParametricModel:
 
 
 def all_known(axis: Axis, softening: float) -> ParametricModel:
-    """The nominal drive with its suspension aged, all of it known: what no identification beats."""
+    """The nominal drive with an aged suspension and nothing uncertain, which no identification can
+    beat.
+    """
     table = nominal_table(axis)
     known = [Parameter(n, softening * table[n].nominal, CERTAIN) for n in AGEING]
     return _model(axis, known)
@@ -90,14 +92,14 @@ def _model(axis: Axis, uncertain: list[Parameter]) -> ParametricModel:
 
 
 def plant_of(axis: Axis, model: ParametricModel, speed: float = 1.0) -> GeneralisedPlant:
-    """The plant that controllers are made for and judged on."""
+    """The plant for which controllers are made and on which they are judged."""
     return synthesis_plant(axis, model, speed)
 
 
 def designed(axis: Axis, plant: GeneralisedPlant, design: Design, options: Options) -> StateSpace:
     """A controller for a plant: of third order from the reference controller, or by D-K iteration.
 
-    Raises SolverError where the method gives none.
+    Raises SolverError if the method gives none.
     """
     import control
 
@@ -110,6 +112,6 @@ def designed(axis: Axis, plant: GeneralisedPlant, design: Design, options: Optio
 
 
 def peak_of(plant: GeneralisedPlant, K: StateSpace) -> tuple[float, float]:
-    """Certified bounds on the peak of mu; infinite where the nominal loop is unstable."""
+    """Certified bounds on the peak of mu; infinite if the nominal loop is unstable."""
     found = performance_peak(plant, K, tolerance=PEAK_TOLERANCE)
     return (float("inf"), float("inf")) if found is None else (found.lower, found.upper)

@@ -1,4 +1,4 @@
-"""What the identification at a start finds of an aged suspension (sections 4.3.1 and 7.1.1).
+"""Identification of an aged suspension at a start (sections 4.3.1 and 7.1.1).
 
 Section and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -26,7 +26,7 @@ STEP, AMPLITUDE = 0.5, 1.0
 
 
 class Suspension(NamedTuple):
-    """Spring [N/m] and damper [N s/m] of a suspension as found, and their relative half-widths.
+    """Identified spring [N/m] and damper [N s/m] of a suspension, and their relative half-widths.
 
     The intervals hold the truth with a probability of 99 %, for every k2 within its tolerance.
     """
@@ -44,7 +44,7 @@ class Suspension(NamedTuple):
 
 @dataclass(frozen=True)
 class StartUp:
-    """The open-loop experiment at the start of the nominal drive, its suspension aged."""
+    """The open-loop experiment at the start of the nominal drive with an aged suspension."""
 
     axis: Axis
     suspension: float
@@ -55,12 +55,12 @@ class StartUp:
         return CoilExperiment(bench, STEP, AMPLITUDE)
 
     def found(self, seed: int) -> Suspension:
-        """What the start of a seed finds, of the noise and of what the experimenter is told."""
+        """Suspension found by the start of a seed, with its noise and told values."""
         told, experiment = Told.drawn(self.axis, seed), self.experiment
         mass = experiment.mass * told.mass
         current = experiment.played(seed).corrected(told, experiment.frequency)
         raw = from_periods(experiment.frequency, current.u, current.v, transients=DISCARDED)
-        # An aged resonance lies lower than a new drive's; the dip of v_r/u shows where.
+        # An aged resonance is lower than that of a new drive; the dip of v_r/u shows where it is.
         dip = float(experiment.frequency[np.argmin(abs(raw.response[:, 0, 0]))])
         experiment = replace(experiment, resonance=dip)
         settled = experiment.settled(raw, current, mass)
@@ -75,10 +75,10 @@ class StartUp:
 def suspension_of(
     axis: Axis, spring: tuple[float, float], damper: tuple[float, float]
 ) -> Suspension:
-    """k1 and b1 of lumped values k and b with their half-widths; the link is that of Table 5.2.
+    """k1 and b1 from lumped values k and b with their half-widths; the link is that of Table 5.2.
 
-    k = k1 k2 / (k1 + k2) (eq. 4.18, inverted) and b = b1 rho^2 + b2 (1 - rho)^2, with
-    rho = k2 / (k1 + k2). The half-widths add what k2 and b2 within their tolerances make of it.
+    k = k1 k2 / (k1 + k2) (eq. 4.18, inverted) and b = b1 rho^2 + b2 (1 - rho)^2, with rho = k2 /
+    (k1 + k2). The half-widths include the effect of k2 and b2 within their tolerances.
     """
     table = nominal_table(axis)
     k2, b2 = table["k2"], table["b2"]

@@ -1,1 +1,1 @@
-"""Every controller at 1X, judged by the same certified analysis."""
+"""All controllers at 1X, compared by the same certified analysis."""

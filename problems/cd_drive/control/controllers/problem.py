@@ -1,4 +1,5 @@
-"""Every controller at 1X by the same certified analysis, and what none can beat (figure 6.4).
+"""All controllers at 1X by the same certified analysis, with bounds that none can beat (figure
+6.4).
 
 Figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -55,8 +56,9 @@ MODELS = {
 }
 """Form of the uncertainty, method of its cover, and designs made for it.
 
-Circles have no real scalar, so methods that use one are left out; the reference controller does not
-stabilise the jointly chosen nominal, so no third-order design starts from it."""
+Circles have no real scalar, so methods that use one are left out. The reference controller does not
+stabilise the jointly chosen nominal, so no third-order design starts from it there.
+"""
 CONTROLLERS = ("mu-PID", *DESIGNS)
 
 
@@ -67,7 +69,7 @@ Loops = dict[Case, tuple[GeneralisedPlant, StateSpace]]
 
 
 def needs(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> dict[str, Any]:
-    """The covers, and a controller of every design for every model."""
+    """References to the covers, and to the controller of every design for every model."""
     found: dict[str, Any] = {"covers": [], "designed": []}
     for form, cover, designs in MODELS.values():
         choice: Any = {"form": form, "cover": cover, "frequencies": frequencies, "gain": gain}
@@ -89,11 +91,13 @@ def controllers(  # type: ignore[no-untyped-def]
 ) -> Controllers:
     """The controllers of every method and form of uncertainty beside the mu-PID (figure 6.4).
 
-    Certified peaks at 1X of w_p -> z_p, of w_u -> z_u and of both, each with the uncertainty that
-    the controller was made for. For circles and stadiums the least mu that any controller leaves at
-    a frequency, and for circles what a nominal chosen jointly with them changes.
+    Peaks at 1X are certified for w_p -> z_p, for w_u -> z_u and for both, each with the uncertainty
+    for which the controller was made. For circles and stadiums, the least mu that any controller
+    can have at a frequency is given, and for circles the effect of a nominal that is chosen jointly
+    with them.
 
-    frequencies: how many the covers are made on, from 5 Hz to 5 kHz. gain: of the twelve drives.
+    frequencies: number of frequencies of the covers, from 5 Hz to 5 kHz. gain: of the twelve
+    drives.
     """
     return Controllers(axis, covers, designed)
 
@@ -113,12 +117,14 @@ class Controllers(Study):
         return f"{EVERY_PERTURBATION}, for these controllers"
 
     def plant(self, model: int) -> GeneralisedPlant:
-        """(w_p, w_u) to (z_p, z_u) without noise; the parametric model has no cover."""
+        """Plant from (w_p, w_u) to (z_p, z_u) without noise; the parametric model needs no
+        cover.
+        """
         covered = self.covers[model - 1] if model else None
         return generalised(self.axis, uncertainty(self.axis, covered))
 
     def weights(self, model: int) -> Any:
-        """Weights of the loop of a model, a function of frequencies [rad/s]."""
+        """Weights of the loop with a model, as a function of frequencies [rad/s]."""
         found = uncertainty(self.axis, self.covers[model - 1])
         assert isinstance(found, UncertaintyModel)
         return lambda omega: loop_weights(self.axis, found, 1.0, omega)
@@ -129,7 +135,7 @@ class Controllers(Study):
 
     @part
     def loops(self) -> Loops:
-        """Generalised plant and controller of each design for each model, and channel."""
+        """Generalised plant and controller for each model, design and channel."""
         import control
 
         runs, found = iter(self.designed), {}
@@ -147,13 +153,13 @@ class Controllers(Study):
 
     @answers
     def loop_peaks(self, loops: Loops, context: Context) -> dict[Case, Peak | None]:
-        """Peaks of robust performance; None where the nominal loop is unstable."""
+        """Peaks of robust performance; None if the nominal loop is unstable."""
         cases = context.track(list(loops), "peaks")
         return {case: performance_peak(*loops[case], tolerance=PEAK_TOLERANCE) for case in cases}
 
     @loop_peaks.checkers
     def of_the_loops(self, loops: Loops) -> dict[Case, PeakChecker]:
-        """What certifies the peak of each."""
+        """Checker that certifies each peak."""
         return {
             case: PeakChecker(plant.close(K), plant.performance_structure)
             for case, (plant, K) in loops.items()
@@ -161,13 +167,13 @@ class Controllers(Study):
 
     @part
     def curves(self, loops: Loops, loop_peaks: Any, context: Context) -> dict[Case, Sweep]:
-        """Mu over frequency of the loops that are stable."""
+        """Mu over frequency of the stable loops."""
         cases = context.track([case for case, peak in loop_peaks.items() if peak], "curves")
         return {case: performance_sweep(*loops[case], 2 * np.pi * FREQUENCIES) for case in cases}
 
     @answers
     def least(self) -> dict[str, LargestLeastMu]:
-        """What every controller's peak is at least, for each model with fitted weights."""
+        """Lower bound on the peak of every controller, for each model with fitted weights."""
         omega = 2 * np.pi * FREQUENCIES
         return {
             model: largest_least_mu(self.weights(m), omega) for m, model in enumerate(MODELS) if m
@@ -175,14 +181,14 @@ class Controllers(Study):
 
     @least.checkers
     def of_the_models(self) -> dict[str, LargestLeastMuChecker]:
-        """What certifies each."""
+        """Checker that certifies each bound."""
         return {
             model: LargestLeastMuChecker(self.weights(m)) for m, model in enumerate(MODELS) if m
         }
 
     @array(dims=(*over, bound), unit="1", meaning="certified bounds of the supremum of mu")
     def peak(self, loop_peaks: dict[Case, Peak | None]) -> RealArray:
-        """NaN where a design is not made for a model or is unstable."""
+        """NaN if a design is not made for a model or is unstable."""
         found = np.full((len(MODELS), len(CONTROLLERS), len(CHANNELS), 2), np.nan)
         for case, one in loop_peaks.items():
             if one is not None:
@@ -277,12 +283,12 @@ def _both(peak: DataArray) -> DataArray:
 
 
 def _key(*names: str) -> str:
-    """A model, and a design, as they stand in the name of a metric."""
+    """Names of models and designs in the names of metrics."""
     kept = "".join(c if c.isalnum() else " " for c in " ".join(names))
     return "_".join(kept.split())
 
 
 def _place(case: Case) -> tuple[int, int, int]:
-    """Place of a model, a controller and a channel in arrays."""
+    """Indices of a model, a controller and a channel in arrays."""
     model, name, channel = case
     return list(MODELS).index(model), CONTROLLERS.index(name), list(CHANNELS).index(channel)

@@ -18,7 +18,7 @@ SIGNALS = {"disturbance": "$w_p$ to $z_p$", "both": "$w_p$ to both"}
 
 
 def figure_6_4(axis: Axis, answer: Dataset, channel: str) -> Figure:
-    """Mu of every controller with the uncertainty that it was made for, a panel for each model."""
+    """Mu of every controller with the uncertainty for which it was made, one panel per model."""
     figure, panels = figures.axes(2, 2, size=(10.0, 8.0), sharex=True, sharey=True)
     for panel, model in zip(panels, answer["model"].values, strict=True):
         at = answer.sel(model=model)
@@ -40,7 +40,7 @@ def figure_6_4(axis: Axis, answer: Dataset, channel: str) -> Figure:
 
 
 def peaks_table(answer: Dataset) -> tuple[list[str], list[list[str]]]:
-    """Certified upper bounds, a line for every controller and model."""
+    """Certified upper bounds, one line per controller and model."""
     channels = answer["channel"].values
     rows = []
     for model in answer["model"].values:

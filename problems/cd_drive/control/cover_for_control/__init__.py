@@ -1,1 +1,1 @@
-"""Stadiums and controller chosen together for the least mu."""
+"""Stadiums and controller, chosen together for the least mu."""

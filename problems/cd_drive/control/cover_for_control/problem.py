@@ -1,4 +1,4 @@
-"""Stadiums and controller chosen for the least mu: what the thesis left open (5.4.3).
+"""Stadiums and controller chosen for the least mu, a question left open by the thesis (5.4.3).
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -46,7 +46,7 @@ PARTS = ("nominal", "W_c", "W_r")
 """Rational functions of an uncertainty model."""
 
 OptimisedStep = tuple[str, float]
-"""Parts that a step optimised, and the certified upper bound after it."""
+"""Names of the parts that a step optimised, and the certified upper bound after it."""
 
 
 class DesignStage(NamedTuple):
@@ -64,7 +64,7 @@ def needs(
     gain: Gain = "own",
     **_: Any,
 ) -> dict[str, Any]:
-    """The narrowest stadiums, their orientation limited where it is erratic."""
+    """Reference to the narrowest stadiums, with orientations limited where they are erratic."""
     name = f"cd/{axis}/stadium-cover"
     return {"narrowest": ref(name, method=cover, frequencies=frequencies, gain=gain)}
 
@@ -83,14 +83,14 @@ def cover_for_control(
 ) -> CoverForControl:
     """How much lower the certified peak gets when stadiums are chosen for it, not for their width.
 
-    A third-order controller and the stadiums' orientations and lengths are optimised in turn,
-    about the nominal of the narrowest stadiums, from the controller that is designed for them; then
-    these and the nominal together, again and again, from that controller and from the reference
-    controller. Each search is the best of several from starts about it.
+    First, a third-order controller and the stadiums' orientations and lengths are optimised in
+    turn, about the nominal of the narrowest stadiums, from the controller designed for them. Then
+    these and the nominal are optimised together, repeatedly, from that controller and from the
+    reference controller. Each search is the best of several with nearby starts.
 
-    cover, frequencies, gain: of the narrowest stadiums, as `cd/<axis>/stadium-cover`.
-    complex_order: of the weight that is chosen for control. rounds: most of the alternation, and
-    of all together.
+    cover, frequencies, gain: of the narrowest stadiums, as in `cd/<axis>/stadium-cover`.
+    complex_order: order of the weight that is chosen for control. rounds: largest number of rounds,
+    in turn and all together.
     """
     responses = measured_drives(axis, frequencies, 5.0, 5000.0, gain)
     return CoverForControl(axis, narrowest, responses, complex_order, rounds)
@@ -131,8 +131,8 @@ class CoverForControl(Study):
         steps = [("reference controller", first.peak), ("controller", second.peak)]
         cover = control_cover(self.axis, 1.0, self.responses, self.complex_order)
         third = self._in_turn(cover, second, steps, context)
-        # Local searches: what is best in turn may be a dead end for all together, and so may the
-        # controller for the narrowest stadiums.
+        # Searches are local: the best result in turn may be a dead end for the joint search, and so
+        # may the controller for the narrowest stadiums.
         ends = [
             self._together(cover, stage, name, steps, context)
             for name, stage in zip(STAGES, (first, second), strict=False)
@@ -190,7 +190,7 @@ class CoverForControl(Study):
     def _in_turn(
         self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
     ) -> DesignStage:
-        """Stadiums and controller in turn, as long as the certified peak falls."""
+        """Optimise stadiums and controller in turn, as long as the certified peak falls."""
         for _ in context.track(range(self.rounds), "in turn"):
             found = self._lowered(cover, best, ["real"], context)
             steps.append(("stadiums", found.peak))
@@ -215,9 +215,9 @@ class CoverForControl(Study):
         steps: list[OptimisedStep],
         context: Context,
     ) -> DesignStage:
-        """Nominal, stadiums and controller at once, as long as the certified peak falls.
+        """Optimise nominal, stadiums and controller together, as long as the certified peak falls.
 
-        Then the controller alone, by its certified peak.
+        At the end the controller alone is optimised for its certified peak.
         """
         for _ in range(self.rounds):
             found = self._lowered(cover, best, ["nominal", "real", "controller"], context)
@@ -232,7 +232,7 @@ class CoverForControl(Study):
     def _lowered(
         self, cover: ControlCover, stage: DesignStage, moving: Sequence[Name], context: Context
     ) -> DesignStage:
-        """The stage that moving parts, and W_c with them, lead to."""
+        """The stage after optimising the moving parts, together with W_c."""
         model = stage.model
         assert model.W_r is not None
         parts: dict[Name, Rational] = {
@@ -240,7 +240,7 @@ class CoverForControl(Study):
             "real": model.W_r,
             "controller": from_system(stage.K),
         }
-        if model is not self.given:  # the narrowest stadiums have a W_c of another order
+        if model is not self.given:  # W_c of the narrowest stadiums has another order
             parts["circular"] = model.W_c
         found = cover.lowered(parts, moving, context)
         K = stage.K if "controller" not in moving else found["controller"].state_space()
@@ -257,7 +257,7 @@ class CoverForControl(Study):
         return DesignStage(model, K, self._peak(model, K))
 
     def _peak(self, model: UncertaintyModel, K: StateSpace) -> float:
-        """Certified upper bound; infinite where the loop is unstable."""
+        """Certified upper bound; infinite if the loop is unstable."""
         certified = self.program(model, None).certified(K)
         return np.inf if certified is None else certified.upper
 

@@ -16,13 +16,15 @@ from ..loop_weights import BASIS, unit_uncertainty
 from .uncertain_loop import UncertainLoop
 
 BOUNDED = ("disturbance", "both")
-"""Channels whose mu no controller makes arbitrarily small; K = 0 makes the control channel 0."""
+"""Channels with a lower bound on mu for every controller; for the control channel it is 0, by K =
+0.
+"""
 PROOFS = ("nominal", "dynamic")
 """Bounds over all frequencies: for the nominal plant, and for the uncertain one."""
 LEAST_NOISE = MEASUREMENT_NOISE / 10
-"""Measurement noise in the synthesis of the nominal optimum; less than a design should have."""
+"""Measurement noise in the synthesis of the nominal optimum; smaller than a design should have."""
 START_FACTOR = 1.002
-"""Least level to be proven over the pointwise bound, at which a set would shrink to a point."""
+"""Least level to be proven, over the pointwise bound, at which a set would shrink to a point."""
 
 
 def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
@@ -34,7 +36,7 @@ def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
 
 
 def nominal_level(uncertain: UncertainLoop, omega: RealArray) -> float:
-    """What no controller of the nominal plant is below at one of the frequencies [rad/s] (F,)."""
+    """Lower bound for every controller of the nominal plant, at frequencies [rad/s] (F,)."""
     W = uncertain.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
     return float(nominal.max())
@@ -43,6 +45,8 @@ def nominal_level(uncertain: UncertainLoop, omega: RealArray) -> float:
 def proof_between(
     loop: LoopFunctions, low: float, high: float, context: Context
 ) -> DualCertificate:
-    """Highest level between two that is proven for every controller; NaN where there is none."""
+    """Highest level between two levels that is proven for every controller; NaN if
+    there is none.
+    """
     found = highest_proven(loop, BASIS, low, high, context) if low < high else None
     return found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS)

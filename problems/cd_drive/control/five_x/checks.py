@@ -1,4 +1,6 @@
-"""Checks of the study at 5X: closed forms, loops that obey the bounds, and proofs done again."""
+"""Checks of the study at 5X: closed forms, loops that obey the bounds, and proofs
+verified again.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +34,12 @@ LOWEST, HIGHEST = BASIS.band_hz
 PROOF_FREQUENCIES = 1501
 """Number of frequencies of the integral that is compared with the proven bound."""
 EDGE_RAYS, EDGE_HALVINGS = 90, 20
-"""Rays on which the edges of the sets are sought there, and halvings on each."""
+"""For that integral: number of rays on which the sets' edges are searched, and of halvings on each.
+"""
 SAMPLES = 4000
 """Number of random T that must lie in the sets of a proof."""
 LARGE_LOOP_MU_ROUNDING = 1e-4
-"""Largest relative error of mu by rounding, in loops of fifty states over nine decades."""
+"""Largest relative error of mu by rounding, in loops with fifty states over nine decades."""
 INTEGRAL_ERROR = 1e-4
 """Largest error of the trapezoidal rule for an integral that is zero, over that of |T h|."""
 
@@ -46,7 +49,7 @@ def five_x_checks(
     controllers: Mapping[str, TransferFunction | StateSpace],
     answer: Dataset,
 ) -> list[Check]:
-    """Check that no closed form lies outside the bounds, and that the proofs hold.
+    """Check that no closed form is outside the bounds, and that the proofs hold.
 
     `controllers` are those of the answer, by its names.
     """
@@ -142,7 +145,7 @@ def _closed_form(
     }
     chosen = list(outputs.values()) if channel == "both" else [outputs[channel]]
     W_c, W_r = uncertain.model.W_c(s), uncertain.model.W_r
-    # The sign of c_r does not matter: delta_r may have either.
+    # The sign of c_r does not matter, since delta_r may have either sign.
     real = np.zeros_like(T) if W_r is None else T * W_r(s)
     return rank_one_mu(real, np.abs(T * W_c) + np.linalg.norm(chosen, axis=0))
 
@@ -157,7 +160,9 @@ def _loop(
 
 
 def _h(x: RealArray, poles: RealArray, omega: RealArray) -> ComplexArray:
-    """Sum of x 2 a / (s + a) times all-passes of the poles before, from the last one on."""
+    """Sum of x 2 a / (s + a) times the all-passes of the previous poles, evaluated from the last
+    term.
+    """
     s, h = 1j * omega, np.zeros(omega.shape, complex)
     for a, each in zip(poles[::-1], x[::-1], strict=True):
         h = (2 * a * each + (s - a) * h) / (s + a)
@@ -165,7 +170,7 @@ def _h(x: RealArray, poles: RealArray, omega: RealArray) -> ComplexArray:
 
 
 def _any_allowed(loop: LoopFunctions, level: float, frequency: float) -> bool:
-    """Whether mu may be at most a level at a frequency [Hz], for any complex number K."""
+    """Whether some complex number K keeps mu at or below a level at a frequency [Hz]."""
     omega = np.array([2 * np.pi * frequency])
     weights, one = loop.over(FrequencyCells(omega, omega)), np.ones((1, 1), complex)
     return bool(largest_projections(weights, level, one, np.zeros(1)).max() > -np.inf)
@@ -174,9 +179,9 @@ def _any_allowed(loop: LoopFunctions, level: float, frequency: float) -> bool:
 def _integral(
     uncertain: UncertainLoop, nominal: bool, level: float, x: RealArray, poles: RealArray
 ) -> float:
-    """Integral of Re(T h) by trapezoids in log omega, T being the best on the sets' edges.
+    """Integral of Re(T h) by trapezoids in log omega, with the best T on the sets' edges.
 
-    The edges are found by bisection of mu on rays from the T of least mu.
+    The edges are found by bisection of mu on rays from the T with the least mu.
     """
     omega = 2 * np.pi * np.geomspace(LOWEST, HIGHEST, PROOF_FREQUENCIES)
     W_p, W_u, W_c, W_r = _weights(uncertain, omega, nominal)
@@ -205,7 +210,7 @@ def _sampled(uncertain: UncertainLoop, loop: LoopFunctions, nominal: bool, level
     rng = np.random.default_rng(0)
     omega = 2 * np.pi * np.exp(rng.uniform(np.log(LOWEST), np.log(HIGHEST), SAMPLES))
     W_p, W_u, W_c, W_r = _weights(uncertain, omega, nominal)
-    # About 1 with |W_p (1 - T)|, and about 0 with |W_u T / ACT|, up to the level.
+    # Discs about 1 with |W_p (1 - T)| and about 0 with |W_u T / ACT|, both up to the level.
     ball = np.sqrt(rng.uniform(size=SAMPLES)) * np.exp(2j * np.pi * rng.uniform(size=SAMPLES))
     T = np.where(W_p > W_u, 1 + ball * level / W_p, ball * level / W_u)
     others = np.hypot(W_p * np.abs(1 - T), W_u * np.abs(T)) + W_c * np.abs(T)

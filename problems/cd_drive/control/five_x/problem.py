@@ -21,7 +21,7 @@ from .uncertain_loop import SPEED
 def needs(
     axis: str, frequencies: int = 400, cover: CoverMethod = "steps", gain: Gain = "own", **_: Any
 ) -> dict[str, Any]:
-    """The stadium cover, and the controller designed with it for 5X."""
+    """References to the stadium cover, and to the controller designed with it for 5X."""
     choice: Any = {"form": "stadium", "cover": cover, "frequencies": frequencies, "gain": gain}
     designed = ref(f"cd/{axis}/controller", method="dk", speed=SPEED, after="", **choice)
     return cover_of(axis, **choice) | {"designed": designed}
@@ -38,16 +38,16 @@ def five_x(
 ) -> FiveX:
     """What controllers reach at 5X with stadium uncertainty, and what none can (6.3.2, fig. 6.5).
 
-    Certified peaks of the mu-PID, as it is and with the gain that makes both channels equally bad,
-    of the mu controller of full order and of one of ninth order. The thesis finds all of them above
-    1 and concludes that this hardware cannot be driven at 5X. Whether any controller can is
-    answered by lower bounds on the peak of every linear controller: of the nominal plant, of each
-    frequency by itself, and of both together.
+    Peaks are certified for the mu-PID, with its own gain and with the gain that makes both channels
+    equally bad, for the mu controller of full order, and for one of ninth order. In the thesis all
+    of them are above 1, and it concludes that this hardware cannot be driven at 5X. Whether any
+    controller can do it is answered by lower bounds on the peak of every linear controller: for the
+    nominal plant, for each frequency by itself, and for both together.
 
     The controller of full order is by D-K iteration, which reaches 2.26 (focus) and 2.54 (radial);
     (mu, D)-K iteration ends at 57.7 and 2.57 (cover "steps", 120 frequencies).
 
-    frequencies: how many the cover is made on, from 5 Hz to 5 kHz. cover: by the "steps" of the
-    thesis, or "joint". gain: of the twelve drives.
+    frequencies: number of frequencies of the cover, from 5 Hz to 5 kHz. cover: by the "steps" of
+    the thesis, or "joint". gain: of the twelve drives.
     """
     return FiveX(axis, covered, designed)

@@ -1,4 +1,4 @@
-"""Figure 6.5 and the tables of the study at 5X, beside what the thesis says."""
+"""Figure 6.5 and the tables of the study at 5X, compared with the statements of the thesis."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PANELS = {
 
 
 def figure_6_5(axis: Axis, answer: Dataset) -> Figure:
-    """Figure 6.5, with both channels together and what no controller can beat."""
+    """Figure 6.5, with both channels together and the bounds that no controller can beat."""
     figure, panels = figures.axes(3, 1, size=(7.5, 9.5), sharex=True)
     frequency = answer["frequency"]
     for panel, (channel, signals) in zip(panels, PANELS.items(), strict=True):
@@ -56,7 +56,7 @@ def figure_6_5(axis: Axis, answer: Dataset) -> Figure:
 
 
 def peaks_table(answer: Dataset) -> str:
-    """Certified peaks [lower, upper] and their frequencies, a line for every controller."""
+    """Certified peaks [lower, upper] and their frequencies, one line per controller."""
     channels = answer["channel"].values
     rows = []
     for name in answer["controller"].values:
@@ -73,7 +73,7 @@ def peaks_table(answer: Dataset) -> str:
 
 
 def conclusions_table(axis: Axis, numbers: Mapping[str, float]) -> str:
-    """Conclusions of section 6.3.2, beside the numbers found."""
+    """Conclusions of section 6.3.2, with the numbers found."""
 
     def three(*names: str) -> str:
         return " and ".join(f"{numbers[name]:.3g}" for name in names)

@@ -87,14 +87,14 @@ CHANNELS: dict[str, tuple[Any, Any]] = {
 }
 """Performance outputs and exogenous inputs; w_p and w_u enter the loop at one place."""
 REDUCTIONS: tuple[ReductionMethod, ...] = ("weighted", "balanced", "hankel")
-"""Ways in which the designed controller is reduced."""
+"""Methods by which the designed controller is reduced."""
 CONTROLLERS = {
     "mu-PID": "mu_pid",
     "adjusted mu-PID": "adjusted",
     "full order": "full",
     "ninth order": "ninth",
 }
-"""Controllers, and what metrics call them."""
+"""Controllers, with their names in metrics."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ class FiveX(Study):
 
     @part
     def reductions(self, plants: Plants) -> dict[str, tuple[StateSpace, float]]:
-        """The designed controller reduced in every way, and its peak, infinite if unstable."""
+        """The designed controller reduced by every method, and its peak, infinite if unstable."""
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
         found: dict[str, tuple[StateSpace, float]] = {}
         for method in REDUCTIONS:
@@ -188,13 +188,13 @@ class FiveX(Study):
 
     @answers
     def peaks(self, loops: Loops, context: Context) -> dict[Case, Peak | None]:
-        """Peaks of robust performance; None where the nominal loop is unstable."""
+        """Peaks of robust performance; None if the nominal loop is unstable."""
         cases = context.track(list(loops), "peaks")
         return {case: performance_peak(*loops[case], tolerance=PEAK_TOLERANCE) for case in cases}
 
     @peaks.checkers
     def of_the_loops(self, loops: Loops) -> dict[Case, PeakChecker]:
-        """What certifies the peak of each."""
+        """Checker that certifies each peak."""
         return {
             case: PeakChecker(plant.close(K), plant.performance_structure)
             for case, (plant, K) in loops.items()
@@ -202,7 +202,7 @@ class FiveX(Study):
 
     @part
     def curves(self, loops: Loops, peaks: Any, omega: RealArray, context: Context) -> list[Any]:
-        """Bounds of mu over frequency (2, F) of each; NaN where the loop is unstable."""
+        """Bounds of mu over frequency (2, F) of each loop; NaN if the loop is unstable."""
         unstable = np.full((2, len(omega)), np.nan)
         cases = context.track(list(loops), "curves")
         return [_curve(*loops[case], omega) if peaks[case] else unstable for case in cases]
@@ -241,14 +241,16 @@ class FiveX(Study):
 
     @answers
     def pointwise(self, omega: RealArray) -> dict[str, LargestLeastMu]:
-        """What every controller has at one frequency, for each of BOUNDED; last both at 1X."""
+        """Bound for every controller at one frequency, for each of BOUNDED; the last is for both at
+        1X.
+        """
         return {
             name: largest_least_mu(weights, omega) for name, weights in self._pointwise().items()
         }
 
     @pointwise.checkers
     def of_the_weights(self) -> dict[str, LargestLeastMuChecker]:
-        """What certifies each."""
+        """Checker that certifies each bound."""
         return {name: LargestLeastMuChecker(each) for name, each in self._pointwise().items()}
 
     @answers
@@ -258,7 +260,7 @@ class FiveX(Study):
 
     @optimal.checkers
     def of_the_nominal_plant(self) -> dict[str, HinfSynthesis]:
-        """What certifies it."""
+        """Checker that certifies the norm."""
         return {"nominal": HinfSynthesis(nominal_plant(self.loop))}
 
     def _pointwise(self) -> dict[str, Any]:
@@ -270,7 +272,7 @@ class FiveX(Study):
     def proofs(
         self, peaks: Any, pointwise: Any, optimal: Any, omega: RealArray, context: Context
     ) -> list[DualCertificate]:
-        """Certificates over all frequencies, for each of PROOFS; NaN where none was found."""
+        """Certificates over all frequencies, for each of PROOFS; NaN if none was found."""
         best = min(peaks[name, "both"].upper for name in CONTROLLERS if peaks[name, "both"])
         ends = {
             "nominal": (nominal_level(self.loop, omega), optimal["nominal"].norm),
@@ -344,7 +346,7 @@ class FiveX(Study):
 
 
 def _numbers(peak: Peak | None) -> list[float]:
-    """Bounds of a peak and its frequency [Hz]; NaN of an unstable loop."""
+    """Bounds of a peak and its frequency [Hz]; NaN for an unstable loop."""
     return [np.nan] * 3 if peak is None else [peak.lower, peak.upper, peak.omega / (2 * np.pi)]
 
 

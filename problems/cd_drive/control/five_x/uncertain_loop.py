@@ -31,7 +31,7 @@ class UncertainLoop:
     speed: ClassVar[float] = SPEED
 
     def weights(self, omega: RealArray, channel: str = "both", speed: float = SPEED) -> LoopWeights:
-        """Weights that mu of a channel depends on, at frequencies (F,) [rad/s].
+        """Weights that determine mu of a channel, at frequencies (F,) [rad/s].
 
         `channel` is "disturbance" or "both".
         """

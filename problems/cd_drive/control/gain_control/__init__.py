@@ -1,1 +1,1 @@
-"""Automatic gain control of the drives, by a wobble at crossover."""
+"""Automatic gain control of the drives, by a sinusoidal test signal (wobble) at crossover."""

@@ -16,7 +16,7 @@ SHOWN = ("ordinary", "red_book", "scratch")
 
 
 def levels(answer: Dataset, axis: Axis) -> Figure:
-    """|L| at the wobble's frequency of every drive while the gain is set, first draw."""
+    """|L| at the wobble's frequency for every drive while the gain is adjusted, first draw."""
     drawn, panels = figures.axes(1, len(SHOWN), size=(10.0, 3.6), sharey=True)
     for panel, arm in zip(panels, SHOWN, strict=True):
         for one in answer["level"].sel(arm=arm).values:
@@ -29,7 +29,7 @@ def levels(answer: Dataset, axis: Axis) -> Figure:
 
 
 def spreads(answer: Dataset, axis: Axis) -> Figure:
-    """|L| at the wobble's frequency of every drive, before and after on every disc."""
+    """|L| at the wobble's frequency for every drive, before and after, on every disc."""
     drawn, (panel,) = figures.axes(size=(7.0, 4.0))
     place, arms = np.arange(answer.sizes["drive"]), answer["arm"].values.tolist()
     panel.plot(place - 0.4, answer["before"], "x", color=figures.BLACK, label="before")

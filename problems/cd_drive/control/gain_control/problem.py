@@ -41,15 +41,15 @@ from .figures import levels, spreads
 from .runs import ARMS, END, START, STEPS, WITHIN, Start, crossover_of, level_of, started
 
 CLAIMED = "ordinary"
-"""The disc for which the statement of section 4.4 is judged."""
+"""The disc on which the statement of section 4.4 is checked."""
 REMOVED = 1 / 3
-"""Largest spread of the loops' gains over the one before that counts as removed."""
+"""Largest spread of the loop gains, over that before, that counts as removed."""
 LATEST = 1.5
-"""Largest time [s] in which a gain should be set."""
+"""Largest accepted time [s] to adjust a gain."""
 EXACT = 0.1
-"""Largest level [dB] that the gain control leaves without noise and disc."""
+"""Largest accepted error of the level [dB] without noise and without a turning disc."""
 LOW = 100.0
-"""A frequency [Hz] far below crossover, at which the loops' gains are compared too."""
+"""A frequency [Hz] far below crossover at which the loop gains are compared, too."""
 GRID = np.geomspace(300.0, 2000.0, 400)
 """Frequencies [Hz] between which a crossover is found."""
 
@@ -63,15 +63,15 @@ GRID = np.geomspace(300.0, 2000.0, 400)
 def gain_control(axis: Axis, draws: Annotated[int, Field(ge=1, le=1000)] = 12) -> GainControl:
     """Automatic gain control of the twelve drives by a wobble at crossover (section 4.4).
 
-    A sine of twice the noise's size and of the nominal crossover frequency is added to the error
-    while the loop is closed. Synchronous detection in front of and behind it tells |L| there, and a
-    gain before the controller is moved, with a time constant of 0.2 s, until |L| is 1. Every drive
-    begins with the gain of its own optics, coil and masses. The spread of |L| over the drives
-    before and after, and the time that it takes, are told on a disc that stands, one that deviates
+    A sine with twice the noise's size, at the nominal crossover frequency, is added to the error
+    while the loop is closed. Synchronous detection before and behind this point measures |L| there,
+    and a gain in front of the controller is adjusted, with a time constant of 0.2 s, until |L| is
+    1. Every drive starts with the gain of its own optics, coil and masses. The spread of |L| over
+    the drives before and after, and the time needed, are found on a disc at rest, one that deviates
     by a fifth of what the Red Book allows, one that deviates by all of it, one with a scratch of
     1.2 mm in every turn, and one that reflects half of the light.
 
-    draws: of the noise, on each drive and disc.
+    draws: number of draws of the noise, on each drive and disc.
     """
     return GainControl(axis, draws)
 
@@ -105,7 +105,7 @@ class GainControl(Study):
     @part
     def starts(self, context: Context, seed: DataArray, benches: list[Laboratory]) -> list[Start]:
         """Starts in the order of arm, drive, draw."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         arms = list(ARMS.values())
 
         def played(place: tuple[int, ...]) -> Start:
@@ -239,7 +239,7 @@ class GainControl(Study):
 
     @table
     def spread(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Before, and on each disc after: mean and 90 % of the draws."""
+        """Spread before, and on each disc after: mean and 90 % range of the draws."""
         before = [_spread(answer[name]) for name in ("before", "low_before", "crossover_before")]
         first = [f"{float(one):.2f}" for one in before[:2]] + [f"{float(before[2]):.0f}"]
         rows = [["before", *first, "", "", ""]]
@@ -269,5 +269,5 @@ class GainControl(Study):
 
 
 def _spread(values: DataArray) -> DataArray:
-    """Largest less smallest value over the drives."""
+    """Largest minus smallest value over the drives."""
     return values.max("drive") - values.min("drive")

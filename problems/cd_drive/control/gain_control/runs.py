@@ -26,27 +26,27 @@ WOBBLE = {"focus": 0.3e-6, "radial": 0.03e-6}
 """Amplitude of the wobble [m]: twice the noise's standard deviation, a seventh of the largest
 error at which a disc can be read."""
 START, END = 0.5, 2.5
-"""Times [s] from which and until which there is a wobble; the loop and the disc settle before."""
+"""Times [s] at which the wobble begins and ends; the loop and the disc settle before."""
 DETECTION, ADAPTATION = 0.02, 0.2
 """Time constants [s] of the detectors' filters and of the gain."""
 WITHIN = 1.0
-"""Largest level of the loop at the wobble's frequency [dB] of a gain that is set."""
+"""Largest |L| at the wobble's frequency [dB], up or down, at which the gain counts as adjusted."""
 STEPS = 125
 """Number of times at which the level of the loop is shown."""
 SCRATCH = 1.2e-3
-"""Length of the scratch [m]; it is met once in every turn."""
+"""Length of the scratch [m]; it passes once in every turn."""
 FALSE_SHARE = 0.5
-"""False displacement of a scratch over the largest error at which a disc can be read."""
+"""False displacement by a scratch, over the largest error at which a disc can be read."""
 DIM = 0.5
 """Reflectivity of a dim disc."""
 
 
 class Start(NamedTuple):
-    """What one start gives.
+    """Results of one start.
 
-    level (STEPS + 1,): |L| at the wobble's frequency [dB] from START to END. events: times that
-    the loop was lost or regained. settled: time [s] after START from which on the level stays
-    within WITHIN; NaN where it does not.
+    level (STEPS + 1,): |L| at the wobble's frequency [dB] from START to END. events: number of
+    times that the loop was lost or regained. settled: time [s] after START from which the level
+    stays within WITHIN; NaN if it does not.
     """
 
     level: RealArray
@@ -70,7 +70,9 @@ class Arm:
         return Disc.along(axis, size, rotation=ROTATION, reflectivity=self.reflectivity)
 
     def defects(self, axis: Axis) -> Sequence[Defect]:
-        """Its scratches, whose false displacement swings by a share of the acceptable error."""
+        """Scratches of the disc, whose false displacement swings by a share of the acceptable
+        error.
+        """
         swing = FALSE_SHARE * ACCEPTABLE_ERROR[axis]
         return [Defect(SCRATCH, displacement=swing)] if self.scratched else []
 
@@ -112,7 +114,8 @@ def started(bench: Laboratory, arm: Arm, seed: int) -> Start:
 
 
 def level_of(bench: Laboratory, frequency: float | None = None) -> float:
-    """|L| [dB] of a drive's sampled loop under the reference controller, at the wobble by default.
+    """|L| [dB] of a drive's sampled loop under the reference controller, by default at the wobble's
+    frequency.
 
     frequency [Hz].
     """
@@ -122,9 +125,10 @@ def level_of(bench: Laboratory, frequency: float | None = None) -> float:
 
 
 def crossover_of(bench: Laboratory, gain_db: float, grid: RealArray) -> float:
-    """Highest frequency [Hz] at which |L| passes 1, its gain changed by so much; NaN for none.
+    """Highest frequency [Hz] at which |L|, with its gain changed by `gain_db`, passes 1; NaN if
+    none.
 
-    grid: frequencies [Hz] (F,), between neighbours of which the level is interpolated.
+    grid: frequencies [Hz] (F,), between which the level is interpolated.
     """
     loop = bench.response(grid)["f_en"] * controller_response(bench.axis, grid)
     level = 20 * np.log10(abs(loop)) + gain_db

@@ -1,1 +1,1 @@
-"""Sensitivity measured in the laboratory, beside the simulated one."""
+"""Sensitivity measured in the laboratory, compared with the simulated one."""

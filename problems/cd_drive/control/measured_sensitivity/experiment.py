@@ -1,4 +1,4 @@
-"""One experiment: a sine added in the loop, and the sensitivity that it measures."""
+"""One experiment: a sine is added in the loop, and the sensitivity is measured from it."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from ...laboratory.unknowns import Told, corner_ratio
 from ..loops import open_loop, plants
 
 DWELL = 0.5
-"""Least time at each frequency [s]: high frequencies are averaged as long as low ones."""
+"""Least time at each frequency [s]; high frequencies are averaged for as long as low ones."""
 COLOUR_STEPS = 7
-"""Neighbouring frequencies over which the colour of the noise is averaged."""
+"""Number of neighbouring frequencies over which the colour of the noise is averaged."""
 
 
 class Measurement(NamedTuple):
     """Sensitivity measured in one record.
 
-    S (F,): measured. radius (F,): of the region that holds the true one with `CONFIDENCE`.
-    model (F,): of the sampled loop, by what the experimenter is told of the bench. events: times
-    that the loop was lost or regained. saturated: share of the samples of u at the converter's
-    limit.
+    S (F,): measured sensitivity. radius (F,): of the region that holds the true one with
+    `CONFIDENCE`. model (F,): sensitivity of the sampled loop, from the told values of the bench.
+    events: number of times that the loop was lost or regained. saturated: share of the samples of u
+    at the converter's limit.
     """
 
     S: ComplexArray
@@ -47,11 +47,11 @@ class Measurement(NamedTuple):
 
 
 def measured(experiment: LoopExperiment, seed: int) -> Measurement:
-    """The sensitivity from one record: the sine's share in u over the sine that was added.
+    """The sensitivity from one record: the sine's part in u, divided by the sine that was added.
 
-    Both are known exactly inside the computer, which no error of gain, delay or filter enters. A
-    sine e added before the controller K is the sine K e added behind it, where it is added here;
-    and its share in the controller's input over e is that of K e in u.
+    Both are known exactly inside the computer, so errors of gain, delay or filter have no effect. A
+    sine e added before the controller K is equivalent to the sine K e added behind it, as here; and
+    the ratio of its part in the controller's input to e equals that of K e in u.
     """
     record = experiment.played(seed)
     w, u = amplitudes(np.stack([experiment.signal, record.u]), experiment.sine, True)
@@ -70,7 +70,7 @@ def measured(experiment: LoopExperiment, seed: int) -> Measurement:
 
 
 def sampled_sensitivity(experiment: LoopExperiment, told: Told | None = None) -> ComplexArray:
-    """Sensitivity (F,) of the sampled loop, exact or by what is told of the bench."""
+    """Sensitivity (F,) of the sampled loop, exact or from the told values of the bench."""
     bench, frequency = experiment.bench, experiment.frequency
     plant = -bench.response(frequency)["f_en"]
     if told is not None:
@@ -93,5 +93,5 @@ def continuous_sensitivity(axis: Axis, drive: str, frequency: RealArray, scale: 
 def experiment_on(
     axis: Axis, drive: str, frequency: RealArray, deviation: float, scale: float
 ) -> LoopExperiment:
-    """The experiment on a drive, with a disc and a scale of the controller's gain."""
+    """The experiment on a drive, with a disc and a factor on the controller's gain."""
     return LoopExperiment(Laboratory(axis, drive), frequency, True, deviation, scale, DWELL)

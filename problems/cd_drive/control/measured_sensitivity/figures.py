@@ -16,7 +16,7 @@ WORDS = {"full": "gain of eq. 6.12", "third": "a third of the gain"}
 
 
 def figure_6_6(answer: Dataset, axis: Axis, accuracy: float) -> Figure:
-    """|S| of twelve drives: simulated above, measured below; both gains beside each other."""
+    """|S| of twelve drives: simulated above, measured below; one column for each gain."""
     drawn, panels = figures.axes(2, 2, size=(9.5, 6.8), sharex=True, sharey=True)
     frequency, permitted = answer["frequency"].values, answer["permitted"].values
     for column, scale in enumerate(SCALES):
@@ -58,7 +58,7 @@ def figure_6_6(answer: Dataset, axis: Axis, accuracy: float) -> Figure:
 
 
 def good_from(answer: Dataset, axis: Axis) -> Figure:
-    """Frequency from which on the sensitivity is measured well, of every record of a drive."""
+    """Frequency from which the sensitivity is measured well, for every record of each drive."""
     drawn, panels = figures.axes(1, 2, size=(9.0, 3.8), sharey=True)
     names, place = answer["drive"].values, np.arange(answer.sizes["drive"])
     colors = dict(zip(answer["disc"].values, (figures.BLUE, figures.ORANGE), strict=True))

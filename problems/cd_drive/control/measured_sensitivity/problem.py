@@ -1,4 +1,4 @@
-"""Sensitivity measured on the bench beside the simulated one (figure 6.6, section 6.4).
+"""Sensitivity measured on the bench and in simulations (figure 6.6, section 6.4).
 
 Figure, section and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -54,15 +54,17 @@ BAND = (20.0, 8000.0)
 DISCS = {"ordinary": DISC_SHARE, "red_book": 1.0}
 """Deviation of each disc over the Red Book's."""
 ACCURACIES = (0.1, 0.3)
-"""Radius of the 99 % region over |S| up to which a measurement is good: 0.9 dB, and what a drawn
-curve still shows."""
+"""Radius of the 99 % region, over |S|, up to which a measurement is good: 0.9 dB, and an accuracy
+that is still visible in a drawn curve.
+"""
 COMPARED = ACCURACIES[0]
 """The accuracy at which measured and simulated sensitivities are compared."""
 MODELS = ("told", "continuous")
-"""Simulations: of the sampled loop as the experimenter knows it, and that of the thesis."""
+"""Simulations: of the sampled loop as the experimenter knows it, and as in the thesis."""
 SIMILAR_RMS, SIMILAR_MOST = 1.0, 3.0
-"""Root mean square and largest difference [dB] of two curves that are similar: what the eye does
-not tell in a figure that spans 60 dB."""
+"""Root mean square and largest difference [dB] of two curves that count as similar: too small to
+see in a figure that spans 60 dB.
+"""
 
 
 @problem(
@@ -79,22 +81,23 @@ def measured_sensitivity(
     """Sensitivity of the twelve drives measured in the laboratory, beside simulations (figure 6.6).
 
     A stepped sine is added in the loop while the disc turns, for half a second or more at each
-    frequency, of which the later half counts. Its share in the signal behind that place, over the
-    sine, is the sensitivity. This is done with the reference controller and with a third of its
-    gain, on a disc that deviates by a fifth of what the Red Book allows, and on one that deviates
-    by all of it.
-    Beside it stand the sensitivity of the sampled loop as the experimenter knows it, whose optical
-    gain, delay and filters are told with errors (see `laboratory.unknowns`), and that of the loop
-    in continuous time without delay, as the thesis simulates it.
+    frequency, of which the later half counts. The sine's part in the signal behind the point where
+    it is added, divided by the sine, is the sensitivity. This is done with the reference controller
+    and with a third of its gain, on a disc that deviates by a fifth of what the Red Book allows,
+    and on one that deviates by all of it. The result is compared with the sensitivity of the
+    sampled loop as the experimenter knows it, whose optical gain, delay and filters are told with
+    errors (see `laboratory.unknowns`), and with that of the loop in continuous time without delay,
+    as the thesis simulates it.
 
-    A measurement is good where the radius of its 99 % region is at most a tenth of |S|; the study
-    tells from which frequency on. At low frequencies the loop suppresses the sine until it drowns
-    in the noise; around 1 kHz the control signal limits the size of the sine. The regions hold the
-    random error only. The curve of the diodes also lowers the gain of the loop a little where the
-    lens moves far, radially most, so that the metrics `covered` are below 0.99, radially far below.
+    A measurement is good if the radius of its 99 % region is at most a tenth of |S|; the study
+    finds the frequency from which this is so. At low frequencies the loop suppresses the sine until
+    it vanishes in the noise; around 1 kHz the limit of the control signal limits the sine. The
+    regions hold the random error only. The curvature of the diodes' characteristic also lowers the
+    loop gain slightly where the lens moves far, most of all radially, so the metrics `covered` are
+    below 0.99, and radially far below.
 
-    frequencies: how many, logarithmically spaced from 20 to 8000 Hz. draws: on each drive, of the
-    noise and of what is told.
+    frequencies: number of frequencies, logarithmically spaced from 20 to 8000 Hz. draws: number of
+    draws of the noise and of the told values on each drive.
     """
     return MeasuredSensitivity(axis, frequencies, draws)
 
@@ -128,7 +131,7 @@ class MeasuredSensitivity(Study):
     @part
     def records(self, context: Context, seed: DataArray, frequency: DataArray) -> list[Measurement]:
         """Measurements in the order of scale, disc, drive, draw."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         grid, sizes = frequency.values, list(SCALES.values())
         deviations, names = list(DISCS.values()), seed["drive"].values.tolist()
 
@@ -144,7 +147,7 @@ class MeasuredSensitivity(Study):
         return len(SCALES), len(DISCS), 12, self.draws
 
     def _every(self, records: list[Measurement], name: str) -> Any:
-        """An entry of all records (scales, discs, drives, draws, ...)."""
+        """One field of all records (scales, discs, drives, draws, ...)."""
         found = np.array([getattr(one, name) for one in records])
         return found.reshape(*self._shape, *found.shape[1:])
 
@@ -152,7 +155,7 @@ class MeasuredSensitivity(Study):
 
     @arrays((scale, disc, drive, frequency), size=("1", "|S| measured"), radius="1")
     def first(self, records: list[Measurement]) -> dict[str, RealArray]:
-        """Of the first draw."""
+        """Sensitivities of the first draw."""
         return {
             "size": abs(self._every(records, "S")[..., 0, :]).astype("f4"),
             "radius": self._every(records, "radius")[..., 0, :].astype("f4"),
@@ -203,7 +206,7 @@ class MeasuredSensitivity(Study):
         meaning="lowest frequency from which on it is good",
     )
     def good_from(self, good: Any, frequency: DataArray) -> RealArray:
-        """NaN where not even the highest one is."""
+        """NaN if not even the highest frequency is good."""
         bad = ~good
         last = good.shape[-1] - 1 - np.argmax(bad[..., ::-1], axis=-1)
         first = np.where(bad.any(axis=-1), last + 1, 0)
@@ -326,7 +329,7 @@ class MeasuredSensitivity(Study):
 
     @table
     def comparison(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Each gain and disc: mean and 90 % of the records."""
+        """Each gain and disc: mean and 90 % range of the records."""
         numbers = {name: over_draws(answer[name], "drive") for name in ("rms", "most", "good_from")}
         similar, rows = _similar(answer), []
         for scale in SCALES:
@@ -360,13 +363,15 @@ class MeasuredSensitivity(Study):
 
 
 def _similar(answer: Dataset) -> DataArray:
-    """Whether measured and simulated |S| are similar: not if none is good or the loop is lost."""
+    """Whether measured and simulated |S| are similar; false if no measurement is good or the loop
+    is lost.
+    """
     close = (answer["rms"] <= SIMILAR_RMS) & (answer["most"] <= SIMILAR_MOST)
     return close & (answer["events"] == 0)
 
 
 def _mean(values: Any, counted: Any) -> RealArray:
-    """Mean along the last axis of the values that count; NaN where none does."""
+    """Mean along the last axis of the values that count; NaN if none counts."""
     number = counted.sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         found: RealArray = np.where(counted, values, 0.0).sum(axis=-1) / number

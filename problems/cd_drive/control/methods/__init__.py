@@ -1,1 +1,1 @@
-"""The synthesis methods of Table 5.1, judged by one analysis."""
+"""The synthesis methods of Table 5.1, compared by one analysis."""

@@ -1,7 +1,7 @@
-"""Checks of the methods' comparison: loops by other equations, what must be least, sampled plants.
+"""Checks of the methods' comparison: loops by other equations, optimality of each, sampled plants.
 
-Nothing here knows the generalised plants that controllers are judged on, but for the two criteria
-that are defined by one.
+Nothing here uses the generalised plants on which controllers are judged, except for the two
+criteria that are defined by such a plant.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ HERTZ = np.geomspace(0.01, 1e5, 5000)
 WIDE_FREQUENCIES = np.geomspace(1e-6, 1e8, 8000)
 """Frequencies over which mean squares are integrated [Hz]."""
 QUADRATURE = 1e-4
-"""Relative error of that integral."""
+"""Largest relative error of that integral."""
 LEVEL_EXCESS = 2e-3
-"""Largest relative excess of a controller over the least level; they are made 1e-3 above it."""
+"""Largest accepted excess of a controller over the least level, relative; they are made for 1e-3
+above it.
+"""
 SEARCHED_EXCESS = 2.5e-2
-"""The same for a controller whose level was searched over a grid of signal sizes."""
+"""The same for a controller whose level was searched on a grid of signal sizes."""
 POLE_AND_BOUND_ROUNDING = 1e-6
-"""Rounding of poles [rad/s] and of ratios of certified bounds."""
+"""Rounding error of poles [rad/s] and of ratios of certified bounds."""
 COMPLEX_GROWTH = 1.01
 """Robust stability is certified with 1 % of complex uncertainty added to real scalars."""
 RANDOM_PLANTS = 100
@@ -52,7 +54,9 @@ def method_checks(
     controllers: ControllersByName,
     answer: Dataset,
 ) -> list[Check]:
-    """Check that all stabilise, peaks are in order, and each method is best at its own aim."""
+    """Check that all loops are stable, that peaks are in order, and that each method is best at its
+    own aim.
+    """
     names = list(controllers)
     poles = [rightmost_pole(task, K) for K in controllers.values()]
     right, where = worst(poles, lambda i: names[i[0]])
@@ -96,7 +100,7 @@ def rightmost_pole(task: DesignTask, K: StateSpace) -> float:
 
 
 def _order(answer: Dataset) -> list[Check]:
-    """More uncertainty or more channels: a larger peak."""
+    """Check that the peak is larger with more uncertainty or more channels."""
     peak, names = answer["peak"], answer["design"].values
     statements = [
         ("nominal performance", "robust performance", 1.0),
@@ -142,8 +146,9 @@ def _stacks(task: DesignTask, controllers: ControllersByName) -> dict[str, float
 
 
 def _full_blocks(task: DesignTask, controllers: ControllersByName) -> dict[str, float]:
-    """The largest gain at frequencies with the perturbation's signals of the size that is best for
-    the controller made against a full block."""
+    """Largest gain over the frequencies, with the scaling of the perturbation's signals that is
+    best for the controller made against a full block.
+    """
     omega = 2 * np.pi * HERTZ
     structure = task.structure
     loops = {
@@ -162,7 +167,8 @@ def _full_blocks(task: DesignTask, controllers: ControllersByName) -> dict[str, 
 
 
 def _margin_missed(task: DesignTask, K: StateSpace) -> float:
-    """1 - b / b_opt of the shape that K was made for, the one where it is least.
+    """1 - b / b_opt of the shaped plant for which K was made; of several shapes, the one with the
+    least value.
 
     b = inf |1 + G_s C| / sqrt((1 + |G_s|^2) (1 + |C|^2)), C = K / W_1, and b_opt by the Hankel norm
     of normalised coprime factors.
@@ -206,7 +212,7 @@ def _sampled(
 
 
 def _plants(axis: Axis, uncertain: UncertainModel, size: float, hertz: RealArray) -> ComplexArray:
-    """f_en / u without the filter of plants whose perturbations have that size: (N, F)."""
+    """Responses f_en / u (N, F), without the filter, of plants with perturbations of this size."""
     rng = np.random.default_rng(0)
     if isinstance(uncertain, ParametricModel):
         box = uncertain_parameters(axis)

@@ -19,21 +19,21 @@ from ..design import synthesis_plant
 
 CHANNELS = ("z_p", "z_u")
 SIGNAL_SIZES = tuple(np.geomspace(1e-8, 1e2, 31))
-"""Sizes of the perturbation's signals, in units of these, that are tried with a full block."""
+"""Factors on the perturbation's signals that are tried with a full block."""
 FULL_ORDER = ("LQG", "mixed sensitivity", "loop shaping", "full block", "D-K", "(mu,D)-K")
-"""Methods whose controllers have the order of the plant with its weights, or more."""
+"""Methods whose controllers have at least the order of the plant with its weights."""
 
 
 def design_task(axis: Axis, uncertain: UncertaintyModel | ParametricModel) -> DesignTask:
     """The task of an axis with an uncertainty of u [V] -> f_en [units].
 
     Controllers are judged on w_p to (z_p, z_u), and made for the same with a little noise. The
-    reference controller, eq. 6.12 or its radial variant, was made by hand after reduction; it is
-    an integral and a lead, as positioning servos have, which is the shape of loop shaping.
+    reference controller, eq. 6.12 or its radial variant, was made by hand after reduction. It has
+    an integrator and a lead, as positioning servos do, and serves as the weight of loop shaping.
 
-    LQG has w_p white up to the anti-aliasing filter's corner: without that limit z_p, which W_p
-    lets through at every frequency, had infinite variance. In mixed sensitivity W_u stands behind
-    f_en [units] in place of e [m].
+    For LQG, w_p is white up to the corner of the anti-aliasing filter: without that limit, z_p
+    would have infinite variance, since W_p passes all frequencies. In mixed sensitivity W_u acts on
+    f_en [units] instead of e [m].
     """
     import control
 

@@ -1,4 +1,4 @@
-"""Synthesis methods judged by one analysis: Table 5.1 in numbers (section 5.1).
+"""Synthesis methods compared by one analysis: Table 5.1 in numbers (section 5.1).
 
 Table and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -68,12 +68,13 @@ CONDITIONS = (
     "complex scalars",
     "full block",
 )
-"""Conditions of a peak; the last three are robust performance of z_p alone, and with a larger
-uncertainty."""
+"""Conditions that have a peak. The last three are robust performance of z_p alone, and with two
+larger uncertainties.
+"""
 LOW, HIGH = 1.0, 20e3
-"""Ends of the frequencies shown [Hz]."""
+"""Ends of the frequency range shown [Hz]."""
 Questions = dict[tuple[str, str], tuple[StateSpace, Structure]]
-"""System that a perturbation closes, and its structure, by design and condition."""
+"""System that a perturbation closes, and the perturbation's structure, by design and condition."""
 
 
 @problem("cd/{axis}/methods", axis=("focus", "radial"), needs=cover_of, data=TABLES, slow=True)
@@ -87,21 +88,22 @@ def methods(
 ) -> Methods:
     """The synthesis methods of Table 5.1 on one plant, judged by the same certified analysis.
 
-    LQG, mixed sensitivity, loop shaping, H-infinity against a full block, D-K and (mu, D)-K
-    iteration, beside the reference controller and one of its order that lowers mixed mu directly:
-    nominal stability, and certified peaks of nominal performance, robust stability and robust
-    performance of w_p to (z_p, z_u). Robust performance also with real scalars taken as complex
-    and with all uncertainty as one full block, which is what the simpler methods can see.
+    The methods are LQG, mixed sensitivity, loop shaping, H-infinity against a full block, D-K and
+    (mu, D)-K iteration, and for comparison the reference controller and one of its order that
+    lowers mixed mu directly. Judged are nominal stability, and certified peaks of nominal
+    performance, robust stability and robust performance from w_p to (z_p, z_u). Robust performance
+    is also judged with real scalars taken as complex and with all uncertainty as one full block,
+    since the simpler methods cannot use more structure.
 
     form: uncertainty for which controllers are made and judged. cover, gain: of the covers, as in
-    cd/<axis>/mu-pid-analysis. frequencies: of covers and of the curves shown.
+    cd/<axis>/mu-pid-analysis. frequencies: of the covers and of the curves shown.
     """
     return Methods(axis, uncertainty(axis, covered), frequencies, tuple(DESIGNS))
 
 
 @dataclass(frozen=True, eq=False)
 class Methods(Study):
-    """Controllers of one plant by several methods, and what they achieve."""
+    """Controllers of one plant by several methods, and their performance."""
 
     axis: Axis
     uncertain: UncertaintyModel | ParametricModel
@@ -131,7 +133,9 @@ class Methods(Study):
 
     @part
     def questions(self, controllers: ControllersByName) -> Questions:
-        """System that a perturbation closes, and its structure, by design and condition."""
+        """System that a perturbation closes, and the perturbation's structure, by design and
+        condition.
+        """
         return {
             (design, condition): question
             for design, K in controllers.items()
@@ -142,7 +146,7 @@ class Methods(Study):
     def peaks(
         self, questions: Questions, controllers: ControllersByName, context: Context
     ) -> dict[tuple[str, str], Peak | None]:
-        """Peaks; a controller that does not stabilise is its method's error."""
+        """Peaks; a controller that does not stabilise is an error of its method."""
         found: dict[tuple[str, str], Peak | None] = {}
         for design in context.track(list(controllers), "judging"):
             judged = conditions(self.task.plant, controllers[design], tolerance=PEAK_TOLERANCE)
@@ -155,7 +159,7 @@ class Methods(Study):
 
     @peaks.checkers
     def of_the_questions(self, questions: Questions) -> dict[tuple[str, str], PeakChecker]:
-        """What certifies the peak of each."""
+        """Checker that certifies each peak."""
         return {case: PeakChecker(*question) for case, question in questions.items()}
 
     peak = array(
@@ -189,7 +193,9 @@ class Methods(Study):
     )
 
     def structures(self) -> dict[str, Structure]:
-        """Structures of the perturbation: as it is, with complex scalars, and as one full block."""
+        """Structures of the perturbation: the given one, one with complex scalars, and one full
+        block.
+        """
         structure = self.task.structure
         return {
             "robust performance": structure,

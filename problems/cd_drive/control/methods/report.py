@@ -38,7 +38,9 @@ LOOKS = {
 
 
 def methods_table(answer: Dataset) -> Rows:
-    """Certified upper bounds; "yes" where that proves the condition, "no" where it is refuted."""
+    """Certified upper bounds; "yes" if a bound proves the condition, "no" if the condition is
+    refuted.
+    """
     shown = ("nominal performance", "robust stability", "robust performance", "disturbance alone")
     heads = ["method", "order", "nominal stability", *shown[:3], "RP of z_p alone", "Table 5.1"]
     rows = []
@@ -51,7 +53,7 @@ def methods_table(answer: Dataset) -> Rows:
 
 
 def uncertainty_table(peak: DataArray) -> Rows:
-    """Robust performance by what a method can see of the uncertainty; the least of each starred."""
+    """Robust performance for each structure that a method can use; the least of each is starred."""
     conditions = ("robust performance", "complex scalars", "full block")
     upper = peak.sel(bound="upper")
     heads = ["method", "scalars as they are", "scalars complex", "one full block"]
@@ -67,7 +69,7 @@ def uncertainty_table(peak: DataArray) -> Rows:
 
 
 def claims_table(peak: DataArray) -> Rows:
-    """Statements of Table 5.1 and section 5.1, beside the numbers found."""
+    """Statements of Table 5.1 and section 5.1, with the numbers found."""
     upper = peak.sel(bound="upper")
     names = upper["design"].values.tolist()
 
@@ -109,7 +111,7 @@ def _judged(bounds: DataArray) -> str:
 
 
 def mu_figure(axis: Axis, answer: Dataset) -> Figure:
-    """Robust performance over frequency; dots are the certified peaks."""
+    """Robust performance over frequency; dots mark the certified peaks."""
     figure, (panel,) = figures.axes(size=(7.5, 5.2))
     low, high = answer["frequency"].values[[0, -1]]
     for name in answer["design"].values.tolist():

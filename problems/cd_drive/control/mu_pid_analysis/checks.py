@@ -1,4 +1,6 @@
-"""Checks of the mu-PID's analysis: closed forms, sampled plants, and the four conditions' order."""
+"""Checks of the mu-PID's analysis: closed forms, sampled plants, and order of the
+four conditions.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +33,9 @@ MU_ROUNDING = 1e-6
 def mu_pid_checks(
     axis: Axis, covers: Mapping[tuple[str, str], Dataset], answer: Dataset
 ) -> list[Check]:
-    """Check that no closed form and no sampled plant lies outside the bounds.
+    """Check that no closed form and no sampled plant is outside the bounds.
 
-    `covers` holds the dataset of each cover by its form and its gain variant.
+    `covers` holds the dataset of each cover, by its form and gain variant.
     """
     frequency = answer["frequency"].values
     dense = np.geomspace(frequency[0] / 100, 100 * frequency[-1], DENSE)
@@ -81,7 +83,7 @@ def mu_pid_checks(
 def _closed_form(
     axis: Axis, cover: Dataset, speed: float, single: str, frequency: RealArray
 ) -> RealArray:
-    """Mu of robust performance from L = K G AAF and the weights, knowing no generalised plant."""
+    """Mu of robust performance from L = K G AAF and the weights, without a generalised plant."""
     s = 2j * np.pi * frequency
     G, W_c, W_r = (rational(cover, name) for name in ("nominal", "W_c", "W_r"))
     assert G is not None and W_c is not None
@@ -94,13 +96,14 @@ def _closed_form(
     else:
         into = K * optical_gain(axis) / (1 + s / ANTIALIASING)  # e [m] to u [V]
         weighted = control_weight(axis)(s) * into * S
-    # The sign of c_r does not matter: delta_r may have either.
+    # The sign of c_r does not matter, since delta_r may have either sign.
     real = np.zeros_like(T) if W_r is None else -T * W_r.response(omega)
     return rank_one_mu(real, np.abs(T * W_c.response(omega)) + np.abs(weighted))
 
 
 def _sampled(axis: Axis, speed: float, answer: Dataset) -> float:
-    """Largest |W_p S| of the vertices and of random plants in the parameters' box over the bound.
+    """Largest |W_p S| of the vertices and of random plants in the box of parameters, over the
+    bound.
 
     The bound beta of mu holds beta >= |W_p S| for perturbations up to 1 / beta.
     """

@@ -19,7 +19,7 @@ from .study import COVERS, MuPidAnalysis
 def needs(
     axis: str, frequencies: int = 400, cover: Literal["steps", "joint"] = "steps", **_: Any
 ) -> dict[str, Any]:
-    """Circles and stadiums of the three gain variants."""
+    """References to the circles and stadiums of the three gain variants."""
     return {
         f"{form}_{gain}": ref(
             f"cd/{axis}/{form}-cover", method=cover, frequencies=frequencies, gain=gain
@@ -43,13 +43,13 @@ def mu_pid_analysis(  # type: ignore[no-untyped-def]
 ) -> MuPidAnalysis:
     """The mu-PID's robust performance by parametric, circle and stadium uncertainty (6.3.1, 6.3.2).
 
-    Peaks are certified between frequencies, at disc speeds 1X and 5X, of the disturbance channel
-    w_p -> z_p, the control channel w_u -> z_u and both together, for the three gain variants of
-    the drives (figures 6.4 and 6.5). Beside them mu of the sets themselves, before weights are
-    fitted to them, and at 5X the gain at which both channels are equally bad.
+    Peaks are certified between frequencies, at disc speeds 1X and 5X, for the disturbance channel
+    w_p -> z_p, the control channel w_u -> z_u and both together, and for the three gain variants of
+    the drives (figures 6.4 and 6.5). Mu of the sets themselves, before weights are fitted to them,
+    is given for comparison, and at 5X the gain at which both channels are equally bad.
 
-    frequencies: how many the covers are made on, from 5 Hz to 5 kHz. cover: the models that the
-    "steps" of the thesis give, or the "joint" ones.
+    frequencies: number of frequencies of the covers, from 5 Hz to 5 kHz. cover: models by the
+    "steps" of the thesis, or the "joint" ones.
     """
     runs = {
         ("circle", "own"): circle_own,

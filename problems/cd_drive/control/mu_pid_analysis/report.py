@@ -1,4 +1,4 @@
-"""Figures 6.4 and 6.5 and tables of the mu-PID's analysis, beside what the thesis says."""
+"""Figures 6.4 and 6.5 and tables of the mu-PID's analysis, compared with the thesis."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def mu_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
 
 
 def _one_x(axis: Axis, answer: Dataset) -> Figure:
-    """Figure 6.4, and what the sets allow that the fitted weights do not."""
+    """Figure 6.4, and mu of the sets themselves, which is less than with the fitted weights."""
     figure, (fitted, sets) = figures.axes(1, 2, size=(10.0, 4.6), sharex=True, sharey=True)
     case = answer.sel(gain="own", speed=1.0)
     for form, (dash, colour) in LOOKS.items():
@@ -104,7 +104,7 @@ def _limit(panel: Axes, y: str = "", title: str = "") -> None:
 
 
 def conditions_table(answer: Dataset) -> Rows:
-    """Certified peaks [lower, upper] and their frequencies, a line for every loop."""
+    """Certified peaks [lower, upper] and their frequencies, one line per loop."""
     conditions = answer["condition"].values
     rows = []
     cases = product(*(answer[name].values for name in ("gain", "speed", "channel", "form")))
@@ -123,7 +123,9 @@ def conditions_table(answer: Dataset) -> Rows:
 
 
 def sets_table(set_mu: DataArray) -> Rows:
-    """Largest mu over the frequencies of sets without weights, at 1X, and in the resonance."""
+    """Largest mu over the frequencies for sets without fitted weights, at 1X, and within the
+    resonance.
+    """
     rows = []
     for gain, name in product(set_mu["gain"].values, set_mu["set"].values):
         curve = set_mu.sel(speed=1.0, single="disturbance", gain=gain, set=name)
@@ -134,7 +136,7 @@ def sets_table(set_mu: DataArray) -> Rows:
 
 
 def claims_table(answer: Dataset) -> Rows:
-    """Statements of section 6.3 about the focus loop, the numbers of this axis, and a verdict."""
+    """Statements of section 6.3 about the focus loop, with this axis' numbers and a verdict."""
     own = answer.sel(gain="own")
     sets = own["set_mu"].sel(speed=1.0, single="disturbance")
 
@@ -177,11 +179,11 @@ def claims_table(answer: Dataset) -> Rows:
 def _claim(
     statement: str, found: Sequence[tuple[str, tuple[float, float]]], holds: bool
 ) -> list[str]:
-    """Cells of a statement: what it says, each mu with its frequency, whether they agree."""
+    """Cells of a statement: its text, each mu with its frequency, and whether they agree."""
     told = "; ".join(f"{name}{mu:.3f} at {where:.1f} Hz" for name, (mu, where) in found)
     return [statement, told, "holds" if holds else "contradicted"]
 
 
 def _near(frequency: float) -> bool:
-    """Whether a frequency [Hz] is about the first resonance."""
+    """Whether a frequency [Hz] is near the first resonance."""
     return RESONANCE_BAND[0] <= frequency <= RESONANCE_BAND[1]

@@ -36,7 +36,7 @@ from .checks import mu_pid_checks
 from .report import claims_table, conditions_table, mu_figures, sets_table
 
 LoopCase = tuple[Any, ...]
-"""Gain variant, speed, channel and form of uncertainty of a loop; the condition may follow."""
+"""Gain variant, speed, channel and form of uncertainty of a loop; a condition may follow."""
 Loops = dict[LoopCase, GeneralisedPlant]
 """Generalised plants by case."""
 FORMS = ("parametric", "circle", "stadium")
@@ -100,7 +100,9 @@ class MuPidAnalysis(Study):
 
     @part
     def questions(self, loops: Loops) -> dict[LoopCase, tuple[StateSpace, Structure]]:
-        """System that a perturbation closes, and its structure, of each case and condition."""
+        """System that a perturbation closes, and the perturbation's structure, by case and
+        condition.
+        """
         K = controller(self.axis)
         return {
             (*case, condition): question
@@ -110,7 +112,7 @@ class MuPidAnalysis(Study):
 
     @answers
     def peaks(self, loops: Loops, context: Context) -> dict[LoopCase, Peak | None]:
-        """Peaks of each case and condition; None of an unstable loop."""
+        """Peaks of each case and condition; None for an unstable loop."""
         K = controller(self.axis)
         found: dict[LoopCase, Peak | None] = {}
         for case in context.track(list(loops), "peaks"):
@@ -120,7 +122,7 @@ class MuPidAnalysis(Study):
 
     @peaks.checkers
     def of_the_questions(self, questions: Any) -> dict[LoopCase, PeakChecker]:
-        """What certifies the peak of each."""
+        """Checker that certifies each peak."""
         return {case: PeakChecker(*question) for case, question in questions.items()}
 
     @part
@@ -177,7 +179,7 @@ class MuPidAnalysis(Study):
 
     adjusted_gain = array(
         dims=(), unit="1", meaning="gain at which both channels are equally bad"
-    )(  # or NaN
+    )(  # or NaN without a solution
         lambda self, at_5x: equalising_gain(at_5x[0], at_5x[1], controller(self.axis))
     )
 
@@ -230,7 +232,9 @@ class MuPidAnalysis(Study):
 
     @metric
     def conservative(self, mu: DataArray) -> dict[str, float]:
-        """How often, and by how much, mu is larger with stadiums than with circles at 1X."""
+        """Share of frequencies at which mu is larger with stadiums than with circles at 1X, and the
+        excess.
+        """
         curve = mu.sel(gain="own", speed=1.0, channel="disturbance", bound="upper")
         ratio = curve.sel(form="stadium") / curve.sel(form="circle")
         return {
@@ -241,7 +245,7 @@ class MuPidAnalysis(Study):
 
     @metric
     def above_one(self, set_mu: DataArray) -> dict[str, float]:
-        """Share of the frequencies at which mu of the sets themselves is above 1 at 1X."""
+        """Share of the frequencies at which mu of the sets themselves exceeds 1 at 1X."""
         curve = set_mu.sel(gain="own", speed=1.0, single="disturbance")
         share = (curve > 1.0).mean("frequency")
         return {
@@ -264,7 +268,7 @@ def _curve(plant: GeneralisedPlant, K: Any, omega: RealArray) -> RealArray:
 
 
 def _numbers(peak: Peak | None) -> list[float]:
-    """Lower and upper bound, and the frequency [Hz]; no bound of an unstable loop."""
+    """Lower and upper bound, and the frequency [Hz]; bounds are missing for an unstable loop."""
     if peak is None:
         return [np.nan] * 3
     return [peak.lower, peak.upper, peak.omega / (2 * np.pi)]
@@ -276,13 +280,13 @@ def _over_conditions(peaks: dict[LoopCase, Peak | None], case: LoopCase) -> Real
 
 
 def _modelled(case: LoopCase) -> LoopCase:
-    """The case with the same loop that is computed."""
+    """The case with the same loop that is actually computed."""
     gain, *rest = case
     return (GAIN_VARIANTS[0] if rest[-1] == "parametric" else gain, *rest)
 
 
 def _gathered(of: Callable[[LoopCase], RealArray]) -> RealArray:
-    """What a function gives for every loop, as one array with an axis for each choice."""
+    """Values of a function for all loops, as one array with an axis for each choice."""
     cases = product(GAIN_VARIANTS, SPEEDS, (*CHANNELS, "both"), FORMS)
     rows = [of(_modelled(case)) for case in cases]
     sizes = (len(GAIN_VARIANTS), len(SPEEDS), len(CHANNELS) + 1, len(FORMS))

@@ -1,1 +1,1 @@
-"""Uncertainty sets on the open loop, and the point -1."""
+"""Uncertainty sets of the open loop, and the critical point -1."""

@@ -1,4 +1,4 @@
-"""Figure 6.8: sets of the open loop in the Nyquist plane, and how clear of -1 they are."""
+"""Figure 6.8: sets of the open loop in the Nyquist plane, and their distance from -1."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from workbench.geometry import Stadium
 from workbench.geometry.figures import outline
 
 NEAR = ((-2.6, 0.6), (-2.4, 0.6))
-"""Real and imaginary parts shown near -1."""
+"""Ranges of real and imaginary parts shown near -1."""
 MOST_SETS = 60
-"""Largest number of sets in a figure; frequencies between are left out."""
+"""Largest number of sets in a figure; frequencies in between are left out."""
 
 
 def planes(answer: Dataset, high: tuple[float, float]) -> Figure:
-    """Sets of one kind: stadiums left and circles right, whole above and near -1 below."""
+    """Sets of one kind: stadiums left and circles right; all sets above, those near -1 below."""
     figure, panels = figures.axes(2, 2, size=(9.5, 8.6))
     for column, form in enumerate(("stadium", "circle")):
         one = answer.sel(shape=form)
@@ -50,13 +50,15 @@ def _draw(panel: Axes, one: Dataset, colour: str) -> None:
         L.real.ravel(), L.imag.ravel(), ".", color="0.3", markersize=1, label="drives"
     )
     for many in (sets, dots):
-        many.set_rasterized(True)  # outlines of so many would make a vector figure large
+        many.set_rasterized(True)  # so many outlines would make a vector figure large
     panel.plot(-1, 0, "x", color=figures.ORANGE, markersize=9, markeredgewidth=2, label="-1")
     panel.autoscale()
 
 
 def clearances(answer: Dataset, kinds: list[str]) -> Figure:
-    """Distance of -1 from the sets over its distance from their centres; 0 where they reach it."""
+    """Distance of -1 from the sets, over its distance from their centres; 0 if a set
+    contains -1.
+    """
     figure, panels = figures.axes(1, 2, size=(9.5, 4.8), sharex=True, sharey=True)
     for panel, form in zip(panels, answer["shape"].values, strict=True):
         for kind in kinds:

@@ -1,7 +1,8 @@
 """Uncertainty sets on the open loop: which of them contain the point -1 (section 6.3.5).
 
-A circle times a complex number is a circle, a stadium a stadium, turned by its argument. Figure and
-section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+A circle times a complex number is a circle, and a stadium is a stadium turned by the number's
+argument. Figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ from .figures import clearances, planes
 SHAPES = ("stadium", "circle")
 STEPS = ("second", "third", "fitted")
 SAME = "Table 5.2"
-"""Sets for the comparison of circles with stadiums: both about the nominal plant of the thesis."""
+"""Sets by which circles and stadiums are compared: both about the nominal plant of the thesis."""
 KINDS = ("first", *(f"{method} {step}" for method, step in product(COVER_METHODS, STEPS)), SAME)
-"""Sets with free centres; those of the covers; those about the nominal of Table 5.2, not fitted."""
+"""Sets with free centres; sets of the covers; and unfitted sets about the nominal of Table 5.2."""
 HIGH = (200.0, 2000.0)
 """Frequencies [Hz] of the lower graphs of figure 6.8."""
 CRITICAL = -1.0 + 0.0j
@@ -48,13 +49,13 @@ CRITICAL = -1.0 + 0.0j
 CONTAINMENT_SLACK = 1e-9
 """Largest distance of a drive's point outside its set, relative to the radius."""
 BOUND_GAP = 1e-4
-"""Largest gap between the bounds of a distance, relative to the distance of the set's far end."""
+"""Largest accepted gap between the bounds of a distance, over the distance of the set's far end."""
 PARTS = ("center", "radius", "half_length", "angle")
 """Fields of a stadium, stored as arrays."""
 
 
 def both_covers(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> dict[str, Any]:
-    """Covers by stadiums and circles, by both methods, on one grid."""
+    """References to covers by stadiums and circles, by both methods, on one grid."""
     return {
         f"{shape}_{method}": ref(
             f"cd/{axis}/{shape}-cover", method=method, frequencies=frequencies, gain=gain
@@ -76,12 +77,14 @@ def nyquist(  # type: ignore[no-untyped-def]
 ) -> Nyquist:
     """Nyquist plots of the open loop with stadiums and with circles (figure 6.8).
 
-    First sets, sets of the covers, and sets about the nominal of Table 5.2, times controller and
-    anti-aliasing filter; how far -1 is from them around the first resonance and from 200 to 2000
-    Hz. That is said of the frequencies given, nothing of those between: the narrowest stadium turns
-    quickly near a resonance, and a coarse grid misses where it sweeps over -1.
+    First sets, sets of the covers, and sets about the nominal of Table 5.2 are multiplied by
+    controller and anti-aliasing filter. Their distances from -1 are found around the first
+    resonance and from 200 to 2000 Hz. The results hold at the given frequencies only: the narrowest
+    stadium turns quickly near a resonance, and a coarse grid can miss the moment at which it sweeps
+    over -1.
 
-    frequencies: how many, logarithmically spaced from 5 Hz to 5 kHz. gain: as in cd/<axis>/circles.
+    frequencies: number of frequencies, logarithmically spaced from 5 Hz to 5 kHz. gain: as in
+    cd/<axis>/circles.
     """
     runs = {
         ("stadium", "steps"): stadium_steps,
@@ -152,7 +155,7 @@ class Nyquist(Study):
 
     @check()
     def geometry_holds(self, answer: Dataset) -> list[Check]:
-        """Drives are in their sets, and distances between bounds from either side."""
+        """Drives are in their sets, and distances are between bounds from both sides."""
         names, frequency = [*product(KINDS, SHAPES)], answer["frequency"].values
         drives = NarrowestStadium(answer["L"].values.T)
         outside, beyond, gap = [], [], []
@@ -187,7 +190,9 @@ class Nyquist(Study):
 
     @check()
     def claims(self, answer: Dataset) -> list[Check] | None:
-        """Section 6.3.5 on sets around one nominal; where a statement fails, what holds."""
+        """Statements of section 6.3.5 on sets around one nominal; if one fails, what holds
+        instead.
+        """
         if self.axis != "focus":
             return None
         numbers = self.metrics(answer)
@@ -204,7 +209,9 @@ class Nyquist(Study):
 
     @metric
     def of_kinds(self, distance: DataArray) -> dict[str, float]:
-        """Smallest distance of -1 in each band, and at how many frequencies a set contains -1."""
+        """Smallest distance of -1 in each band, and the number of frequencies at which a set
+        contains -1.
+        """
         numbers = {}
         for kind, form in product(KINDS, SHAPES):
             one = distance.sel(kind=kind, shape=form)
@@ -240,13 +247,13 @@ class Nyquist(Study):
 
 
 def _least(distance: DataArray, ends: tuple[float, float]) -> float:
-    """Smallest distance in a band of frequencies [Hz], NaN where none was measured."""
+    """Smallest distance in a band of frequencies [Hz]; NaN if none was computed."""
     part = distance.sel(frequency=slice(*ends))
     return float(part.min()) if part.size else float("nan")
 
 
 def known_factor(axis: Axis, frequency: RealArray) -> ComplexArray:
-    """K AAF at `frequency` [Hz] (F,): (F,), what the sets of plants are multiplied by."""
+    """K AAF at `frequency` [Hz] (F,): (F,), the factor on the sets of plants."""
     s = 2j * np.pi * frequency
     K: ComplexArray = controller(axis)(s)
     return K * ANTIALIASING / (s + ANTIALIASING)

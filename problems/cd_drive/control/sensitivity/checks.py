@@ -19,21 +19,23 @@ from ..control_problem import LEAK, WEIGHTS
 from ..loops import SCALES
 
 LIMIT_OFFSET = 1e-3
-"""Relative distance from a gain limit at which the poles must lie on the right side of it."""
+"""Relative distance from a gain limit at which the poles must be on the expected side."""
 POLE_ROUNDING = 1e-6
 """Largest distance of the critical pole from the stability boundary, relative to its frequency."""
 PEAK_EXCESS = 5e-3
 """Largest relative excess of a certified peak over the peak by formulas."""
 APPROXIMATE = 0.25
-"""Largest relative distance from frequencies that the thesis gives as approximate."""
+"""Largest accepted distance from frequencies that the thesis gives as approximate, relative."""
 FAILS_BELOW = 500.0
-"""Frequency [Hz] below which a third of the gain is said to fail."""
+"""Frequency [Hz] below which a third of the gain fails, according to the thesis."""
 LIMITS_HZ = (100.0, 4000.0)
 """Frequencies [Hz] of oscillation that the thesis gives for the lowered and the raised gain."""
 DELAYS = {"table_a4": 1.0, "bandwidth": 2.0}
-"""Delay [samples] beyond the hold's that may explain what the sampled loop alone does not."""
+"""Delay [samples] beyond that of the hold that may explain numbers which the sampled loop alone
+does not.
+"""
 UNRELATED = 0.5
-"""Correlation below which the drives' tables do not give Table A.4's order."""
+"""Correlation below which the drives' tables do not explain the order in Table A.4."""
 
 
 def limit_checks(answer: Dataset, every: dict[str, dict[str, StateSpace]]) -> list[Check]:
@@ -60,7 +62,7 @@ def limit_checks(answer: Dataset, every: dict[str, dict[str, StateSpace]]) -> li
 
 def peak_checks(answer: Dataset, axis: Axis, gain: Gain, values: Values) -> list[Check]:
     """Certified peaks, which are in continuous time, by the printed formulas."""
-    reached = np.array([_reached(axis, gain, values, scale) for scale in SCALES.values()])
+    reached = np.array([_largest_weighted(axis, gain, values, scale) for scale in SCALES.values()])
     lower, upper = (
         answer["weighted"].sel(bound=bound).values[:, :-1] for bound in ("lower", "upper")
     )
@@ -90,14 +92,14 @@ def red_book_check(numbers: dict[str, float]) -> Check:
 
 
 def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
-    """Statements of section 6.3.3 about the focus loop; where one fails, what holds."""
+    """Statements of section 6.3.3 about the focus loop; if one fails, what holds instead."""
     twelve = answer.isel(drive=slice(-1))
     names = twelve["drive"].values
     weighted = twelve["weighted"]
     full = weighted.sel(scale="full", bound="upper").values
     highest, drive = worst(full, lambda i: str(names[i[0]]))
     least = weighted.sel(scale="third", bound="lower")
-    upward = twelve["increase"] * twelve["decrease"]  # below 1: less room upward
+    upward = twelve["increase"] * twelve["decrease"]  # below 1 there is less room upwards
     room, which = worst(upward.values, lambda i: str(names[i[1]]))
     checks = [
         Check(
@@ -161,14 +163,14 @@ def _stable(loop: StateSpace, gain: float) -> bool:
 
 
 def _off_boundary(loop: StateSpace, gain: float, frequency: float) -> float:
-    """Distance of the pole nearest to where a limit is said to be, relative."""
+    """Distance of the pole nearest to the stated limit, relative."""
     s = 2j * np.pi * frequency
     place, size = (np.exp(s * loop.dt), abs(s) * loop.dt) if loop.dt else (s, abs(s))
     return float(abs(_poles(loop, gain) - place).min() / size)
 
 
-def _reached(axis: Axis, gain: Gain, values: Values, scale: float) -> list[float]:
-    """Largest |W_p S| of each drive by eq. 3.18, 6.11 and 6.12 as they are printed."""
+def _largest_weighted(axis: Axis, gain: Gain, values: Values, scale: float) -> list[float]:
+    """Largest |W_p S| of each drive by eq. 3.18, 6.11 and 6.12 as printed."""
     M, A, bandwidth, integral = WEIGHTS[axis]
     w_B, w_I = 2 * np.pi * bandwidth, 2 * np.pi * integral
     K = controller(axis)

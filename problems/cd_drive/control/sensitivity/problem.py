@@ -50,12 +50,12 @@ Systems = dict[str, dict[str, StateSpace]]
 Labelled = dict[tuple[str, str], StateSpace]
 """W_p S by scale of the gain and drive."""
 ONE = Structure([Full(1, 1)])
-"""Structure of which mu of one signal is its magnitude."""
+"""Structure for which mu of a single signal is its magnitude."""
 LOOPS = ("continuous", "sampled", "delayed")
 LOW, HIGH = 1.0, 15e3
-"""Ends of the frequencies shown [Hz]."""
+"""Ends of the frequency range shown [Hz]."""
 BAND_SEARCH = np.geomspace(1e-5, HIGH, 3000)
-"""Frequencies [Hz] among which the ends of bands are searched."""
+"""Frequencies [Hz] on which the ends of bands are searched."""
 CLOSED_LOOP_BANDWIDTH = 1330.0
 """Closed-loop bandwidth of the simulations in section 6.3.3 [Hz]."""
 LONGEST_TRIED_DELAY = 4.0
@@ -72,13 +72,14 @@ def sensitivity(
 ) -> Sensitivity:
     """Sensitivity and margins of the reference controller on twelve drives (figure 6.6, Table A.4).
 
-    |S| against 1/W_p at the controller's own gain and at a third of it, the largest |W_p S|
-    certified over all frequencies in continuous time, and the Red Book's own limit beside it.
-    Gain and phase margins and bandwidths in continuous time, sampled at 35 kHz, and sampled with a
-    further delay.
+    |S| is compared with 1/W_p at the controller's own gain and at a third of it. The largest |W_p
+    S| is certified over all frequencies in continuous time, and compared with the Red Book's own
+    limit. Gain and phase margins and bandwidths are given in continuous time, sampled at 35 kHz,
+    and sampled with a further delay.
 
-    gain, values: as in cd/<axis>/circles. frequencies: how many, logarithmically spaced from 1 Hz
-    to 15 kHz. delay: of the third loop, samples beyond the hold, whose own is half a sample.
+    gain, values: as in cd/<axis>/circles. frequencies: number of frequencies, logarithmically
+    spaced from 1 Hz to 15 kHz. delay: of the third loop, in samples beyond the hold, which itself
+    delays by half a sample.
     """
     return Sensitivity(axis, gain, values, frequencies, delay)
 
@@ -100,12 +101,12 @@ class Sensitivity(Study):
         return "for these 12 drives and the nominal one"
 
     def loops(self, loop: str) -> dict[str, StateSpace]:
-        """Loop transfer function of every drive, by name, the nominal one last."""
+        """Loop transfer function of every drive, by name; the nominal one is last."""
         delay = {"continuous": None, "sampled": 0.0, "delayed": self.delay}[loop]
         return self.delayed(delay)
 
     def delayed(self, delay: float | None) -> dict[str, StateSpace]:
-        """The same, with a delay [samples] beyond the hold's; in continuous time with None."""
+        """The same with a delay [samples] beyond that of the hold; with None in continuous time."""
         systems = plants(self.axis, self.gain, self.values)
         return {name: open_loop(self.axis, system, delay) for name, system in systems.items()}
 
@@ -161,7 +162,7 @@ class Sensitivity(Study):
 
     @peaks.checkers
     def of_the_loops(self, weighted_loops: Labelled) -> dict[Any, PeakChecker]:
-        """What certifies the peak of each."""
+        """Checker that certifies each peak."""
         return {case: PeakChecker(loop, ONE) for case, loop in weighted_loops.items()}
 
     weighted = array(dims=(scale, drive, bound), unit="1", meaning="largest |W_p S|")(
@@ -223,7 +224,7 @@ class Sensitivity(Study):
 
     @metric
     def at_points(self, answer: Dataset) -> dict[str, float]:
-        """The largest |S| of twelve drives over what may be, at the frequencies shown."""
+        """Largest |S| of twelve drives over its limit, at the frequencies shown."""
         numbers = {}
         for scale, factor in SCALES.items():
             size = abs(1 / (1 + factor * twelve(answer["L"]))).max("drive")
@@ -255,7 +256,9 @@ class Sensitivity(Study):
 
     @metric
     def beside_table_a4(self, answer: Dataset) -> dict[str, float] | None:
-        """Margins of the focus loops beside the measured ones, and the delays that explain them."""
+        """Margins of the focus loops, the measured ones, and the delays that explain the
+        difference.
+        """
         if self.axis != "focus":
             return None
         margin = twelve(gain_margin_db(answer["increase"], answer["decrease"]))
@@ -280,7 +283,7 @@ class Sensitivity(Study):
 
     @check()
     def said(self, answer: Dataset) -> list[Check]:
-        """The Red Book's limit, and what section 6.3.3 says of the focus loop."""
+        """The Red Book's limit, and the statements of section 6.3.3 about the focus loop."""
         numbers = self.metrics(answer)
         thesis = thesis_checks(answer, numbers) if self.axis == "focus" else []
         return [red_book_check(numbers), *thesis]
@@ -305,7 +308,9 @@ class Sensitivity(Study):
         }
 
     def red_book_bands(self) -> dict[str, list[tuple[float, float]]]:
-        """Bands [Hz] in which W_p is laxer than the Red Book, and |S| of a drive exceeds that."""
+        """Bands [Hz] in which W_p permits more than the Red Book, and |S| of a drive exceeds the
+        latter.
+        """
         weight, loops = performance_weight(self.axis), list(self.loops("continuous").values())[:-1]
 
         def needed(frequency: RealArray) -> Any:
@@ -347,7 +352,7 @@ def failing(weight: StateSpace, loop: StateSpace, scale: float) -> list[tuple[fl
 
 
 def _zero(curve: Callable[[float], float]) -> float:
-    """Delay [samples] at which a curve is zero; NaN where none up to LONGEST_DELAY is."""
+    """Delay [samples] at which a curve is zero; NaN if there is none up to LONGEST_TRIED_DELAY."""
     if curve(0.0) * curve(LONGEST_TRIED_DELAY) > 0:
         return math.nan
     return float(brentq(curve, 0.0, LONGEST_TRIED_DELAY, xtol=1e-4))

@@ -23,18 +23,18 @@ WORDS = {"full": "full gain", "third": "a third of the gain"}
 
 
 def twelve(values: DataArray) -> DataArray:
-    """Values of the measured drives, the nominal one left out."""
+    """Values of the measured drives, without the nominal one."""
     return values.isel(drive=slice(-1))
 
 
 def gain_margin_db(increase: DataArray, decrease: DataArray) -> DataArray:
-    """Gain margins [dB] as Table A.4 has them: the smaller change, up or down."""
+    """Gain margins [dB] as in Table A.4: the smaller change, up or down."""
     smaller: DataArray = np.minimum(20 * np.log10(increase), -(20 * np.log10(decrease)))
     return smaller
 
 
 def margins_table(answer: Dataset) -> Rows:
-    """Gain and phase margins of every drive and loop, beside Table A.4."""
+    """Gain and phase margins of every drive and loop, with Table A.4."""
     measured = bool(answer["measured_db"].notnull().any())
     heads = ["drive", *(["Table A.4 [dB]"] if measured else [])]
     for loop in answer["loop"].values:
@@ -56,7 +56,7 @@ def margins_table(answer: Dataset) -> Rows:
 
 
 def weighted_table(answer: Dataset) -> Rows:
-    """Peaks of |W_p S| of every drive at both gains, and where it is above 1."""
+    """Peaks of |W_p S| of every drive at both gains, and the bands in which it exceeds 1."""
     heads = ["drive"]
     for scale in answer["scale"].values:
         heads += [f"{WORDS[scale]}: largest W_p S", "at [Hz]", "above 1 [Hz]"]

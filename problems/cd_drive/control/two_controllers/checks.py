@@ -1,4 +1,4 @@
-"""Checks of the two controllers: gains by formula, sampled plants, and that no bound is beaten."""
+"""Checks of the two controllers: gains by formula, sampled plants, and that all obey the bounds."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from ..trade_off import SPLIT, TradeOff
 HERTZ = np.geomspace(0.01, 1e6, 8000)
 """Frequencies at which gains are evaluated [Hz]."""
 GRID_SHORTFALL = 1e-3
-"""Largest relative distance of the gains at those frequencies below the certified ones."""
+"""Largest accepted shortfall of the gains at these frequencies below the certified ones, relative.
+"""
 
 
 def two_controllers_checks(
     trade: TradeOff, front: list[StateSpace], answer: Dataset
 ) -> list[Check]:
-    """Check that all stabilise with c <= 1, have the stated gains, and beat no bound."""
+    """Check that all stabilise with c <= 1, have the stated gains, and obey every bound."""
     import control
 
     omega = 2 * np.pi * HERTZ
@@ -100,7 +101,7 @@ def _channels(trade: TradeOff, K: StateSpace, omega: np.ndarray) -> ComplexArray
 
 
 def _sampled(trade: TradeOff, K: StateSpace, upper: np.ndarray) -> float:
-    """|W_p S| and |W_sd T| of vertices and random plants over their bounds, less 1."""
+    """|W_p S| and |W_sd T| of vertices and random plants over their bounds, minus 1."""
     box = uncertain_parameters(trade.axis)
     rng = np.random.default_rng(0)
     deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (RANDOM_PLANTS, len(box)))])
@@ -114,7 +115,7 @@ def _sampled(trade: TradeOff, K: StateSpace, upper: np.ndarray) -> float:
 
 
 def _front(answer: Dataset) -> Check:
-    """No controller of the front may have both a and b smaller than another one."""
+    """Check that no controller of the front has both a and b smaller than another one."""
     a, b = (answer["nominal"].sel(channel=z).values for z in ("z_p", "z_sd"))
     better = np.minimum(a[:, None] / a, b[:, None] / b) - 1
     value, where = worst(better, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
@@ -123,7 +124,7 @@ def _front(answer: Dataset) -> Check:
 
 
 def _bounds(answer: Dataset, certified: np.ndarray, names: list[str]) -> list[Check]:
-    """No controller with c <= 1 is below any of the levels that are said to be out of reach."""
+    """Check that no controller with c <= 1 is below a level that is stated to be out of reach."""
     shares, levels = answer["share"].values, answer["excluded"].values
     a, b, c = certified.T
     allowed = c <= 1.0
@@ -134,7 +135,9 @@ def _bounds(answer: Dataset, certified: np.ndarray, names: list[str]) -> list[Ch
 
 
 def _filters(answer: Dataset, omega: np.ndarray) -> Check:
-    """Squares of the bounds' filters: their sum may not exceed 1, nor zeta the bound."""
+    """Check that the squares of the bounds' filters sum to at most 1, and that zeta is within the
+    bound.
+    """
     excess = []
     for (split, upper, zeta), level in zip(
         np.exp(answer["filters"].values), answer["excluded"].values, strict=True

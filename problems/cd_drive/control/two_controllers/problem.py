@@ -38,20 +38,20 @@ from .report import cases_table, front_figure, front_table, loops_figure
 Bounds = list[tuple[float, RealArray]]
 """Levels, and their filters (3,)."""
 Judged = tuple[RealArray, RealArray, list[list[WorstCaseGain]]]
-"""Nominal gains (controller, 3), worst ones (controller, 2, 2), and the latter's proofs."""
+"""Nominal gains (controller, 3), worst-case gains (controller, 2, 2), and proofs of the latter."""
 SHARES = (0.3, 60.0)
-"""Least and largest weight of the defects' channel; that of the disturbances' is 1."""
+"""Least and largest weight of the defect channel; the weight of the disturbance channel is 1."""
 GAIN_FACTORS = (1 / 3, 3**-0.5, 1.0, 3**0.5)
-"""Factors on the reference controller; figure 6.7 has a third of its gain."""
+"""Factors on the reference controller; figure 6.7 uses a third of its gain."""
 CASES = ("high", "low", "reference")
 UNCERTAIN = CHANNELS[:2]
 """Channels whose worst case over the uncertainty is bounded."""
 WORST_CASE_TOLERANCE = 1e-2
 """Relative width of the interval that certifies a worst-case gain."""
 LOW, HIGH = 1.0, 20e3
-"""Ends of the frequencies shown [Hz]."""
+"""Ends of the frequency range shown [Hz]."""
 DURATION = 6e-3
-"""Time shown [s]."""
+"""Duration shown [s]."""
 INSTANTS = 600
 """Number of instants shown."""
 
@@ -65,23 +65,23 @@ def two_controllers(
 ) -> TwoControllers:
     """A high-bandwidth controller for disturbances and a low-bandwidth one for surface defects.
 
-    The front between a, the largest |W_p S|, and b, the largest |W_sd T|, of H-infinity controllers
-    whose effort c, the largest |W_u K_optn K S|, is 1: each has the least norm of a stack
-    [z_p; share z_sd; sigma z_u]. That is not the least of max(a, share b), but no controller with
-    c <= 1 does better than the bounds that are given with it, which hold for all of them. Of every
-    controller the worst cases over parametric uncertainty are certified, and of these the two are
-    chosen: the one with the least a, and the one with the least b among those whose error stays so
-    small that the loop is not lost while a defect passes.
+    H-infinity controllers whose effort c, the largest |W_u K_optn K S|, is 1 form a front between
+    a, the largest |W_p S|, and b, the largest |W_sd T|: each has the least norm of a stack [z_p;
+    share z_sd; sigma z_u]. This is not the least value of max(a, share b), but no controller with c
+    <= 1 is below the bounds that are given with it. For every controller the worst cases over
+    parametric uncertainty are certified. From these, two controllers are chosen: the one with the
+    least a; and the one with the least b among those whose error stays so small that the loop is
+    not lost while a defect passes.
 
-    designs: how many on the front. defect_mm: length of the longest defect [mm], which sets the
-    corner of W_sd. frequencies: of the curves shown.
+    designs: number of controllers on the front. defect_mm: length of the longest defect [mm], which
+    sets the corner of W_sd. frequencies: of the curves shown.
     """
     return TwoControllers(axis, designs, defect_mm / 1e3, frequencies)
 
 
 @dataclass(frozen=True)
 class TwoControllers(Study):
-    """The front, what bounds it, and two controllers of it."""
+    """The front, its bounds, and two controllers of it."""
 
     axis: Axis
     designs: int
@@ -100,7 +100,7 @@ class TwoControllers(Study):
 
     @property
     def relaxed(self) -> float:
-        """Error at which focus or the track is lost, over the acceptable error."""
+        """Error at which focus or track is lost, over the acceptable error."""
         return CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis]
 
     # --- the front ----------------------------------------------------------------------------
@@ -115,7 +115,7 @@ class TwoControllers(Study):
 
     @part
     def designed(self, share: DataArray, context: Context) -> list[tuple[float, StateSpace]]:
-        """Sigma and controller of every share."""
+        """Sigma and controller for every share."""
         return [self.trade_off.design(one) for one in context.track(list(share.values), "designs")]
 
     front = part(lambda designed: [K for _, K in designed])
@@ -137,9 +137,9 @@ class TwoControllers(Study):
 
     @part
     def judged(self, front: list[StateSpace], context: Context) -> Judged:
-        """Nominal gains (controller, 3), worst ones (controller, 2, 2) and what proves them.
+        """Nominal gains (controller, 3), worst-case gains (controller, 2, 2), and their proofs.
 
-        The scaled controllers come last.
+        The reference controllers with scaled gains come last.
         """
         import control
 
@@ -171,7 +171,7 @@ class TwoControllers(Study):
 
     @answers
     def worst_of_two(self, judged: Judged, chosen: DataArray) -> dict[Any, WorstCaseGain]:
-        """The worst gains of the two that are chosen, with what proves them."""
+        """Worst-case gains of the two chosen controllers, with their proofs."""
         return {
             (case, channel): gain
             for case, place in zip(CASES[:2], chosen.values, strict=True)
@@ -182,7 +182,7 @@ class TwoControllers(Study):
     def of_the_two(
         self, K_A: DataArray, K_B: DataArray, K_C: DataArray, K_D: DataArray, chosen: DataArray
     ) -> dict[Any, WorstCaseChecker]:
-        """What certifies them."""
+        """Checker that certifies these gains."""
         front = _systems(K_A, K_B, K_C, K_D)
         return {
             (case, z): WorstCaseChecker(self.uncertain_loop(z, front[place]), self.parameters)
@@ -192,7 +192,7 @@ class TwoControllers(Study):
 
     @part
     def bounds(self, share: DataArray, nominal: DataArray, context: Context) -> Bounds:
-        """Levels that no controller is below, and the filters that prove them (3,)."""
+        """Lower bounds for every controller, and the filters that prove them (3,)."""
         found: Bounds = []
         pairs = list(zip(share.values, nominal.values, strict=True))
         for weight, (a, b, _) in context.track(pairs, "bounds for all controllers"):
@@ -296,7 +296,9 @@ class TwoControllers(Study):
         ]
 
     def _robust_performance(self, K: StateSpace) -> list[Peak]:
-        """Peaks of mu of z_p: with W_p, and with the error bearable while a defect passes."""
+        """Peaks of mu of z_p: with W_p, and with the error that is bearable while a defect
+        passes.
+        """
         channel = self.trade_off.uncertain.channel(performance="z_p", exogenous="w")
         peaks = [
             conditions(channel.weighted(performance=[1 / size]), K).robust_performance

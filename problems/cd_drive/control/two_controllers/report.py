@@ -1,4 +1,4 @@
-"""The front, the two controllers on it, and what they do."""
+"""The front, the two controllers on it, and their properties."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ WORDS = {"high": "high bandwidth", "low": "low bandwidth", "reference": "referen
 
 
 def front_table(answer: Dataset) -> Rows:
-    """Certified gains of every controller, and how small max(a, share b) of any may be."""
+    """Certified gains of every controller, and the lower bound of max(a, share b) for any
+    controller.
+    """
     heads = ["controller", "a", "b", "c", "worst a", "worst b", "max(a, share b)", "its bound"]
     rows = []
     chosen = dict(zip(answer["chosen"].values.tolist(), answer["bandwidth"].values, strict=True))
@@ -57,13 +59,13 @@ def cases_table(answer: Dataset, relaxed: float) -> Rows:
 
 
 def _decibel(factor: DataArray) -> str:
-    """A gain margin; 0 and infinity where there is none."""
+    """A gain margin [dB]; 0 and infinity mean that there is none."""
     size = float(factor)
     return f"{20 * math.log10(size):+.1f}" if 0 < size < math.inf else "none"
 
 
 def front_figure(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
-    """b over a: nominal and worst cases, the reference controller, and what is out of reach."""
+    """b over a: nominal and worst cases, the reference controller, and the region out of reach."""
     figure, (panel,) = figures.axes(size=(7.5, 5.6))
     nominal, worst = answer["nominal"].values, answer["worst"].sel(bound="upper").values
     reference = answer["reference_nominal"].values
@@ -93,7 +95,7 @@ def front_figure(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
 
 
 def _shade(panel: Axes, answer: Dataset, left: float, bottom: float) -> None:
-    """The union of the rectangles that no controller with c <= 1 is in."""
+    """Shade the union of the rectangles that no controller with c <= 1 reaches."""
     level, share = answer["excluded"].values, answer["share"].values
     a = np.geomspace(left, level.max(), 2000)
     inside = a[:, None] < level

@@ -1,4 +1,4 @@
-"""What is claimed of detectors and kinds of defects, in each draw by itself."""
+"""Statements about detectors and kinds of defects, each judged draw by draw."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from ...laboratory.bench_setup import PERIOD
 from ..defect_claims import Claim
 
 CLAIMED = ("decoupled", "shocks are felt", "coupling", "quality finds them", "kinds", "sooner")
-"""Claims that are checked."""
+"""Names of the statements that are checked."""
 COUPLED = 0.01
-"""Squared correlation of sum and error under shocks from which on they are called coupled."""
+"""Squared correlation of sum and error under shocks from which they count as coupled."""
 MISSED = 0.01
-"""Share of the defects that a detector may miss and still be said to find them."""
+"""Share of the defects that a detector may miss and still count as finding them."""
 ISOLATED = 0.9
-"""Least share of the held-out defects whose kind is told rightly."""
+"""Least share of the held-out defects whose kind is recognised."""
 
 
 def isolated_share(confusion: DataArray) -> DataArray:
-    """Share of the held-out defects (draw,) whose kind was told rightly."""
+    """Share of the held-out defects (draw,) whose kind was recognised."""
     kinds = confusion["kind"].values.tolist()
     right = sum(confusion.sel(kind=one, found=one, drop=True) for one in kinds)
     share: DataArray = right / confusion.sum(["kind", "found"])
@@ -26,7 +26,7 @@ def isolated_share(confusion: DataArray) -> DataArray:
 
 
 def plane_claims(answer: Dataset) -> list[Claim]:
-    """Claims that are checked, then comparisons that are only told."""
+    """Statements that are checked, then comparisons that are only reported."""
     alarms, missed = answer["false_alarms"], answer["missed"].mean("kind")
     in_sums = alarms.sel(detector=["binary", "quality"]).sum(["detector", "condition"])
     delay = answer["delay"]

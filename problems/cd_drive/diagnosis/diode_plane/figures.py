@@ -56,7 +56,7 @@ def plane(answer: Dataset, detectors: Detectors) -> Figure:
 
 
 def _areas(panel: Axes, along: float, detectors: Detectors) -> None:
-    """Reachable area, linear area, and limits of the quality."""
+    """Draw the reachable area, the linear area, and the limits of the quality."""
     across = detectors.dist_min / np.sqrt(2.0)
     corners = [
         (0.5 + a * along / 2 + b * across, 0.5 - a * along / 2 + b * across)

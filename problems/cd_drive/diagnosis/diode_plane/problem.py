@@ -54,14 +54,15 @@ from .runs import (
 )
 
 TRAINED = tuple(f"CD{n}" for n in range(1, 7))
-"""Drives whose defects the clusters are made of."""
+"""Drives whose defects form the clusters."""
 HELD_OUT = tuple(f"CD{n}" for n in range(7, 13))
-"""Drives whose defects the clusters are tested on."""
+"""Drives on whose defects the clusters are tested."""
 DIST_MIN = {"focus": 0.18, "radial": 0.06}
 """Security margin: five and a half times the noise of dist on the noisiest drive."""
 MOST_LOST = 0.01
-"""Largest share of the records in which the loop may be lost. One lost loop chatters: its record
-counts once."""
+"""Largest share of the records in which the loop may be lost. After a loss events may follow
+quickly, so a record counts once.
+"""
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -83,19 +84,19 @@ def diode_plane(
 ) -> DiodePlane:
     """Defects in the plane of the diodes, quality signal, kinds (figures 7.5, 7.10, 7.11).
 
-    The reference controller follows discs that wobble by all the Red Book allows at 5.5 Hz, with
-    scratches, finger prints, black dots and dropouts. Quality signal (eq. 7.13, 7.14), the sum
-    below a level, and the error above one are compared: delays, missed defects, false alarms on a
-    disc that stands, one that wobbles, and under shocks. Clusters of features tell the kinds apart;
-    they are made on CD1-CD6 and tested on CD7-CD12.
+    The reference controller follows discs that deviate by all the Red Book allows at 5.5 Hz, with
+    scratches, finger prints, black dots and dropouts. The quality signal (eq. 7.13, 7.14), the sum
+    below a level, and the error above a level are compared as detectors: delays, missed defects,
+    and false alarms on a disc at rest, on a wobbling one, and under shocks. Clusters of features
+    distinguish the kinds; they are formed on CD1-CD6 and tested on CD7-CD12.
 
     Each number is a distribution over draws of noise and defects, and detectors are compared in the
     same draw.
 
-    defects: of each kind on each drive in a draw. draws: of all of it. dist_min (None: 0.18 in
-    focus, 0.06 radially), dist_max, alpha: of the quality signal. below: share of the clean level
-    that alarms the binary detector. noise: how the printed amplitude of 0.15 um is read
-    (`printed_noise`).
+    defects: number of defects of each kind on each drive in a draw. draws: number of draws of
+    everything. dist_min (None: 0.18 in focus, 0.06 radially), dist_max, alpha: parameters of the
+    quality signal. below: share of the clean level below which the binary detector alarms. noise:
+    reading of the printed amplitude of 0.15 um (`printed_noise`).
     """
     margin = DIST_MIN[axis] if dist_min is None else dist_min
     return DiodePlane(Detectors(axis, margin, dist_max, alpha, below, noise), defects, draws)
@@ -103,7 +104,7 @@ def diode_plane(
 
 @dataclass(frozen=True)
 class DiodePlane(Study):
-    """Runs on twelve drives, detectors compared on them, clusters made on half of them."""
+    """Runs on twelve drives, detectors compared on them, clusters formed from half of them."""
 
     detectors: Detectors
     defects: int
@@ -126,8 +127,8 @@ class DiodePlane(Study):
 
     @part
     def every(self, context: Context, seed: DataArray) -> list[list[OneDrive]]:
-        """Findings of the detectors, drive by drive in each draw."""
-        machine()  # threads that meet it at one time would each compile it
+        """Findings of the detectors on every drive in each draw."""
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> OneDrive:
             one = seed[place]
@@ -137,7 +138,7 @@ class DiodePlane(Study):
         size = seed.sizes["drive"]
         return [found[n * size : (n + 1) * size] for n in range(self.draws)]
 
-    # What the figures show is one record of one draw, seeded after the others.
+    # The figures show one record of one draw, whose seed comes after the others.
     shown = part(lambda self, every, context: self.detectors.shown(context.rng))
     linear = array(value=lambda shown: shown["linear"])
     points = arrays(("point", diode), lambda shown: shown, clean="", shaken="")
@@ -183,7 +184,9 @@ class DiodePlane(Study):
 
     @part
     def isolation(self, every: list[list[OneDrive]]) -> list[dict[str, Any]]:
-        """Clusters of the trained drives' events, and what they say of the held-out ones."""
+        """Clusters of the events on the training drives, and their decisions on the
+        held-out ones.
+        """
         cut = len(TRAINED)
         points = [[one.points for one in row] for row in every]
         return [isolated(list(chain(*row[:cut])), list(chain(*row[cut:]))) for row in points]
@@ -199,7 +202,7 @@ class DiodePlane(Study):
     )
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        # The third side of the triangle is the noise's.
+        # The third side of the triangle is limited by noise only.
         outside = -min(float(answer[name].min()) for name in ("clean", "shaken", "trace"))
         ellipse = "share of one record's clean points outside the 99 % ellipse"
         lost = "share of the records in which it was lost"
@@ -213,7 +216,7 @@ class DiodePlane(Study):
         ]
 
     def _quality_off(self, answer: Dataset) -> float:
-        """Largest difference of the stored quality from eq. 7.13 of the stored diodes."""
+        """Largest difference of the stored quality from eq. 7.13 for the stored diodes."""
         law = self.detectors
         dist = abs(1.0 - answer["zoom_diodes"].sum("diode").values) * FARTHEST
         ramp = np.clip((law.dist_max - dist) / (law.dist_max - law.dist_min), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Detectors of surface defects on the drives: what they find, when, and when they are wrong.
+"""Detectors of surface defects on the drives: their detections, delays and false alarms.
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -37,32 +37,33 @@ from ..quality import dimming_detector, diode_quality
 DETECTORS = ("binary", "quality", "error")
 """Detectors that are compared."""
 CONDITIONS = ("still disc", "deviation", "shock")
-"""Conditions without a defect under which false alarms are counted."""
+"""Conditions without defects in which false alarms are counted."""
 REVOLUTIONS = 5
-"""Revolutions shown in figure 7.11."""
+"""Number of revolutions shown in figure 7.11."""
 POINTS = 1500
-"""Points of a clean record shown in the plane."""
+"""Number of points of a clean record shown in the plane."""
 OVERVIEW_SAMPLES = 35
-"""Samples of which the overview keeps the lowest: a millisecond."""
+"""Number of samples of which the overview keeps the smallest: a millisecond."""
 AHEAD, SHOWN = 70, 400
-"""Samples shown before a defect, and in all."""
+"""Number of samples shown before a defect, and in all."""
 ERROR_ALARMS = 0.01
-"""False-alarm rate of the error's threshold on a wobbling disc, per block of ERROR_BLOCK."""
+"""False-alarm rate of the error's threshold on a wobbling disc, per block of ERROR_BLOCK samples.
+"""
 ERROR_BLOCK = 350
-"""Samples of a block: 10 ms."""
+"""Number of samples in a block: 10 ms."""
 CLEAN_TIME = 1.0
 """Duration of each run without defects [s]."""
 
 EventFeatures = tuple[int, RealArray | None]
-"""Kind of a defect and the features of its event, or None where it made no event."""
+"""Kind of a defect and the features of its event, or None if it made no event."""
 
 
 class OneDrive(NamedTuple):
     """Findings of the detectors on one drive.
 
-    labels (F,): kinds of its defects. delays (detector, F) [s]: NaN where missed. points: their
-    events. false_alarms (detector, condition): how many. coupling: squared correlation of sum and
-    error under shocks. lost: in how many of its records the loop was lost.
+    labels (F,): kinds of its defects. delays (detector, F) [s]: NaN if missed. points: events of
+    the defects. false_alarms (detector, condition): their number. coupling: squared correlation of
+    sum and error under shocks. lost: number of its records in which the loop was lost.
     """
 
     labels: NDArray[np.int64]
@@ -85,13 +86,13 @@ class Detectors:
     noise: Amplitude
 
     def bench(self, drive: str, **quiet: Any) -> Laboratory:
-        """A drive with the noise that is asked for, or quiet."""
+        """A drive with the asked noise, or without noise."""
         return Laboratory(
             self.axis, drive, **{"noise": position_noise(self.axis, drive, self.noise), **quiet}
         )
 
     def quality(self, one: DefectRun) -> RealArray:
-        """Quality, dist and held error of a run (N, 3)."""
+        """Quality, dist, and the error that is held in defects, of a run (N, 3)."""
         law = diode_quality(one.level, self.dist_min, self.dist_max, self.alpha)
         return play(law, measurements(one.record))
 
@@ -108,7 +109,8 @@ class Detectors:
         return self.binary(one), self.quality(one)[:, 0] < 1.0, above
 
     def on_drive(self, name: str, defects: int, seed: int, noisy: bool = True) -> OneDrive:
-        """Findings on a drive, for a number of defects of each kind, clean discs and shocks.
+        """Findings on a drive, with this number of defects of each kind, on clean discs and under
+        shocks.
 
         noisy: with noise of the diodes and electronics.
         """
@@ -193,7 +195,9 @@ class Detectors:
 
 
 def delays_and_missed(drives: list[OneDrive]) -> tuple[RealArray, RealArray]:
-    """Mean delay [s] of what was found, and share missed, of all drives: (kinds, detectors)."""
+    """Mean delay [s] of the detected defects, and share of missed ones, over all drives: (kinds,
+    detectors).
+    """
     labels = np.concatenate([one.labels for one in drives])
     delays = np.concatenate([one.delays for one in drives], axis=1)
     of_kind = [delays[:, labels == k] for k in range(len(KINDS))]
@@ -203,14 +207,14 @@ def delays_and_missed(drives: list[OneDrive]) -> tuple[RealArray, RealArray]:
 
 
 def lead_of_quality(drives: list[OneDrive]) -> float:
-    """Mean time [s] by which the quality is sooner than the binary detector, where both find."""
+    """Mean time [s] by which the quality is earlier than the binary detector, where both detect."""
     delays = np.concatenate([one.delays[:2] for one in drives], axis=1)
     both = delays[:, ~np.isnan(delays).any(axis=0)]
     return float(np.mean(both[0] - both[1]))
 
 
 def isolated(trained: list[EventFeatures], held_out: list[EventFeatures]) -> dict[str, Any]:
-    """Clusters of the first events and what they say of the second, by the name of its array."""
+    """Clusters of the first events, and their decisions on the second, by the name of the array."""
     points, kinds, _ = _split(trained)
     measured, true, unseen = _split(held_out)
     clusters = Clusters.fit(points, kinds, tuple(KINDS))
@@ -225,7 +229,7 @@ def isolated(trained: list[EventFeatures], held_out: list[EventFeatures]) -> dic
 
 
 def _split(points: list[EventFeatures]) -> tuple[RealArray, NDArray[np.int64], NDArray[np.int64]]:
-    """Features (E, 4) and kinds (E,) of the events, and kinds of the defects that made none."""
+    """Features (E, 4) and kinds (E,) of the events, and kinds of the defects without an event."""
     seen = [(k, x) for k, x in points if x is not None]
     unseen = np.array([k for k, x in points if x is None], int)
     return np.array([x for _, x in seen]), np.array([k for k, _ in seen]), unseen

@@ -1,1 +1,1 @@
-"""The four groups of disturbances of a positioning loop, self-pollution among them."""
+"""The four groups of disturbances of a positioning loop, including self-pollution."""

@@ -11,7 +11,7 @@ from workbench._core.heavy_types import Dataset, Figure
 
 
 def groups(answer: Dataset, axis: str) -> Figure:
-    """Sensed error by each group alone and by all together, of one drive in one draw."""
+    """Sensed error from each group alone and from all together, for one drive in one draw."""
     drawn, panels = figures.axes(5, 1, size=(7.2, 8.0), sharex=True)
     for panel, case in zip(panels, answer["case"].values, strict=True):
         panel.plot(1e3 * answer["time"], 1e6 * answer["shown"].sel(case=case))
@@ -23,7 +23,7 @@ def groups(answer: Dataset, axis: str) -> Figure:
 
 
 def by_force(answer: Dataset, axis: str, acceptable: float) -> Figure:
-    """Force on the lens that takes the error to the acceptable one, over its frequency."""
+    """Force on the lens that causes the acceptable error, over its frequency."""
     drawn, (panel,) = figures.axes(size=(7.2, 4.2))
     allowed = 1e3 * acceptable / answer["error_of_force"]
     for n, one in enumerate(allowed.transpose("drive", "frequency")):

@@ -1,7 +1,7 @@
-"""Self-pollution: forces on the lens that the drive makes itself (section 2.5.1).
+"""Self-pollution: forces on the lens that the drive itself causes (section 2.5.1).
 
 The thesis names an abrupt movement of the sledge, couplings from the other loops, and the air that
-the spinning disc moves. It prints no size of them. Section and equation numbers refer to E. Vidal
+the spinning disc moves, but prints no sizes. Section and equation numbers refer to E. Vidal
 Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
@@ -49,7 +49,7 @@ class SelfPollution:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, axis: Axis, start: float) -> Self:
-        """Forces of the sizes of SIZES, with a jump within 10 ms after a start [s]."""
+        """Forces with random sizes up to SIZES, with a jump within 10 ms after a start [s]."""
         size = SIZES[axis]
         return cls(
             jump=rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 1.0) * size.jump,
@@ -65,8 +65,8 @@ class SelfPollution:
     ) -> RealArray:
         """w_sp [N] (N,) on a drive's lens at times [s] (N,), with a disc at a rotation [Hz].
 
-        The carriage pulls at the lens by the suspension: k z + b z' of its jump z, a smooth step.
-        The other coil follows the Red Book's largest deviation on a nominal drive.
+        The carriage pulls the lens through the suspension with k z + b z', where its jump z is a
+        smooth step. The other coil follows the Red Book's largest deviation on a nominal drive.
         """
         share = np.clip((time - self.jump_start) / self.jump_time, 0.0, 1.0)
         z = self.jump * share**2 * (3.0 - 2.0 * share)
@@ -93,6 +93,8 @@ SIZES: dict[Axis, SelfPollution] = {
     "focus": SelfPollution(jump=2e-6, coupled=0.02, air=0.05e-3),
     "radial": SelfPollution(jump=5e-6, coupled=0.02, air=0.01e-3),
 }
-"""Largest sizes that are drawn, assumed: a jump of the sledge by three tracks, part of which
-reaches the focus; a fiftieth of the other coil's force; air by a thousandth of what the springs
-take at the Red Book's deviation. They keep the errors in the linear range, as equation 2.9 does."""
+"""Largest sizes that are drawn. They are assumed: a jump of the sledge by three tracks, part of
+which reaches the focus; a fiftieth of the other coil's force; and air with a thousandth of the
+springs' force at the Red Book's deviation. With them the errors stay in the linear range, as
+equation 2.9 requires.
+"""

@@ -1,4 +1,4 @@
-"""Four groups of disturbances enter the focus error: self-pollution too (eq. 2.9, fig. 2.13).
+"""Four groups of disturbances enter the error, one of them self-pollution (eq. 2.9, fig. 2.13).
 
 Section, equation and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -45,13 +45,15 @@ from .runs import CASES, DURATION, Disturbed, Superposed, error_of_force
 FAST_ROTATION = 100.0
 """Rotation frequency [Hz] of a fast CD-ROM drive (section 2.5.1)."""
 SUPERPOSED = 0.1
-"""Largest relative difference of the whole error from the sum of its parts: the sine of the radial
-diodes is bent by 3 % at half of the acceptable error."""
+"""Largest accepted difference between the whole error and the sum of its parts, relative: the sine
+of the radial diodes bends by 3 % at half of the acceptable error.
+"""
 EQUATION = 0.05
-"""Largest relative difference of the sensed error from equation 2.9, between whose samples the
-lens is taken to move straight."""
+"""Largest accepted difference between the sensed error and equation 2.9, relative. Between samples
+the lens is assumed to move in straight lines.
+"""
 LEAST_MOTION = 1e-9
-"""Error [m] that a group causes at least."""
+"""Least error [m] that each group causes."""
 
 
 @problem(
@@ -62,15 +64,15 @@ def disturbance_groups(
 ) -> DisturbanceGroups:
     """Disc deviations, shocks, self-pollution and surface defects in one error (figure 2.13).
 
-    Self-pollution is a force w_sp on the lens: the carriage jumps and pulls at the suspension, a
-    share of the other coil's force leaks in, and the air of the disc pushes at the rotation
-    frequency. The thesis prints no sizes; assumed ones are drawn. Each group acts alone and all act
-    together, without noise, within the linear range: the sensed error is compared with equation
-    2.9, and with the sum of what the groups do alone.
+    Self-pollution is a force w_sp on the lens: the carriage jumps and pulls the suspension, a share
+    of the other coil's force leaks in, and the air of the disc pushes at the rotation frequency.
+    The thesis prints no sizes, so assumed ones are drawn. Each group acts alone, and then all act
+    together, without noise and within the linear range. The sensed error is compared with equation
+    2.9, and with the sum of the errors of the single groups.
 
-    The force that costs the acceptable error is told over frequency, with no assumed size.
+    The force that causes the acceptable error is computed over frequency, without an assumed size.
 
-    draws: of all disturbances, on each of the twelve drives.
+    draws: number of draws of all disturbances, on each of the twelve drives.
     """
     return DisturbanceGroups(axis, draws)
 
@@ -100,8 +102,8 @@ class DisturbanceGroups(Study):
 
     @part
     def met(self, context: Context, seed: DataArray) -> list[Superposed]:
-        """Every drive in every draw."""
-        machine()  # threads that meet it at one time would each compile it
+        """Errors of every drive in every draw."""
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> Superposed:
             at = seed[place]
@@ -116,7 +118,7 @@ class DisturbanceGroups(Study):
 
     @arrays((draw, drive), superposition_off="1", equation_2_9_off="1")
     def off(self, met: list[Superposed], seed: DataArray) -> dict[str, RealArray]:
-        """How far the sensed error is from the sum of its parts, and from equation 2.9."""
+        """Difference of the sensed error from the sum of its parts, and from equation 2.9."""
         names = {"superposition_off": "superposition", "equation_2_9_off": "equation_2_9"}
         return {
             name: np.reshape([getattr(one, field) for one in met], seed.shape)
@@ -168,9 +170,11 @@ class DisturbanceGroups(Study):
 
     @metric
     def air(self, error_of_force: DataArray) -> dict[str, float]:
-        """Errors at the rotations of fast and audio drives: by the same force, and by air.
+        """Ratio of the errors at the rotations of a fast and an audio drive: by the same force, and
+        by air.
 
-        Air pushes with the square of the rotation; over the drives the least ratio.
+        The force of air grows with the square of the rotation. Of the drives, the least ratio is
+        taken.
         """
         slow, fast = (
             error_of_force.interp(frequency=one) for one in (AUDIO_ROTATION, FAST_ROTATION)

@@ -32,22 +32,24 @@ GROUPS = ("disc deviations", "mechanical disturbances", "self-pollution", "surfa
 CASES = (*GROUPS, "all together")
 """Runs: every group alone, and all of them."""
 MET = 0.4
-"""Time [s] from which the disturbances are looked at; the disc has run up before."""
+"""Time [s] from which the disturbances are evaluated; the disc has run up before."""
 DURATION = 50e-3
-"""How long they are looked at [s]."""
+"""Duration [s] for which they are evaluated."""
 DISC = 0.03
-"""Share of the Red Book's deviation: together the errors stay in the diodes' linear range."""
+"""Share of the Red Book's deviation at which all errors together stay in the diodes' linear range.
+"""
 SHOCK, SHIFT = 0.1, 0.1
-"""Shares of the shock that takes the error near the acceptable one, and of that error as false
-displacement of a scratch, at most."""
+"""Shock, over the one that moves the error close to the acceptable one; and largest false
+displacement of a scratch, over the acceptable error.
+"""
 
 
 class Superposed(NamedTuple):
-    """Errors of each of CASES, and how well they add.
+    """Errors of each of CASES, and how well they superpose.
 
     error (5, N): true error [m]. sensed (5, N): normalised error over K_optn [m]. superposition:
-    largest difference of the last sensed error from the sum of the others, over its size.
-    equation_2_9: the same of the last sensed error from its right-hand side.
+    largest difference of the last sensed error from the sum of the others, relative. equation_2_9:
+    the same for its difference from the right-hand side of equation 2.9.
     """
 
     error: RealArray
@@ -58,7 +60,7 @@ class Superposed(NamedTuple):
 
 @dataclass(frozen=True)
 class Disturbed:
-    """A drive that is met by a draw of every group."""
+    """A drive with a draw of every group of disturbances."""
 
     axis: Axis
     drive: str
@@ -83,7 +85,7 @@ class Disturbed:
         return Superposed(error, sensed, added, float(abs(whole - expected).max()) / size)
 
     def _record(self, case: str) -> Record:
-        """The run of one case: the same draws, and nothing of the other groups."""
+        """The run of one case: the same draws, without the other groups."""
         rng, bench = np.random.default_rng(self.seed), self.bench
         samples = round((MET + DURATION) * RATE)
         phase, sign = rng.uniform(), rng.choice([-1.0, 1.0], size=2)
@@ -112,11 +114,11 @@ class Disturbed:
 
 
 def _filtered(record: Record) -> RealArray:
-    """-x + x_cd + f_sd [m] (N,) behind the anti-aliasing filter, straight between samples."""
+    """-x + x_cd + f_sd [m] (N,) after the anti-aliasing filter, linear between samples."""
     error = -record.x + record.x_cd + record.f_sd
     a = ANTIALIASING * PERIOD
     left = np.exp(-a)
-    # The exact response of the filter to a broken line.
+    # The exact response of the filter to a piecewise linear signal.
     new = 1.0 - (1.0 - left) / a
     old = (1.0 - left) / a - left
     filtered: RealArray = lfilter([new, old], [1.0, -left], error)

@@ -1,1 +1,1 @@
-"""The robust fault filter: what it estimates of a defect, what leaks in."""
+"""The robust fault filter: how well it estimates a defect, and how much of the disc leaks in."""

@@ -1,4 +1,4 @@
-"""Checks of the fault filter: certificates made again, members of the set, drives one by one."""
+"""Checks of the fault filter: certificates computed again, members of the set, single drives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .loop import FAST, GAIN, NOISE_BAND, SLOW
 PEAK_AGREES = 1e-3
 """Relative amount by which a peak certified again may exceed the stored one."""
 MEMBERS = 40
-"""Plants of the set drawn at random."""
+"""Number of random plants of the set."""
 LOWER_BOUND_EXCESS = 1e-6
 """Relative amount by which the lower bound may exceed a filter's total, by rounding."""
 
@@ -42,8 +42,8 @@ def filter_checks(
 ) -> list[Check]:
     """Checks of the continuous and the sampled filter, of the defects shown and of the front.
 
-    loops: around the share of the set that is reached. limits: relative error and leakage [m] that
-    are reached.
+    loops: around the reached share of the set. limits: relative error and leakage [m] that are
+    reached.
     """
     found = [
         one
@@ -72,7 +72,7 @@ def _of_filter(
     limits: tuple[float, float],
     answer: Dataset,
 ) -> Iterator[Check]:
-    """Stability, certificates made again, and members of the set, of one filter."""
+    """Stability, certificates computed again, and members of the set, for one filter."""
     F = bilinear_continuous(K) if K.dt else K
     stability = stability_of(K)
     yield replace(stability, name=f"{name}: stable filter", where="")
@@ -107,7 +107,7 @@ def _members(axis: Axis, loop: FaultLoop, F: StateSpace) -> dict[str, float]:
     worst = {"error": 0.0, "leakage": 0.0, "gain": 0.0}
     for _ in range(MEMBERS):
         x, phase = rng.uniform(-1.0, 1.0), rng.uniform(0.0, 2 * np.pi)
-        delay = rng.uniform(0.0, 1.0) / ANTIALIASING  # of a complex scalar that varies
+        delay = rng.uniform(0.0, 1.0) / ANTIALIASING  # constant, or a complex scalar that varies
         delta = np.exp(1j * (phase - omega * delay))
         T = filter_ / (1 + K * G * (1 + x * real + delta * circular))
         slow = frequency <= SLOW

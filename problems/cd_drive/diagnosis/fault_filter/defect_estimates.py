@@ -20,7 +20,7 @@ LONGEST = 1.6e-3
 SIZE = 1e-6
 """False displacement of a defect [m]; the loops are linear."""
 FINE = 20
-"""Steps per sample in which the anti-aliasing filter is followed."""
+"""Number of steps per sample in which the anti-aliasing filter is simulated."""
 SHAPES = {"bump": 0.4e-3, "doublet": 0.8e-3, "slow bump": LONGEST}
 """Shapes of defects and their lengths along the track [m]."""
 BEFORE, AFTER = 1e-3, 6e-3
@@ -28,7 +28,9 @@ BEFORE, AFTER = 1e-3, 6e-3
 
 
 def defect(shape: str, time: RealArray) -> RealArray:
-    """False displacement [m] at times [s] after its start: raised cosine, or a swing both ways."""
+    """False displacement [m] at times [s] after its start: a raised cosine, or one swing up and
+    down.
+    """
     along = time * VELOCITY / SHAPES[shape]
     inside = (along >= 0.0) & (along <= 1.0)
     window = np.where(inside, 0.5 - 0.5 * np.cos(2 * np.pi * along), 0.0)
@@ -37,7 +39,7 @@ def defect(shape: str, time: RealArray) -> RealArray:
 
 
 def sampled_defect(shape: str) -> tuple[RealArray, RealArray]:
-    """Times (N,) [s] and the defect (N,) [m] as the converters see it, filtered."""
+    """Times (N,) [s] and the defect (N,) [m] after the filter, as the converters see it."""
     step = PERIOD / FINE
     fine = np.arange(-BEFORE, AFTER, step)
     decay = np.exp(-ANTIALIASING * step)
@@ -51,7 +53,7 @@ def sampled_defect(shape: str) -> tuple[RealArray, RealArray]:
 def estimates(
     axis: Axis, F: StateSpace, shape: str, delay: float
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """Times (N,), the defect (N,) and its estimates u_f (12, N) [m], one a drive.
+    """Times (N,), the defect (N,), and its estimates u_f (12, N) [m], one per drive.
 
     F is sampled, e [m] -> u_f [m]; each drive's e is f_en by its own optical gain.
     """
@@ -69,7 +71,7 @@ def estimates(
 
 
 def relative_errors(seen: RealArray, estimated: RealArray) -> RealArray:
-    """Rms of the estimates' error while the defect lasts, over that of the defect: (12,)."""
+    """Rms error of the estimates during the defect, over the defect's rms: (12,)."""
     during = np.abs(seen) > 1e-3 * np.abs(seen).max()
     wrong = np.sqrt(((estimated - seen)[:, during] ** 2).mean(axis=1))
     return np.asarray(wrong / np.sqrt((seen[during] ** 2).mean()))

@@ -1,4 +1,4 @@
-"""What a stored study reaches of its demand on a fault filter, and how it is told."""
+"""The part of its demand on a fault filter that a stored study reaches, and its presentation."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from workbench.certificate import EVERY_PERTURBATION
 from workbench.diagnosis import Reached
 
 LIMITS_AGREE = 1e-12
-"""Relative amount by which stored limits may differ, by rounding, from the factor times those
-asked."""
+"""Rounding error allowed when stored limits are compared with the factor times the asked ones."""
 
 
 def reached_of(answer: Dataset) -> Reached:
-    """What a stored answer reaches of the demand."""
+    """The part of the demand that a stored answer reaches."""
     return Reached(float(answer["set_share"]), float(answer["demand_factor"]))
 
 
 def demand_check(answer: Dataset, limits: tuple[float, float]) -> Check:
-    """Check that stored limits of error and leakage [m] are the factor times those asked."""
+    """Check that the stored limits of error and leakage [m] are the factor times the asked ones."""
     stored = float(answer["allowed"]), float(answer["leakage_allowed"])
     off = max(abs(one / known - 1) for one, known in zip(stored, limits, strict=True))
     statement = "relative difference of the stored limits from the factor times those asked"
@@ -28,19 +27,19 @@ def demand_check(answer: Dataset, limits: tuple[float, float]) -> Check:
 
 
 def plants_of(reached: Reached) -> str:
-    """The plants for which requirements are certified, in words."""
+    """Description of the plants for which requirements are certified."""
     if reached.share >= 1.0:
         return EVERY_PERTURBATION
     return f"{EVERY_PERTURBATION} up to {reached.share:.4g} of the set"
 
 
 def limits_of(reached: Reached) -> str:
-    """What a certified supremum is over, in words; nothing where it is the limit asked."""
+    """Description of the domain of a certified supremum; empty if the asked limit is reached."""
     return f", limits {reached.factor:.4g} times those asked" if reached.factor > 1.0 else ""
 
 
 def in_metrics(answer: Dataset, error: float, leakage: float) -> dict[str, float]:
-    """The demand asked, error and leakage [m], and what is reached of it."""
+    """The asked demand, error and leakage [m], and the reached part."""
     reached = reached_of(answer)
     return {
         "error_asked": error,
@@ -53,7 +52,7 @@ def in_metrics(answer: Dataset, error: float, leakage: float) -> dict[str, float
 
 
 def demand_table(answer: Dataset, error: float, leakage: float, *more: list[str]) -> Any:
-    """The demand asked and reached, and whether it is met. more: rows of further limits."""
+    """The asked and the reached demand, and whether it is met. more: rows of further limits."""
     reached = reached_of(answer)
     rows = [
         ["relative error above 1.5 kHz", f"{error:.4g}", f"{float(answer['allowed']):.4g}"],

@@ -27,7 +27,7 @@ NAMES = {
     "H-infinity": "H-infinity, nominal",
     "high-pass": "high-pass, 450 Hz",
 }
-"""Filters as tables and figures name them."""
+"""Names of the filters in tables and figures."""
 
 
 def shape_errors(answer: Dataset, name: str, shape: str) -> RealArray:
@@ -37,14 +37,15 @@ def shape_errors(answer: Dataset, name: str, shape: str) -> RealArray:
 
 
 def total(front: Any) -> Any:
-    """Leakage and three times the noise's rms [m] of points with these quantities."""
+    """Leakage plus three times the noise's rms [m], at each point of the front."""
     return front.sel(quantity="leakage") + 3 * front.sel(quantity="noise")
 
 
 def front(answer: Dataset) -> Figure:
-    """Leakage and noise over the relative error: filters that were found, and a bound.
+    """Leakage and noise over the relative error: the filters found, and a lower bound.
 
-    The filters found at each error are no front: others of more functions leave less.
+    The filters found for each error are not the exact front: filters of more basis functions leak
+    less.
     """
     figure, (panel,) = figures.axes(1, 1, size=(7.4, 5.2))
     looks = (("o--", figures.GREEN), ("s-", figures.BLUE))
@@ -89,7 +90,9 @@ def filters(axis: Axis, full: StateSpace, discrete: StateSpace) -> Figure:
 
 
 def channel(loop: FaultLoop, K: StateSpace) -> Figure:
-    """Gain from a defect to its estimate and relative error: nominal, and extremes of the set."""
+    """Gain from a defect to its estimate, and relative error: nominal, and extremes
+    over the set.
+    """
     front = FaultFront(loop, grid(loop))
     T = front.estimate(bilinear_continuous(K))
     figure, (gain, error) = figures.axes(2, 1, size=(7.4, 6.4), sharex=True)

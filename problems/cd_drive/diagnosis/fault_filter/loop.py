@@ -2,9 +2,10 @@
 
     e = x_cd + f_sd - G (1 + W_c delta_c + W_r delta_r) K e,     u_f = F e,     K_f = F / K_optn
 
-in metres: the disturbance is the disc's deviation x_cd, the fault is a defect's false displacement
-f_sd, estimated as the anti-aliasing filter in the loop lets it through. Section, figure and
-equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+in metres. The disturbance is the disc's deviation x_cd. The fault is a defect's false displacement
+f_sd, and the estimate is compared with f_sd after the loop's anti-aliasing filter. Section, figure
+and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
+(2003).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ FAST = 1500.0
 SLOW = 200.0
 """Frequency [Hz] up to which the leakage of the disc's deviation counts."""
 GAIN = 2.0
-"""Largest gain allowed from disc or defect to the estimate, at any frequency."""
+"""Largest gain allowed from the disc or a defect to the estimate, at any frequency."""
 NOISE_BAND = 1750.0
 """Bandwidth of the measurement's white noise [Hz], 0.15 um rms (section 7.3)."""
 LENGTH_UNIT = 1e-6
@@ -42,10 +43,10 @@ RESONANT = (15.0, 60.0)
 def fault_loop(
     axis: Axis, model: UncertaintyModel, K: StateSpace, delay: float | None = None
 ) -> FaultLoop:
-    """The loop of an axis; as a computer closes it where a delay [samples] is given.
+    """The loop of an axis; with a delay [samples], as a computer closes it.
 
-    model: u [V] -> f_en [units], without the anti-aliasing filter. K: f_en -> u, as the thesis has
-    it, positive.
+    model: u [V] -> f_en [units], without the anti-aliasing filter. K: f_en -> u, with a positive
+    sign as in the thesis.
     """
     import control
 
@@ -65,9 +66,10 @@ def fault_loop(
 
 
 def disc_weight(axis: Axis) -> StateSpace:
-    """A weight with at least the Red Book's envelope [m] below its last corner.
+    """A weight that is at least the Red Book's envelope [m] below its last corner.
 
-    Exact where that is flat and where the acceleration limits it, up to 15 % more at the corner.
+    It is exact where the envelope is flat or limited by the acceleration, and up to 15 % larger at
+    the corner.
     """
     import control
 
@@ -77,7 +79,9 @@ def disc_weight(axis: Axis) -> StateSpace:
 
 
 def grid(loop: FaultLoop) -> RealArray:
-    """Frequencies [Hz], those where the drives resonate and where requirements end among them."""
+    """Frequencies [Hz], including the drives' resonances and the ends of the
+    requirements' bands.
+    """
     ends = [SLOW, FAST, NOISE_BAND]
     resonances = [np.geomspace(*RESONANT, 80), np.geomspace(350.0, 700.0, 30)]
     top = 0.999 * RATE / 2 if loop.dt is not None else 1e5
@@ -85,5 +89,7 @@ def grid(loop: FaultLoop) -> RealArray:
 
 
 def fine_grid(loop: FaultLoop) -> RealArray:
-    """The grid, finer where drives resonate: filters of few states are looked at closely there."""
+    """The grid, refined at the drives' resonances, where filters of low order are
+    checked closely.
+    """
     return np.union1d(grid(loop), np.geomspace(*RESONANT, 400))

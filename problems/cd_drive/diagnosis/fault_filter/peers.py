@@ -1,4 +1,6 @@
-"""Filters to compare the robust fault filter with: a nominal H-infinity one, and a high-pass."""
+"""Filters for comparison with the robust fault filter: a nominal H-infinity filter, and a
+high-pass.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from ..stand_in import low_pass
 M, A, X, BANDWIDTH = 250.0, 0.001, 3.0, 2 * np.pi * 230.0
 """Peak, floor, widening and bandwidth [rad/s] of the weight of eq. 7.32."""
 ELECTRONICS = 1e-9
-"""Noise of the error as it is read [m]: S alone vanishes where the loop integrates."""
+"""Noise of the measured error [m]. It keeps the problem regular, since S alone is zero where the
+loop integrates.
+"""
 
 
 def defect_weight() -> StateSpace:
@@ -41,9 +45,9 @@ def _nominal(loop: FaultLoop) -> GeneralisedPlant:
 def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, StateSpace]:
     """Filters F [m/m] in continuous time, by name.
 
-    "H-infinity": of least stacked norm for the nominal plant, defects as eq. 7.32 weighs them for
-    the relative error and the disc for the leakage; "high-pass": first order.
-    Raises SolverError where the synthesis fails.
+    "H-infinity": least stacked norm for the nominal plant, with defects weighted as in eq. 7.32 for
+    the relative error, and the disc for the leakage. "high-pass": of first order. Raises
+    SolverError if the synthesis fails.
     """
     program = FaultEstimation(
         _nominal(loop),

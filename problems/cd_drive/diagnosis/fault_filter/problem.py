@@ -1,8 +1,8 @@
 """The robust fault filter: how much of a defect is estimated, how much of the disc leaks in.
 
 Section, figure and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
-CD-players (2003), section 7.2.1 and figures 7.8, 7.12 and 7.13. Its printed scalings allow u_f = 0;
-here the two channels are the relative error of the estimate and the leakage in metres.
+CD-players (2003), section 7.2.1 and figures 7.8, 7.12 and 7.13. The printed scalings there allow
+u_f = 0; here the two channels are the relative error of the estimate and the leakage in metres.
 """
 
 from __future__ import annotations
@@ -54,11 +54,13 @@ ERRORS = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)
 KINDS = ("nominal plant", "every plant")
 """Plants for which a filter is judged."""
 COUNTS = CONTINUOUS, SAMPLED = 16, 20
-"""Functions of the Laguerre basis for the continuous loop and for the sampled one."""
+"""Numbers of Laguerre basis functions for the continuous loop and for the sampled one."""
 
 
 def needs(axis: str = "focus", frequencies: int = 400, gain: Gain = "own", **_: Any) -> Any:
-    """Stadiums that were chosen for control: around the narrowest no loop is robustly stable."""
+    """Reference to the stadiums chosen for control: around the narrowest ones no loop is robustly
+    stable.
+    """
     return {
         "covered": ref(f"cd/{axis}/cover-for-control", frequencies=frequencies, gain=gain),
     }
@@ -76,15 +78,15 @@ def fault_filter(
 ) -> FaultFilterStudy:
     """A filter that estimates surface defects on every drive, and leaves the disc's deviation out.
 
-    The point chosen is where the front bends: below a relative error of 0.3 every plant's total
-    rises steeply, by half for 0.05 less, above it falls by less than a third for 0.1 more; and
-    there what the disc leaks is a quarter of the 2 um that the loop itself may be off. Where no
-    filter has both on every plant, the set shrinks to what the loop bears, and error and leakage
-    grow by their least common factor.
+    The chosen point is the bend of the front. Below a relative error of 0.3, every plant's total
+    rises steeply, by half for an error less by 0.05; above 0.3 it falls by less than a third for an
+    error more by 0.1. At 0.3 the disc's leakage is a quarter of the 2 um by which the loop itself
+    may be off. If no filter keeps both limits on every plant, the set is reduced to what the loop
+    tolerates, and error and leakage are increased by their least common factor.
 
-    frequencies, gain: of the stadiums, as `cd/focus/cover-for-control`. error: relative, wanted
-    from 1.5 kHz on. leakage: of the Red Book's envelope into the estimate [m], wanted up to 200 Hz.
-    order: of the sampled filter. delay: of the sampled loop [samples].
+    frequencies, gain: of the stadiums, as in `cd/focus/cover-for-control`. error: wanted relative
+    error from 1.5 kHz. leakage: wanted leakage of the Red Book's envelope into the estimate [m], up
+    to 200 Hz. order: of the sampled filter. delay: of the sampled loop [samples].
     """
     return FaultFilterStudy("focus", stadiums_of(covered), error, leakage, order, delay)
 
@@ -106,8 +108,8 @@ def radial_fault_filter(
 ) -> FaultFilterStudy:
     """The same of the radial loop, with the same requirements in units of its acceptable error.
 
-    frequencies, gain: of the stadiums, as `cd/radial/cover-for-control`. error, leakage, order,
-    delay: as of `cd/focus/fault-filter`.
+    frequencies, gain: of the stadiums, as in `cd/radial/cover-for-control`. error, leakage, order,
+    delay: as in `cd/focus/fault-filter`.
     """
     return FaultFilterStudy("radial", stadiums_of(covered), error, leakage, order, delay)
 
@@ -142,7 +144,9 @@ class FaultFilterStudy(Study):
 
     @cached_property
     def loops(self) -> dict[str, FaultLoop]:
-        """With the axis' reference controller: in continuous time, and as a computer closes it."""
+        """Loops with the axis' reference controller: in continuous time, and as a computer closes
+        it.
+        """
         import control
 
         K = control.ss(controller(self.axis))
@@ -152,11 +156,11 @@ class FaultFilterStudy(Study):
         }
 
     def within(self, share: float) -> dict[str, FaultLoop]:
-        """The loops around a share of the set."""
+        """The loops around this share of the set."""
         return {name: loop.within(share) for name, loop in self.loops.items()}
 
     def fronts(self, which: str, share: float) -> list[FaultFront]:
-        """The front of a loop for each of KINDS, on a share of the set."""
+        """The front of a loop for each of KINDS, around this share of the set."""
         loop = self.within(share)[which]
         return [FaultFront(loop, grid(loop), nominal=kind == KINDS[0]) for kind in KINDS]
 
@@ -173,15 +177,15 @@ class FaultFilterStudy(Study):
 
     @part
     def chosen(self) -> tuple[Reached, dict[str, FrontFilter]]:
-        """What is reached of the demand, and filters that do."""
+        """The reached part of the demand, and filters that reach it."""
         return best_design(list(self.loops.values()), self._least_factor, self._designed)
 
     def limits(self, reached: Reached) -> tuple[float, float]:
-        """Limits of the relative error and of the leakage [m] that are reached."""
+        """Reached limits of the relative error and of the leakage [m]."""
         return reached.factor * self.error, reached.factor * self.leakage
 
     def _least_factor(self, reached: Reached) -> float:
-        """The least factor of the limits, over the filters of full order for both loops."""
+        """Least factor on the limits that filters of full order reach for both loops."""
         found = []
         for loop, count in zip(self.within(reached.share).values(), COUNTS, strict=True):
             front = FaultFront(loop, grid(loop))
@@ -190,7 +194,7 @@ class FaultFilterStudy(Study):
         return max(found)
 
     def _designed(self, reached: Reached) -> dict[str, FrontFilter] | None:
-        """The continuous filter of full order, and the one of few states for the sampled loop."""
+        """The continuous filter of full order, and the filter of low order for the sampled loop."""
         limits, loops = self.limits(reached), self.within(reached.share)
         try:
             full, fine = (
@@ -199,7 +203,7 @@ class FaultFilterStudy(Study):
             )
             sampled = loops["discrete"]
             few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *limits)
-        except SolverError:  # no filter has this error with so little leakage
+        except SolverError:  # no filter has this error with this little leakage
             return None
         return {"full": full, "discrete": few} if full.meets and few.meets else None
 
@@ -241,7 +245,7 @@ class FaultFilterStudy(Study):
             for i, each in enumerate(fronts):
                 try:
                     point = each.least(basis.response(each.omega, CONTINUOUS), error)
-                except SolverError:  # no filter of the basis: the front ends there
+                except SolverError:  # the basis has no filter for it: the front ends there
                     continue
                 front[i, j] = point.error, point.leakage, point.noise
         return front
@@ -315,7 +319,9 @@ class FaultFilterStudy(Study):
 
     @table
     def fronts_and_filters(self, answer: Dataset) -> dict[str, Any]:
-        """What is reached of the demand, the front, and what each filter does."""
+        """Table of the reached part of the demand, of the front, and of each filter's
+        performance.
+        """
         sizes = 1e6 * total(answer["front"])
         columns = zip(ERRORS, *sizes.values, 1e6 * answer["least_total"].values, strict=True)
         points = [

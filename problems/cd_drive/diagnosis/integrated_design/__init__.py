@@ -1,1 +1,1 @@
-"""Controller and fault filter designed in one, and one after the other (section 7.1.5)."""
+"""Controller and fault filter designed together, and one after the other (section 7.1.5)."""

@@ -1,11 +1,11 @@
-"""Plants of a loop for which controller and filter are designed, apart or together.
+"""Plants of a loop for which controller and filter are designed, separately or together.
 
     y = D d + W f + N n - G u,     e = D d - G u,
     z_p = e (leakage allowed) / (error allowed),     z_u = u / 100,     z_f = W f - u_f
 
-D d is the disc's deviation by the Red Book, N n the measurement's noise and W f a defect; D and N
-are over the leakage allowed, W is over the relative error allowed. z_p is the loop's error over the
-acceptable one, z_u as in section 6.3. Lengths are in units of the leakage allowed.
+D d is the disc's deviation by the Red Book, N n the measurement noise and W f a defect. D and N are
+divided by the allowed leakage, W by the allowed relative error. z_p is the loop's error over the
+acceptable one, z_u is as in section 6.3. The unit of length is the allowed leakage.
 """
 
 from __future__ import annotations
@@ -26,20 +26,24 @@ from ..fault_filter.loop import disc_weight
 from ..fault_filter.peers import defect_weight
 
 ERROR, LEAKAGE = 0.3, {"focus": 0.5e-6, "radial": 0.05e-6}
-"""Relative error allowed, and leakage of the disc allowed [m]: a quarter of the loop's error."""
+"""Allowed relative error, and allowed leakage of the disc [m]: a quarter of the loop's acceptable
+error.
+"""
 CONTROL = 0.01
 """W_u K_optn of section 6.3."""
 
 
 def drive(axis: Axis) -> StateSpace:
-    """The nominal drive with its anti-aliasing filter, u -> what it takes from y."""
+    """The nominal drive with its anti-aliasing filter: u to the part of y that it subtracts."""
     import control
 
     return control.ss(plant(nominal_parameters(axis), total_gain(axis)))
 
 
 def weights(axis: Axis) -> tuple[StateSpace, StateSpace]:
-    """W of defects (eq. 7.32 over the error allowed) and D of the disc (over the leakage)."""
+    """W of defects (eq. 7.32 over the allowed error), and D of the disc (over the
+    allowed leakage).
+    """
     return defect_weight() / ERROR, disc_weight(axis) / LEAKAGE[axis]
 
 
@@ -92,7 +96,7 @@ def channel_norm(loop: StateSpace, outputs: list[int], inputs: list[int]) -> flo
 
 
 def carried_over(axis: Axis, F: StateSpace, K: StateSpace, other: StateSpace) -> StateSpace:
-    """F (1 + G other) / (1 + G K): the filter beside `other` that does what F does beside K."""
+    """F (1 + G other) / (1 + G K): the filter with `other` that is equivalent to F with K."""
     import control
 
     G = drive(axis)

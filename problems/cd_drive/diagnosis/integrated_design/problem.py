@@ -1,4 +1,4 @@
-"""Controller and fault filter in one synthesis, and one after the other (section 7.1.5).
+"""Controller and fault filter from one synthesis, or one after the other (section 7.1.5).
 
 Section and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003); the classes are those of J. Stoustrup, M. Grimble, H. Niemann, Sensor Review 17
@@ -40,40 +40,42 @@ from .plants import (
 from .robust import least_robust
 
 FACTORS = {"mu-PID": 1.0, "a third of it": 1 / 3, "1.5 times it": 1.5}
-"""Gains of the reference controller."""
+"""Factors on the gain of the reference controller."""
 CONTROLLERS = (*FACTORS, "H-infinity")
-"""Controllers beside which filters are designed; the last has the least norm of its own."""
+"""Controllers for whose loops filters are designed; the last has the least H-infinity norm."""
 SHARES = (1.0, 3.0)
-"""Weights of the estimate's error in one synthesis of both."""
+"""Weights of the estimation error in the joint synthesis."""
 BOTH = ("control", "estimate")
-"""What is judged: norm of (d, n) -> (z_p, z_u), and of (d, n, f) -> z_f."""
+"""The judged norms: of (d, n) -> (z_p, z_u), and of (d, n, f) -> z_f."""
 FREQUENCY = np.geomspace(500.0, 15e3, 24)
-"""Frequencies [Hz] of defects."""
+"""Frequencies [Hz] of the defects."""
 LEVELS_AGREE = 1e-3
-"""Relative distance of the least levels that methods find."""
+"""Largest accepted difference between the least levels of different methods, relative."""
 CARRIED = 2 * NORM_TOLERANCE
-"""Largest relative difference of norms of one filter, carried over to another controller."""
+"""Largest accepted difference between the norms of one filter, carried over to another controller,
+relative.
+"""
 COUPLED = 1.1
-"""Least ratio of robust errors beside two controllers by which the designs are coupled."""
+"""Least ratio of the robust errors with two controllers from which the designs count as coupled."""
 
 
 @problem("cd/{axis}/integrated-design", axis=("focus", "radial"), data=TABLES)
 def integrated_design(axis: Axis) -> IntegratedDesign:
     """Controller and fault filter designed in one, and one after the other (section 7.1.5).
 
-    For the nominal drive: the least H-infinity norm of the control loop alone, that of the estimate
-    beside each of four controllers, and both norms of controllers and filters made in one
-    synthesis. A filter beside one controller is carried over to another by its loop, with the same
-    norm, so that no choice of the controller makes a better estimate. With a multiplicative
-    uncertainty as large as the spread of the twelve drives' gains this ends: the least error that
-    any filter leaves at a frequency is bounded from both sides beside each controller.
+    For the nominal drive are computed: the least H-infinity norm of the control loop alone, that of
+    the estimate with each of four controllers, and both norms for controllers and filters from one
+    synthesis. A filter for one controller can be converted for the loop of another with the same
+    norm, so no choice of the controller makes the estimate better. With a multiplicative
+    uncertainty as large as the spread of the twelve drives' gains this is no longer so: for each
+    controller, the least error of any filter at a frequency is bounded from both sides.
     """
     return IntegratedDesign(axis)
 
 
 @dataclass(frozen=True)
 class IntegratedDesign(Study):
-    """Designs of controller and filter, apart and together."""
+    """Designs of controller and filter, separately and jointly."""
 
     axis: Axis
 
@@ -89,12 +91,12 @@ class IntegratedDesign(Study):
 
     @part
     def alone(self) -> HinfController:
-        """The controller of least norm."""
+        """The controller with the least norm."""
         return least(control_plant(self.axis))
 
     @system(design, called="{}")
     def laws(self, alone: HinfController) -> dict[str, StateSpace]:
-        """K by name, in the unit of the leakage allowed."""
+        """K by name, in units of the allowed leakage."""
         import control
 
         K = control.ss(controller(self.axis))
@@ -102,7 +104,7 @@ class IntegratedDesign(Study):
 
     @part
     def beside(self, laws: dict[str, StateSpace]) -> dict[str, HinfController]:
-        """The filter of least norm beside each controller."""
+        """The filter with the least norm for each controller."""
         return {name: least(filter_plant(self.axis, K)) for name, K in laws.items()}
 
     filter = system(called="filter")(lambda beside: next(iter(beside.values())).K)
@@ -124,7 +126,7 @@ class IntegratedDesign(Study):
         }
 
     def norms_of_carried(self, laws: dict[str, StateSpace], filter: StateSpace) -> dict[str, float]:
-        """Certified norms of the estimate beside each controller, by one filter carried over."""
+        """Certified norms of the estimate with each controller, by one filter carried over."""
         first = next(iter(laws.values()))
         return {
             name: certified_norm(
@@ -135,7 +137,7 @@ class IntegratedDesign(Study):
 
     @part
     def together(self) -> list[StateSpace]:
-        """Loops of controllers and filters of one synthesis."""
+        """Loops with controllers and filters from one synthesis."""
         plants = [joint_plant(self.axis, share) for share in SHARES]
         return [plant.close(least(plant).K) for plant in plants]
 
@@ -171,7 +173,7 @@ class IntegratedDesign(Study):
     def carried_again(
         self, laws: dict[str, StateSpace], filter: StateSpace, carried: DataArray
     ) -> list[Check]:
-        """Norms of the stored filter, carried over, made again; loops are stable."""
+        """Norms of the stored filter, carried over and computed again; the loops are stable."""
         again = np.array(list(self.norms_of_carried(laws, filter).values()))
         off = float(abs(again / carried.values - 1.0).max())
         apart = float(again.max() / again.min() - 1.0)
@@ -239,7 +241,7 @@ class IntegratedDesign(Study):
     coupling = metric(lambda self, robust: self.coupling_of(robust))
 
     def coupling_of(self, robust: DataArray) -> dict[str, Any]:
-        """Least ratio of robust errors that the bounds prove, at the worst frequency."""
+        """Least ratio of the robust errors that the bounds prove, at the worst frequency."""
         lower, upper = (robust.sel(bound=one, drop=True) for one in ("lower", "upper"))
         pid, best = CONTROLLERS[0], CONTROLLERS[-1]
         return {
@@ -296,7 +298,7 @@ class IntegratedDesign(Study):
 def least(plant: GeneralisedPlant) -> HinfController:
     """The controller of nearly the least norm, by two Riccati equations.
 
-    Raises SolverError where its certificate does not hold.
+    Raises SolverError if its certificate does not hold.
     """
     solution = solve(HinfSynthesis(plant), method="riccati")
     if solution.answer is None or not (solution.certificate and solution.certificate.holds):
@@ -306,7 +308,7 @@ def least(plant: GeneralisedPlant) -> HinfController:
 
 
 def robust_errors(axis: Axis, K: StateSpace, spread: float) -> RealArray:
-    """Bounds (F, 2) of the least robust error, over that without uncertainty."""
+    """Bounds (F, 2) on the least robust error, over that without uncertainty."""
     omega = 2 * np.pi * FREQUENCY
     fault, disc = (np.abs(response(one, omega)[:, 0, 0]) for one in weights(axis))
     L = response(drive(axis), omega)[:, 0, 0] * response(K, omega)[:, 0, 0]

@@ -1,4 +1,4 @@
-"""The least error that any filter leaves at one frequency, for every plant of a set.
+"""The least error that any filter can have at one frequency, for every plant of a set.
 
 With y = S_delta (d + f), S_delta = S / (1 + T delta), and phi = F S, the weighted error is
 
@@ -17,9 +17,11 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 
 SIDES = 48
-"""Points on the boundary of the disc of uncertain gains that are tried, beside its centre."""
+"""Number of points tried on the boundary of the disc of uncertain gains, besides its centre."""
 ROUNDS, GRID, SHRINK = 30, 17, 0.65
-"""Rounds of the search in the plane, points of a grid's side, and how much it shrinks."""
+"""Number of rounds of the search in the plane, points on a side of the grid, and factor by which it
+shrinks.
+"""
 SPAN = 1.5
 """Half the side of the first grid about 1/2."""
 
@@ -27,7 +29,7 @@ SPAN = 1.5
 def least_robust(
     fault: float, disturbance: float, T: complex, spread: float
 ) -> tuple[float, float]:
-    """Lower and upper bound of the least worst error over all phi.
+    """Lower and upper bound on the least worst-case error over all phi.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def _cut(fault: float, disturbance: float, phi: complex, s: ComplexArray) -> Rea
 
 
 def _bound(cuts: RealArray) -> float:
-    """The least value of the largest tangent over the plane."""
+    """The minimum over the plane of the largest tangent."""
     scale = abs(cuts[:, 2]).max()
     rows = np.column_stack([cuts[:, :2], -np.full(len(cuts), scale)])
     free = [(None, None)] * 3

@@ -18,7 +18,7 @@ from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 
 PRINTED_POLES = -np.array([0.8955, 0.3764 + 1.2920j, 0.3764 - 1.2920j, 0.5758 + 0.5339j])
-"""Poles of equation 7.33 over the bandwidth, without the conjugate of the last one."""
+"""Poles of equation 7.33 over the bandwidth; the conjugate of the last one is left out."""
 OBSERVER_BANDWIDTH = 2 * np.pi * 5000.0
 """Bandwidth of the observer, obs_bw of section 7.3.3 [rad/s]."""
 

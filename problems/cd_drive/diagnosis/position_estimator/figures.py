@@ -1,4 +1,4 @@
-"""Figures 7.14 and 7.15, the rotation followed, and the drives, of the position estimators."""
+"""Figures of the position estimators: 7.14 and 7.15, the tracked rotation, and the drives."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _quality(panel: Axes, answer: Dataset) -> None:
 
 
 def rotation(answer: Dataset) -> Figure:
-    """The rotation followed, and what it is worth."""
+    """The tracked rotation frequency, and the error that it saves."""
     figure, (frequency, errors) = figures.axes(1, 2, size=(8.4, 3.8))
     time = np.concatenate([answer["early"], answer["time"]])
     cases, width = answer["case"].values, 0.38
@@ -98,7 +98,7 @@ def rotation(answer: Dataset) -> Figure:
 
 
 def drives(answer: Dataset) -> Figure:
-    """Largest errors of the rivals on all drives: mean, and 90 % of the draws."""
+    """Largest errors of the rivals on all drives: mean, and 90 % range of the draws."""
     figure, panels = figures.axes(2, 1, size=(7.2, 6.0), sharex=True)
     names, width = answer["drive"].values, 0.27
     bars = [("measured", answer["drive_measured"], "0.55")]
@@ -126,7 +126,7 @@ def _bars(panel: Axes, places: Any, summary: Any, width: float, **look: Any) -> 
 
 
 def growth(answer: Dataset) -> Figure:
-    """Growth of the slowest mode over a quality that stays."""
+    """Growth of the slowest mode over a constant quality."""
     figure, (panel,) = figures.axes(size=(7.0, 4.2))
     for name in answer["fixed"].values.tolist():
         one = answer["growth"].sel(fixed=name)

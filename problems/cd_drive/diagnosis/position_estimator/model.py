@@ -1,10 +1,10 @@
 """Model of a drive in the position estimators, and their inputs (section 7.2.2).
 
 With the error of the lens e = x_cd - x, and u_p the control that would make the lens follow the
-disc (figure 7.9), the actuator gives  -e = ACT (u - u_p)  and the photo diodes with their filter
-f_en = K_optn w_a / (s + w_a) e + n.  So the oscillators act at the actuator's input, in volts; n is
-noise of 0.15 um up to 1750 Hz (eq. 7.31). x itself does not show in f_en: it is the actuator's
-answer to u, computed beside. Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant
+disc (figure 7.9), the actuator gives -e = ACT (u - u_p) and the photo diodes with their filter f_en
+= K_optn w_a / (s + w_a) e + n. So the oscillators act at the actuator's input, in volts; n is noise
+of 0.15 um up to 1750 Hz (eq. 7.31). x itself cannot be seen in f_en: it is the actuator's response
+to u, computed in parallel. Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant
 Control of CD-players (2003).
 """
 
@@ -36,28 +36,31 @@ from ...laboratory.bench_setup import NOISE, PERIOD, coil_gain, find_drive
 FAST_BANDWIDTH = 5000.0
 """Bandwidth of the observer in section 7.3.3 [Hz]."""
 SLOW_BANDWIDTH = 300.0
-"""Bandwidth of an observer that is to bridge a defect [Hz]: below the loop's crossover, and below
-the noise's band."""
+"""Bandwidth of an observer that must bridge a defect [Hz]: below the loop's crossover, and below
+the bandwidth of the noise.
+"""
 OSCILLATOR_DECAY = 60.0
 """Rate at which placed oscillators settle [1/s]: in a tenth of a revolution."""
 PRINTED_K_OBS = 1e8 * np.array([4.9312, 4.0959, 3.2174, 2.3024, 1.3581])
-"""Gain of the observer as equation 7.34 prints it."""
+"""Gain of the observer as printed in equation 7.34."""
 PRINTED_K_P = np.array([45.0, 45.0])
-"""Gain of the oscillators as equation 7.35 prints it."""
+"""Gain of the oscillators as printed in equation 7.35."""
 CONTROL_NOISE = 0.05
-"""White uncertainty of u [V rms] in the Kalman filter: a sixtieth of what the largest wobble takes,
-for no drive is the nominal one."""
+"""White uncertainty of u [V rms] in the Kalman filter: a sixtieth of the control for the largest
+wobble, since no drive equals the nominal one.
+"""
 OSCILLATOR_STEP = 3e-4
-"""Random step of the oscillators [V rms a sample]: a hundredth of the wobble's volts in a
-revolution."""
+"""Random step of the oscillators [V rms per sample]: in a revolution a hundredth of the control for
+the wobble.
+"""
 CONVERTER_NOISE = 1e-3
 """White part of the noise of f_en [units rms]: the converter's step."""
 
 
 def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
-    """Model of the nominal drive: u, u_p -> f_en [units], e [m], and beside it u -> x [m].
+    """Model of the nominal drive: u, u_p -> f_en [units], e [m], and in parallel u -> x [m].
 
-    u acts from one sample to the next; with a computer that takes one sample, it is the last u.
+    u acts from one sample to the next; if the computer needs one sample, u is the previous one.
     """
     import control
 
@@ -65,7 +68,7 @@ def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
     lens, gain = specific_model(drive).state_space(), coil_gain(drive)
     n = lens.nstates
     a, b, c = np.zeros((n + 1, n + 1)), np.zeros((n + 1, 2)), np.zeros((2, n + 1))
-    a[:n, :n] = lens.A  # of -e
+    a[:n, :n] = lens.A  # sign of -e
     a[n, :n] = -ANTIALIASING * drive.K_optn * lens.C[0]
     a[n, n] = -ANTIALIASING
     b[:n] = gain * lens.B * [1.0, -1.0]
@@ -94,7 +97,7 @@ def colour(axis: Axis, band: float = 1750.0) -> StateSpace:
 
 
 def itae(axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
-    """Estimator with ITAE poles for actuator and filter, and oscillators that settle.
+    """Estimator with ITAE poles for actuator and filter, and with oscillators that settle.
 
     bandwidth: of the ITAE poles [Hz].
     """
@@ -106,9 +109,10 @@ def itae(axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
 def thesis_estimator(axis: Axis, rotation: Rotation) -> Estimator:
     """Estimator of the thesis: K_obs for actuator and filter alone (eq. 7.33), K_p of eq. 7.35.
 
-    The thesis does not state what K_p multiplies. Taken per sample, and with an oscillator whose
-    second state has the other sign, it makes the oscillator settle at 44 per second in focus; taken
-    per second, at a thousandth of that. With the sign of this oscillator the estimator is unstable.
+    The thesis does not state by what K_p is multiplied. If it applies per sample, and the
+    oscillator's second state has the other sign, the oscillator settles at 44 per second in focus;
+    if it applies per second, at a thousandth of that. With the sign of this oscillator the
+    estimator is unstable.
     """
     believed = model(axis, rotation, coloured=False)
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * FAST_BANDWIDTH) * PERIOD)
@@ -121,7 +125,7 @@ def thesis_estimator(axis: Axis, rotation: Rotation) -> Estimator:
 def kalman(axis: Axis, rotation: Rotation) -> KalmanEstimator:
     """Kalman filter of actuator, filter, oscillators and coloured noise.
 
-    Its white noise of the measurement grows in a defect.
+    Its white measurement noise is increased in a defect.
     """
     defect = ACCEPTABLE_ERROR[axis] * find_drive(axis, "nominal").K_optn
     return KalmanEstimator(

@@ -38,16 +38,17 @@ def position_estimator(
     """Positions and disturbance estimated through scratches (figures 7.14, 7.15, eq. 7.33-7.35).
 
     The virtual laboratory follows a disc of the largest deviation at 5.5 Hz with the mu-PID while
-    scratches pass; the estimators read f_en and u, and a quality that opens them in a defect. The
-    observer of the thesis, ITAE poles with oscillators placed, and a Kalman filter whose noise
-    follows the quality; rotation known, wrong, and followed; then all twelve drives with the
-    estimators of the nominal one.
+    scratches pass. The estimators read f_en and u, and a quality signal that reduces their gain in
+    a defect. They are the observer of the thesis, ITAE poles with placed oscillators, and a Kalman
+    filter whose noise follows the quality; the rotation is known, wrong, or tracked. Then all
+    twelve drives are tried with the estimators of the nominal one.
 
-    length [m], depth: of the scratches. displacement: their false one, in errors that can be read
-    (2 um in focus, 0.2 um radially). wrong: relative error of the rotation. values: of the drives.
-    draws: of noise, the scratch's angle, its edge and the sign of its displacement, on each drive.
-    noise: how the printed amplitude of 0.15 um is read (`printed_noise`); the Kalman filter
-    expects 0.15 um rms whatever it is. quality: that opens the estimators, graded or binary.
+    length [m], depth: of the scratches. displacement: false displacement, over the largest error
+    that can be read (2 um in focus, 0.2 um radially). wrong: relative error of the rotation.
+    values: of the drives. draws: number of draws of noise, the scratch's angle, its edge and the
+    sign of its displacement, on each drive. noise: reading of the printed amplitude of 0.15 um
+    (`printed_noise`); the Kalman filter always expects 0.15 um rms. quality: signal that reduces
+    the estimators' gain, graded or binary.
     """
     scratches = Scratches(axis, length, depth, displacement, values, noise, quality)
     return PositionEstimator(axis, scratches, wrong, values, draws)

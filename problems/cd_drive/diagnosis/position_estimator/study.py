@@ -1,4 +1,4 @@
-"""Estimators of position and disturbance, tried on recorded runs whose truth is known."""
+"""Estimators of position and disturbance, tried on recorded runs with known truth."""
 
 from __future__ import annotations
 
@@ -31,29 +31,31 @@ from .model import (
 from .trials import SCRATCHED, Scratches, Trial
 
 ADAPTATION_RATE = 10.0
-"""Rate of the loop that follows the rotation frequency [1/s]: a sixth of the oscillators' (see
-`Rotation`)."""
+"""Rate of the loop that tracks the rotation frequency [1/s]: a sixth of the oscillators' rate (see
+`Rotation`).
+"""
 EFFORT_FLOOR = 0.1
-"""Control effort [V] about which the adaptation fades."""
+"""Control effort [V] around which the adaptation fades out."""
 WINDOW = (-1.5e-3, 6.5e-3)
 """Time shown before and after the start of the last scratch but one [s]."""
 STRIDE = 14
-"""Whole runs are stored at every STRIDE-th sample."""
+"""Distance [samples] between stored samples of whole runs."""
 KEPT, EARLY = (
     slice(round(SCRATCHED * RATE), None, STRIDE),
     slice(None, round(SCRATCHED * RATE), STRIDE),
 )
-"""Samples kept of whole runs, from the first scratch on and before it."""
+"""Stored samples of whole runs: from the first scratch on, and before it."""
 QUALITIES = np.linspace(0.0, 1.0, 41)
-"""Constant qualities at which the stability of an estimator is judged."""
+"""Constant qualities at which the stability of an estimator is analysed."""
 FIXED = ("thesis", "ITAE 5 kHz", "ITAE 300 Hz", "Kalman settled")
-"""Estimators of constant gain, scaled by the quality; the last has the stationary Kalman gain."""
+"""Estimators of constant gain, which the quality scales; the last has the stationary Kalman gain.
+"""
 ESTIMATORS = (*FIXED, "Kalman")
 """All estimators."""
 RIVALS = ("ITAE 300 Hz", "Kalman")
 """Estimators tried on all of the drives."""
 CASES = ("known", "wrong", "adapted")
-"""Rotation frequency in the estimator's model: the true one, a wrong one, or one that adapts."""
+"""Rotation frequency in the estimator's model: the true one, a wrong one, or an adapted one."""
 
 
 COUNTED = {
@@ -64,24 +66,24 @@ COUNTED = {
     "missed": "",
     "position_error": "m",
 }
-"""What is counted or measured once a draw on the nominal drive, with units."""
+"""Numbers counted or measured in each draw on the nominal drive, with their units."""
 PRINTED_ANGLE = 0.25
 """Angle of the scratch of the figures [revolutions]."""
 
 
 def estimated(trial: Trial, law: Any) -> Any:
-    """Estimates of a trial by the law of an estimator."""
+    """Estimates for a trial by the law of an estimator."""
     return estimate(law, trial.record.f_en, trial.known, trial.quality)
 
 
 def _each(name: str) -> Any:
-    """A function of the draws on the nominal drive that collects one of their results."""
+    """A function that collects one result of the draws on the nominal drive."""
     return lambda on_nominal: np.array([one[name] for one in on_nominal], np.float32)
 
 
 @dataclass(frozen=True)
 class EstimatorTrials(Study):
-    """Estimators over recorded runs whose truth is known: what is stored of them."""
+    """Estimators on recorded runs with known truth: the stored results."""
 
     axis: Axis
     scratches: Scratches
@@ -94,7 +96,7 @@ class EstimatorTrials(Study):
         return f"for these drives, in {self.draws} simulated draws of each"
 
     def designed(self, name: str, case: str = "known") -> Estimator | KalmanEstimator:
-        """The estimator of this name, with one of CASES as its belief of the rotation."""
+        """The estimator with this name, whose rotation is one of CASES."""
         frequency = ROTATION * (1.0 if case == "known" else 1.0 - self.wrong)
         rate = ADAPTATION_RATE * (case == "adapted")
         rotation = Rotation(frequency, adaptation=rate, floor=EFFORT_FLOOR)
@@ -131,7 +133,7 @@ class EstimatorTrials(Study):
         laws: dict[tuple[str, str], Any],
         context: Context,
     ) -> list[Any]:
-        """What each draw gives on the nominal drive, by the names of the arrays."""
+        """Results of each draw on the nominal drive, by the names of the arrays."""
 
         def met(seed: int) -> dict[str, Any]:
             scratch = ScratchDraw.drawn(self.axis, seed)
@@ -156,7 +158,7 @@ class EstimatorTrials(Study):
                 "position_error": abs(runs["Kalman", "known"].outputs[:, 2] - trial.record.x).max(),
             }
 
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         return context.spread(met, nominal_seed.values.tolist(), "draws, nominal drive")
 
     error = array(
@@ -270,7 +272,7 @@ class EstimatorTrials(Study):
     )
 
     def true_u_p(self, time: RealArray) -> RealArray:
-        """u_p [V] of a disc that turns for ever: the control that makes the lens follow it."""
+        """u_p [V] for a disc that has always turned: the control that makes the lens follow it."""
         bench = Laboratory(self.axis, "nominal")
         lens = bench.actuator.response([ROTATION])[0] * bench.coil_gain
         swing = red_book(self.axis).deviation / lens
@@ -297,7 +299,7 @@ class EstimatorTrials(Study):
 
     @part
     def on_drives(self, seed: DataArray, gain: float, context: Context) -> list[Any]:
-        """Errors of the rivals, of the measurement, and events; drive by drive, draw by draw."""
+        """Errors of the rivals and of the measurement, and events, for each drive and draw."""
         rivals = [self.designed(name, "adapted").controller for name in RIVALS]
         optical = {one.name: one.K_optn for one in drives(self.axis, self.values)}
 
@@ -306,7 +308,8 @@ class EstimatorTrials(Study):
                 cell[0],
                 self.scratches.trial(cell[0], ScratchDraw.drawn(self.axis, cell[1])),
             )
-            # The estimator works in units of f_en: the drive's own optical gain makes them metres.
+            # The estimator works in units of f_en: the drive's own optical gain converts them to
+            # metres.
             scale = gain / optical[name]
             runs = [estimate(each, one.record.f_en, one.known, one.quality) for each in rivals]
             errors = [one.errors(scale * run.outputs[:, 1]) for run in runs]
@@ -332,20 +335,20 @@ class EstimatorTrials(Study):
     events = array(dims=(drive, draw), value=lambda self, on_drives: self.by_drive(on_drives, 2))
 
     def by_drive(self, on_drives: list[Any], number: int) -> Any:
-        """One of the results of all drives and draws (drives, draws, ...)."""
+        """One result of all drives and draws (drives, draws, ...)."""
         every = np.array([one[number] for one in on_drives], np.float32)
         return every.reshape(-1, self.draws, *every.shape[1:])
 
 
 def _kept(courses: list[RealArray]) -> Any:
-    """The samples kept of whole runs, in single precision."""
+    """The stored samples of whole runs, in single precision."""
     return np.array([one[KEPT] for one in courses], np.float32)
 
 
 def growth_rates(estimator: Estimator | KalmanEstimator) -> RealArray:
-    """Growth rate [1/s] of the slowest mode at each of QUALITIES, which scales the gain.
+    """Growth rate [1/s] of the slowest mode at each of QUALITIES, which scale the gain.
 
-    estimator: one of constant gain.
+    estimator: one with constant gain.
     """
     assert isinstance(estimator, Estimator)
     radii = [abs(estimator.poles(quality=quality)).max() for quality in QUALITIES]

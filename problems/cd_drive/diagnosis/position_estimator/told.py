@@ -1,4 +1,4 @@
-"""What is checked and told of the estimators of position and disturbance."""
+"""Checks and results of the estimators of position and disturbance."""
 
 from __future__ import annotations
 
@@ -26,26 +26,30 @@ from .study import CASES, ESTIMATORS, RIVALS, EstimatorTrials
 GAINS_AGREE = 0.15
 """Largest relative deviation from eq. 7.34, whose realisation is not stated."""
 AFTERWARDS = 0.5
-"""Largest error of the Kalman filter after a scratch, over the acceptable one: as much is left to
-the loop itself."""
+"""Largest accepted error of the Kalman filter after a scratch, over the acceptable error; the other
+half is left to the loop itself.
+"""
 THESIS_SPIKE = 1e-6
 """The spike [m] that section 7.3.3 reports of its own observer, in focus."""
 CALLED_BAD, TRUSTED = 1e-4, 1e-2
-"""Largest shares of the clean samples that the quality calls bad, and of the covered ones that it
-trusts."""
+"""Largest accepted share of clean samples that the quality calls bad, and of covered samples that
+it trusts.
+"""
 LOST = 1.0 - SURE
-"""Largest share of the draws in which a claim may fail."""
+"""Largest share of the draws in which a statement may fail."""
 
 
 @dataclass(frozen=True)
 class PositionEstimator(EstimatorTrials):
-    """Estimators over recorded runs whose truth is known."""
+    """Estimators on recorded runs with known truth."""
 
     headline: ClassVar[str] = "spike_kalman_mean_um"
 
     @check()
     def of_runs(self, answer: Dataset) -> list[Check]:
-        """The loop stays closed, the quality sees scratches alone, the lens is computed exactly."""
+        """The loop stays closed, the quality reacts to scratches only, and the lens is computed
+        exactly.
+        """
         lost = int(answer["nominal_events"].sum() + answer["events"].sum())
         x = "largest error of x, the nominal drive's answer to u [m]"
         off = answer["position_error"].max()
@@ -189,7 +193,9 @@ class PositionEstimator(EstimatorTrials):
     def of_the_thesis(
         self, error: DataArray, error_measured: DataArray, prompt_error: DataArray
     ) -> str | None:
-        """What section 7.3.3 says of its observer, in focus, beside a Kalman filter."""
+        """Statements of section 7.3.3 about its observer, in focus, compared with a Kalman
+        filter.
+        """
         if self.axis != "focus":
             return None
         measured = error_measured.sel(size="largest", phase="during")

@@ -1,4 +1,4 @@
-"""Recorded runs with scratches, their truth known, for the position estimators (section 7.3).
+"""Recorded runs with scratches and known truth, for the position estimators (section 7.3).
 
 Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -27,24 +27,26 @@ from ..quality import dimming_detector, diode_quality
 from ..scratch_draws import ScratchDraw
 
 DURATION, SCRATCHED, EVALUATED = 1.5, 0.3, 0.55
-"""Length of a run, time from which the disc is scratched, and time from which errors count [s]."""
+"""Length of a run, time from which the disc has scratches, and time from which errors count [s]."""
 AFTERMATH = 5e-3
 """Time [s] after a defect in which errors count as its aftermath."""
 DIST_MIN, DIST_MAX = 0.16, 0.36
-"""Limits of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean
+"""Limits of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, about 4 % rms of a clean
 sum in focus, so dist is up to 0.03 rms. dist_min is five times that, so that no clean sample is
-called bad; at dist_max half of the light is gone."""
+called bad; at dist_max half of the light is lost.
+"""
 
 
 Quality = Literal["graded", "binary"]
-"""Which signal opens the estimator in a defect."""
+"""Signal that reduces the estimator's gain in a defect."""
 
 
 class Trial(NamedTuple):
-    """A recorded run, what an estimator is given of it, and which samples count.
+    """A recorded run, the signals that an estimator receives, and the samples that count.
 
-    known [V]: the control that acts; quality (0 to 1); error: the true x_cd - x [m]. Samples count
-    as during (quality below 1), after (those that follow for AFTER), or quiet (the others).
+    known [V]: the control that acts; quality (0 to 1); error: the true x_cd - x [m]. Samples belong
+    to one of the phases during (quality below 1), after (the following AFTERMATH), or quiet (the
+    others).
     """
 
     record: Record
@@ -66,11 +68,11 @@ class Trial(NamedTuple):
 
 @dataclass(frozen=True)
 class Scratches:
-    """A disc of the largest deviation that the Red Book allows, scratched after a while.
+    """A disc with the largest deviation that the Red Book allows, and with scratches after a while.
 
-    length [m] and depth as `Defect`; displacement: the false one, in errors that can be read.
-    noise: how the printed amplitude is read. quality: graded (eq. 7.13), or 1 and 0 by the binary
-    detector.
+    length [m] and depth are as in `Defect`; displacement: false displacement, over the largest
+    error that can be read. noise: reading of the printed amplitude. quality: graded (eq. 7.13), or
+    1 and 0 by the binary detector.
     """
 
     axis: Axis
@@ -95,10 +97,10 @@ class Scratches:
     def trial(
         self, drive: str, scratch: ScratchDraw, noisy: bool = True, prompt: bool = False
     ) -> Trial:
-        """The mu-PID on a drive with one sample of delay, the computer's.
+        """The mu-PID on a drive, with one sample of computing delay.
 
-        noisy: with noise of the position; prompt: the quality is 0 exactly where the scratch is,
-        else 1.
+        noisy: with noise of the position. prompt: the quality is 0 exactly in the scratch and 1
+        elsewhere.
         """
         noise = position_noise(self.axis, drive, self.noise) if noisy else 0.0
         bench = Laboratory(self.axis, drive, self.values, delay=1.0, noise=noise)
@@ -120,7 +122,7 @@ class Scratches:
         during = counted & (seen < 1.0)
         recent = np.convolve(seen < 1.0, np.ones(round(AFTERMATH * RATE)))[: len(seen)] > 0
         after = counted & recent & ~during
-        acting = np.concatenate([[0.0], record.u_dac[:-1]])  # the converter's output comes late
+        acting = np.concatenate([[0.0], record.u_dac[:-1]])  # the converter's output is delayed
         error = record.x_cd - record.x
         return Trial(record, acting, seen, error, during, after, counted & ~during & ~after)
 

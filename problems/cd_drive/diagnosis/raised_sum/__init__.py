@@ -1,1 +1,1 @@
-"""What raises the sum of the diodes: white dots, and tracks that are jumped."""
+"""Two causes of a raised sum of the diodes: white dots, and track jumps."""

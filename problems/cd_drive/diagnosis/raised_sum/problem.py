@@ -1,4 +1,4 @@
-"""White dots and jumped tracks raise the sum of the diodes: is that so (section 7.1.3)?
+"""Do white dots and jumped tracks raise the sum of the diodes (section 7.1.3)?
 
 Section and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -53,16 +53,17 @@ def raised_sum(
 ) -> RaisedSum:
     """The sum of the diodes in white dots, and while tracks are jumped (section 7.1.3).
 
-    The reference controller follows discs that wobble by all the Red Book allows. A white dot is an
-    area of the layer with shallow pits or none; a mirror's light is that of `cd/radial-error`, and
-    the radial error is assumed to be sensed in the dot as beside it. A dot is met beside a defect
-    of each other kind, on twelve drives and both axes. The binary detector waits for light that is
-    missing; the quality signal of equation 7.13 counts distances.
+    The reference controller follows discs that deviate by all the Red Book allows. A white dot is
+    an area of the layer with shallow pits or none. A mirror's light is taken from
+    `cd/radial-error`, and the radial error is assumed to be sensed in the dot as beside it. White
+    dots and defects of each other kind pass on twelve drives and both axes. The binary detector
+    reacts to missing light; the quality signal of equation 7.13 measures distances in either
+    direction.
 
-    A shock to the radial loop makes it jump tracks, or does not. The focus sum is that of
-    `cd/radial-error` at the place between the tracks, behind the anti-aliasing filter.
+    A shock makes the radial loop jump tracks, or the loop withstands it. The focus sum is that of
+    `cd/radial-error` at the position between the tracks, after the anti-aliasing filter.
 
-    draws: of noise, defects and shocks, on each drive.
+    draws: number of draws of noise, defects and shocks, on each drive.
     """
     light = tracks.answer["light"].median(["width", "bits", "stagger"]).values
     return RaisedSum(np.asarray(light, float), draws)
@@ -97,7 +98,7 @@ class RaisedSum(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """A defect of every kind, by draw, axis and drive."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         mirror = 1.0 / float(self.over_track[len(self.over_track) // 2])
 
         def one(place: tuple[int, ...]) -> Met:
@@ -109,13 +110,13 @@ class RaisedSum(Study):
 
     @arrays((draw, axis, drive, kind), raised="1", by_binary="1", by_quality="1")
     def defects_met(self, met: RealArray) -> dict[str, RealArray]:
-        """Sum in a defect over that of the clean disc; whether detectors tell it."""
+        """Sum in a defect, over that of the clean disc; and whether the detectors report it."""
         names = ("raised", "by_binary", "by_quality")
         return {name: met[..., n, :].astype("f4") for n, name in enumerate(names)}
 
     @part
     def jumps(self, context: Context, seed: DataArray) -> RealArray:
-        """A shock that is stood and one that is not, by draw and drive."""
+        """A shock that the loop withstands and one that it does not, by draw and drive."""
         every = seed.sel(axis="radial")
 
         def one(place: tuple[int, ...]) -> list[Jump]:
@@ -128,7 +129,7 @@ class RaisedSum(Study):
 
     @arrays((draw, drive, shock), tracks="1", sum_most="1", sum_mean="1")
     def jumped(self, jumps: RealArray) -> dict[str, RealArray]:
-        """Tracks that pass; largest and mean focus sum over that on the track."""
+        """Number of tracks that pass; largest and mean focus sum, over that on the track."""
         names = ("tracks", "sum_most", "sum_mean")
         return {name: jumps[..., n].astype("f4") for n, name in enumerate(names)}
 
@@ -178,7 +179,7 @@ class RaisedSum(Study):
 
     @metric
     def in_jumps(self, answer: Dataset) -> dict[str, float]:
-        """Focus sum in jumps, and under a shock that is stood."""
+        """Focus sum in jumps, and under a shock that the loop withstands."""
         numbers = {}
         for shock in answer["shock"].values.tolist():
             one = answer.sel(shock=shock)
@@ -191,7 +192,7 @@ class RaisedSum(Study):
 
     @table
     def white_dots(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Every kind in both axes: the sum, and who tells it."""
+        """Every kind in both axes: the sum, and the detectors that report it."""
         heads = ["kind", "axis", "sum over the clean one", "told by binary", "told by quality"]
         rows = []
         for kind in DEFECTS:

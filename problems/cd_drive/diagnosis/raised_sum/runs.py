@@ -26,24 +26,24 @@ from ..quality import dimming_detector, diode_quality
 
 WHITE_DOT = "white dot"
 DEFECTS = (WHITE_DOT, *KINDS)
-"""Kinds of defects that are met."""
+"""Kinds of defects that pass."""
 DIST_MAX = 0.5
 """Distance [1] from which the quality signal is 0."""
 JUMPING = (3.0, 12.0)
 """Peak accelerations [m/s^2] of shocks that make the reference controller jump tracks."""
 AFTER = 50e-3
-"""Time [s] after the start of a shock in which the sum is looked at."""
+"""Time [s] after the start of a shock in which the sum is evaluated."""
 FINER = 16
-"""Steps between samples in which the tracks that pass are followed."""
+"""Number of steps per sample in which the passing tracks are followed."""
 BEFORE, SHOWN = 70, 500
-"""Samples shown before a shock, and in all."""
+"""Number of samples shown before a shock, and in all."""
 
 
 class Met(NamedTuple):
-    """What one drive makes of a defect of each kind: each (D,).
+    """Results of one drive for a defect of each kind: each (D,).
 
-    raised: mean sum in its middle half, over that of the clean disc. binary, quality: whether the
-    binary detector, and the quality signal, tell it.
+    raised: mean sum in the middle half of the defect, over that of the clean disc. binary, quality:
+    whether the binary detector and the quality signal report it.
     """
 
     raised: RealArray
@@ -52,7 +52,7 @@ class Met(NamedTuple):
 
 
 def meet(axis: Axis, drive: str, seed: int, mirror: float) -> Met:
-    """Meet a defect of each of DEFECTS; mirror: as of `white_dot`."""
+    """Run over a defect of each of DEFECTS; mirror: as in `white_dot`."""
     rng = np.random.default_rng(seed)
     defects = [white_dot(rng, mirror), *(draw(kind, rng, axis) for kind in KINDS)]
     found = run(Laboratory(axis, drive), defects, int(rng.integers(2**31)))
@@ -73,8 +73,8 @@ def meet(axis: Axis, drive: str, seed: int, mirror: float) -> Met:
 class Jump(NamedTuple):
     """A shock to the radial loop, and the focus sum over that on the track.
 
-    tracks: that the error reached at most. most: largest sum. mean: while tracks pass, from the
-    shock on; nan if none does.
+    tracks: largest number of tracks that the error reached. most: largest sum. mean: mean sum from
+    the shock on while tracks pass; NaN if none passes.
     """
 
     tracks: float
@@ -83,9 +83,10 @@ class Jump(NamedTuple):
 
 
 def jump(drive: str, seed: int, light: RealArray, jumping: bool) -> Jump:
-    """Shake the radial loop so that it jumps tracks, or by a shock that it stands.
+    """Shake the radial loop, either so that it jumps tracks, or by a shock that it withstands.
 
-    light (P,): on evenly spaced places from half a pitch before a track to half a pitch after it.
+    light (P,): at evenly spaced positions from half a pitch before a track to half a pitch after
+    it.
     """
     error, total = shaken(drive, seed, light, jumping)
     start = round(SETTLING * RATE)
@@ -114,8 +115,8 @@ def shaken(drive: str, seed: int, light: RealArray, jumping: bool) -> tuple[Real
 def focus_sum(error: RealArray, light: RealArray) -> RealArray:
     """Sum of the focus diodes (N,) at radial errors (N,) [m], behind the anti-aliasing filter.
 
-    light as of `jump`. Tracks may pass faster than the samples come: between them the error is
-    taken for straight.
+    light is as in `jump`. Tracks may pass faster than samples are taken: the error is linear
+    between samples.
     """
     steps = np.arange((len(error) - 1) * FINER + 1) / FINER
     fine = np.interp(steps, np.arange(len(error)), error)

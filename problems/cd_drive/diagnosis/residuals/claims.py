@@ -1,4 +1,4 @@
-"""What is claimed of the residuals: statements about each draw, statistics compared in the same."""
+"""Statements about the residuals in each draw; statistics are compared within the same draw."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from .figures import NAMES
 from .trials import at_usual_noise
 
 CLAIMED = ("deep defects", "depth", "isolation")
-"""Claims that are checked: those that hold in all but a few draws, so whatever the seed is."""
+"""Names of the statements that are checked: they hold in all but a few draws, whatever the seed."""
 SLOW_SUM = 0.8
-"""Share of the level's loss of light at which the slow sum is said to alarm at the latest."""
+"""Largest light loss at which the slow sum alarms, over that at which the level alarms."""
 ISOLATED = 0.6
-"""Least share of faults that are said to be isolated rightly."""
+"""Least share of faults that are isolated correctly."""
 
 
 def isolated_share(confusion: DataArray) -> DataArray:
-    """Share of the faults (draw,) that were isolated rightly."""
+    """Share of the faults (draw,) that were isolated correctly."""
     faults = confusion["fault"].values.tolist()
     right = sum(confusion.sel(fault=one, isolated_as=one, drop=True) for one in faults)
     found: DataArray = right / confusion.sum(["fault", "isolated_as"])
@@ -27,7 +27,7 @@ def isolated_share(confusion: DataArray) -> DataArray:
 
 
 def residual_claims(answer: Dataset) -> list[Claim]:
-    """Claims that are checked, then comparisons of the statistics."""
+    """Statements that are checked, then comparisons of the statistics."""
     area, usual = answer["area"], at_usual_noise(answer["area"])
     deep = usual.sel(statistic=["sum", "quality", "cusum"], depth=0.4, length=1e-3)
     by_sum, by_quality = (area.sel(statistic=name) for name in ("sum", "quality"))

@@ -18,7 +18,7 @@ NAMES = {
     "cusum": "CUSUM of the sum",
     "glr": "GLR of the sum",
 }
-"""Statistics as tables and figures name them."""
+"""Names of the statistics in tables and figures."""
 STYLES = {"sum": "-", "quality": "--", "error": "-.", "cusum": "-", "glr": ":"}
 MARKERS = {"sum": "o", "quality": "s", "error": "^", "cusum": "D", "glr": "v"}
 SHOWN_DEPTH = 0.1
@@ -26,7 +26,7 @@ SHOWN_DEPTH = 0.1
 
 
 def curves(answer: Dataset) -> Figure:
-    """A panel for each length (column) and noise (row), defects of one depth."""
+    """One panel for each length (column) and noise (row), with defects of one depth."""
     lengths, noises = answer["length"].values, answer["noise"].values
     figure, panels = figures.axes(
         len(noises), len(lengths), size=(9.0, 8.4), sharex=True, sharey=True
@@ -70,7 +70,7 @@ def areas(answer: Dataset) -> Figure:
             for number, (name, text) in enumerate(NAMES.items()):
                 one = values.sel(length=length, statistic=name)
                 mean, low, high = one.transpose("summary", "depth").values
-                beside = depth * 1.03 ** (number - 2)  # so that the bars can be told apart
+                beside = depth * 1.03 ** (number - 2)  # so that the bars can be distinguished
                 look: Any = {"marker": MARKERS[name], "markersize": 4.0, "label": text}
                 (line,) = panel.plot(beside, mean, STYLES[name], **look)
                 panel.vlines(beside, low, high, color=line.get_color(), linewidth=1.0)

@@ -1,8 +1,8 @@
-"""How shallow, short and noisy a defect may be to be found: ROC curves of residuals (section 7.1).
+"""How shallow, short and noisy defects can be detected: ROC curves of residuals (section 7.1).
 
-Also how soon a laser that fades is noticed, and which of three residuals tell defects and shocks
-apart. Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
-(2003).
+It is also found how early a fading laser is noticed, and how well three residuals distinguish
+defects and shocks. Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ from .trials import (
 )
 
 DOUBT = 1e-3
-"""Probability below which the false alarms on fresh runs contradict the rate that was promised."""
+"""Probability below which the false alarms on fresh runs contradict the promised rate."""
 EXPERIMENTS = ("clean", "fresh", "defects", "fading", "isolation")
-"""What has a seed of its own in each draw."""
+"""Experiments that have a seed of their own in each draw."""
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -84,22 +84,23 @@ def residuals(
 ) -> ResidualCurves:
     """ROC curves of residuals over defect depth, length and noise (section 7.1).
 
-    Sum signal, quality signal, high-passed error, cumulative sum and likelihood ratio of the lost
-    light, on a disc that wobbles by what the Red Book allows under the reference controller. Area
-    under the curve for 36 kinds of defects; delay and misses at one false alarm a second. A laser
-    that fades is noticed by level and by a slow cumulative sum; signatures isolate black dots,
-    scratches and shocks. Each number is a distribution over draws of noise and defects; the
-    statistics are compared in the same draw.
+    Sum signal, quality signal, high-passed error, and cumulative sum and likelihood ratio of the
+    lost light are compared on a disc with the Red Book's deviation under the reference controller.
+    Results are the area under the curve for 36 kinds of defects, and delay and misses at one false
+    alarm per second. A fading laser is noticed by level and by a slow cumulative sum; signatures
+    isolate black dots, scratches and shocks. Each number is a distribution over draws of noise and
+    defects; the statistics are compared in the same draw.
 
-    drive: "CD1" to "CD12", or "nominal". defects: of each kind in a draw. displacement: false swing
-    of the error, as a share of the acceptable one. draws: of the whole experiment.
+    drive: "CD1" to "CD12", or "nominal". defects: number of defects of each kind in a draw.
+    displacement: false swing of the error, over the acceptable error. draws: number of draws of the
+    whole experiment.
     """
     return ResidualCurves(DefectTrials(axis, drive, defects, displacement), draws)
 
 
 @dataclass(frozen=True)
 class ResidualCurves(Study):
-    """Runs with defects of one depth and length each, and without any, at three noises."""
+    """Runs with defects of one depth and length each, and runs without defects, at three noises."""
 
     trials: DefectTrials
     draws: int
@@ -128,7 +129,7 @@ class ResidualCurves(Study):
     @part
     def found(self, seed: DataArray, context: Context) -> dict[str, Any]:
         """Results of all draws and noises by name, (draw, noise, ...)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         cells = [(factor, seeds[:3]) for seeds in seed.values.tolist() for factor in FACTORS]
         every = context.spread(lambda cell: self.trials.trial(*cell), cells, "draws and noises")
         return {
@@ -223,7 +224,9 @@ class ResidualCurves(Study):
 
     @check()
     def of_draws(self, answer: Dataset) -> list[Check]:
-        """The loop stays closed, the curves are curves, and what is claimed holds."""
+        """The loop stays closed, the curves are valid ROC curves, and the claimed
+        statements hold.
+        """
         rises = float(-answer["detection"].diff("rate").min())
         under = answer["detection"].sel(summary="mean").integrate("rate")
         off = abs(under - answer["area"].mean("draw")).max()
@@ -330,10 +333,10 @@ class ResidualCurves(Study):
 
 
 def _deep(values: DataArray) -> DataArray:
-    """Values of defects that take 40 % of the light over 1 mm."""
+    """Values for defects that take 40 % of the light over 1 mm."""
     return values.sel(depth=0.4, length=1e-3, drop=True)
 
 
 def _each(rows: DataArray) -> list[str]:
-    """Mean and interval of each entry in words."""
+    """Mean and interval of each entry, in words."""
     return [with_interval(one, form="{:.2f}") for one in rows.transpose(..., "summary")]

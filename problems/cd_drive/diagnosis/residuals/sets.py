@@ -1,4 +1,4 @@
-"""An incipient fault, a laser that fades, and isolation of defects and shocks by signatures.
+"""An incipient fault (a fading laser), and isolation of defects and shocks by signatures.
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -23,15 +23,15 @@ from ..defect_runs import SHOCK_PERIOD, DefectRun, run
 from ..defect_statistics import high_passed, peaks
 
 FADE = 0.05
-"""Share of the light that the laser loses a second: ageing, made quick."""
+"""Share of the light that the laser loses per second: ageing, accelerated."""
 FADING = 4.0
-"""Time [s] for which the laser is watched."""
+"""Time [s] for which the laser is monitored."""
 SLOW_DRIFT = 0.01
-"""Drift of the slow cumulative sum: it overlooks a loss of a hundredth."""
+"""Drift of the slow cumulative sum, which ignores a loss of a hundredth."""
 FAULTS = ("black dot", "scratch", "shock")
-"""Faults that are to be told apart."""
+"""Faults that must be distinguished."""
 RESIDUALS = ("sum", "fast error", "slow error")
-"""Residuals that tell them apart."""
+"""Residuals that distinguish them."""
 STRUCTURE = np.array([[True, True, False], [False, True, False], [False, False, True]])
 """True where a residual (row) responds to a fault (column)."""
 SLOW_BAND = (30.0, 150.0)
@@ -39,7 +39,9 @@ SLOW_BAND = (30.0, 150.0)
 COUNT = 20
 """Number of trials of each fault in a draw."""
 RECORDS = 4
-"""Records of a draw with a fading laser: one fades, the others give the thresholds."""
+"""Number of records in a draw with a fading laser: in one the laser fades, the others give the
+thresholds.
+"""
 ALARMS, BLOCK = 0.01, 350
 """False-alarm rate of each residual's threshold, per block of 10 ms."""
 
@@ -52,15 +54,15 @@ WAYS: dict[str, Callable[[RealArray], RealArray]] = {
     "level": lambda lost: lost,
     "slow sum": _slow_sum,
 }
-"""What is watched of the share of light that is lost (N,) to notice that the laser fades."""
+"""Statistics of the lost share of light (N,) by which a fading laser is noticed."""
 
 
 def fading(bench: Laboratory, seed: int) -> list[tuple[float, float]]:
     """Share of light lost when a fading laser is noticed, and threshold, for each of `WAYS`.
 
-    The fault is incipient (section 7.1.2). Both diodes lose the same share, so the normalised error
-    and with it the loop do not see it: it is applied to the diodes of a record. Thresholds are the
-    largest values on the other records, of the same length.
+    The fault is incipient (section 7.1.2). Both diodes lose the same share, so the normalised
+    error, and with it the loop, does not change: the loss is applied to the diodes of a finished
+    record. Thresholds are the largest values on the other records, of the same length.
     """
     seeds = independent_seeds(np.random.default_rng(seed), RECORDS).tolist()
     own, *others = (_lost_light(run(bench, [], one, duration=FADING)) for one in seeds)
@@ -71,7 +73,7 @@ def fading(bench: Laboratory, seed: int) -> list[tuple[float, float]]:
 def lost_at_alarm(lost: RealArray, level: Sequence[float]) -> list[float]:
     """Share of light that the laser has lost at the alarm of each of `WAYS`; infinite without one.
 
-    lost (N,): the share of light that is lost on a record of a laser that does not fade.
+    lost (N,): lost share of light on a record of a laser that does not fade.
     """
     share = FADE * np.arange(len(lost)) * PERIOD
     faded = 1.0 - (1.0 - lost) * (1.0 - share)
@@ -80,21 +82,23 @@ def lost_at_alarm(lost: RealArray, level: Sequence[float]) -> list[float]:
 
 
 def lost_at_alarm_without_noise(bench: Laboratory, level: Sequence[float]) -> list[float]:
-    """The same on a record without noise; bench: without noise."""
+    """The same on a record without noise; `bench` is without noise."""
     return lost_at_alarm(_lost_light(run(bench, [], 0, duration=FADING)), level)
 
 
 def _lost_light(one: DefectRun) -> RealArray:
-    # The level is that of the disc at the start: a median of the faded record would follow it.
+    # The level is that of the disc at the start: a median of the fading record would follow the
+    # loss.
     lost: RealArray = 1.0 - one.diodes.sum(axis=1)
     return lost
 
 
 def residual_set(one: DefectRun) -> dict[str, RealArray]:
-    """RESIDUALS over a run (N,): lost light, the diodes' difference high-passed and within SLOW.
+    """RESIDUALS over a run (N,): lost light, and the diodes' difference, high-passed and within
+    SLOW_BAND.
 
-    The difference is taken over the clean disc's level: over their own sum the noise would grow as
-    the light falls.
+    The difference is divided by the clean disc's level: divided by the diodes' own sum, the noise
+    would grow as the light falls.
     """
     import control
 
@@ -112,8 +116,8 @@ def residual_set(one: DefectRun) -> dict[str, RealArray]:
 def isolation(bench: Laboratory, seed: int) -> tuple[list[RealArray], NDArray[np.int64]]:
     """Isolation of black dots, scratches and shocks by the residuals that they make fire.
 
-    Returns the share of each fault at which each residual fired (fault, residual), and how many of
-    each fault were taken for which (fault, 4), the last for none or several.
+    Returns the share of each fault at which each residual fired (fault, residual), and for each
+    fault how often it was taken for each one (fault, 4); the last column is none or several.
     """
     rng = np.random.default_rng(seed)
     quiet, dimmed, shaking = independent_seeds(rng, 3).tolist()

@@ -1,7 +1,7 @@
-"""One draw of the experiment with defects: every statistic judged at one noise.
+"""One draw of the experiment with defects: every statistic at one noise.
 
-The same noise, scaled, and the same signs of the defects' displacement are met at every noise and
-by defects of every depth and length, so that these are compared with each other in the same draw.
+The same noise, scaled, and the same signs of the defects' displacement are used for every noise and
+for defects of every depth and length, so that all are compared within the same draw.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ RunStatistics = dict[str, RealArray]
 
 
 class Trial(NamedTuple):
-    """What one draw gives at one noise.
+    """Results of one draw at one noise.
 
     level (statistic,): thresholds. promised: upper end of the interval of their false-alarm rate,
-    which depends on the number of blocks alone. alarms (statistic,): blocks of a fresh run above
-    the thresholds. area, delay [s], missed (statistic, depth, length): delays are means over what
-    was found, NaN where nothing was. detection (statistic, depth, length, rate). lost: how often
-    the loop was lost or regained.
+    which depends on the number of blocks only. alarms (statistic,): number of blocks of a fresh run
+    above the thresholds. area, delay [s], missed (statistic, depth, length): delays are means over
+    the detected defects, NaN if none was. detection (statistic, depth, length, rate). lost: how
+    often the loop was lost or regained.
     """
 
     level: RealArray
@@ -70,7 +70,7 @@ class Trial(NamedTuple):
 class DefectTrials:
     """Runs with defects of one depth and length each, and without any.
 
-    defects: in each run. displacement: their false one, as a share of the acceptable error.
+    defects: number in each run. displacement: false displacement, over the acceptable error.
     """
 
     axis: Axis
@@ -79,12 +79,14 @@ class DefectTrials:
     displacement: float
 
     def bench(self, factor: float = 1.0) -> Laboratory:
-        """The laboratory with the usual noise times a factor; without any noise for 0."""
+        """The laboratory with the usual noise times a factor; 0 means no noise at all."""
         quiet: dict[str, Any] = {} if factor else {"electronics": 0.0}
         return Laboratory(self.axis, self.drive, noise=factor * NOISE[self.axis], **quiet)
 
     def trial(self, factor: float, seeds: Sequence[int]) -> Trial:
-        """A draw: seeds of the clean run, of the fresh one, and of those with defects."""
+        """Results of a draw, with seeds of the clean run, of the fresh one, and of those with
+        defects.
+        """
         bench, (clean_seed, fresh_seed, seed) = self.bench(factor), seeds
         clean, fresh = (
             run(bench, [], one, duration=CLEAN_TIME) for one in (clean_seed, fresh_seed)
@@ -118,15 +120,18 @@ class DefectTrials:
     def met(
         self, bench: Laboratory, depth: float, length: float, signs: RealArray, seed: int
     ) -> DefectRun:
-        """One defect after the other, all alike but for the direction in which they refract."""
+        """A run over one defect after the other, which differ only in the sign of their
+        refraction.
+        """
         swing = self.displacement * ACCEPTABLE_ERROR[self.axis]
         defect = Defect(length, depth=depth, edge=0.2)
         return run(bench, [replace(defect, displacement=sign * swing) for sign in signs], seed)
 
     def delays_without_noise(self, level: RealArray) -> list[list[list[float]]]:
-        """Mean delays [s] (statistic, depth, length) at given levels; NaN where nothing is found.
+        """Mean delays [s] (statistic, depth, length) at given levels; NaN where nothing is
+        detected.
 
-        A defect refracts in either direction once.
+        Defects of both signs of refraction pass once.
         """
         bench, both = self.bench(0.0), np.array([-1.0, 1.0])
         found = [
@@ -147,7 +152,9 @@ class DefectTrials:
     def _judged(
         self, one: DefectRun, length: float, clean: RunStatistics, level: dict[str, float]
     ) -> tuple[list[float], list[float], list[float], list[RealArray]]:
-        """Area, delay, share missed and curve of each statistic on a run with like defects."""
+        """Area, delay, share of missed defects and curve of each statistic, for a run with equal
+        defects.
+        """
         measured = self._statistics(one)
         window = round(length / VELOCITY * RATE) + 1 + LATE
         curves = [
@@ -181,6 +188,6 @@ def delays(statistic: RealArray, faults: list[tuple[int, int]], level: float) ->
 
 
 def mean_delay(late: RealArray) -> float:
-    """Mean of the delays [s] of what was found; NaN where nothing was."""
+    """Mean delay [s] of the detected faults; NaN if none was detected."""
     hits = late[~np.isnan(late)]
     return float(hits.mean()) if hits.size else np.nan

@@ -1,4 +1,4 @@
-"""Figures of the two methods to sense the focus.
+"""Figures of the two methods that sense the focus.
 
 Figure numbers are those of E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
 (2003).
@@ -11,7 +11,7 @@ from workbench._core.heavy_types import Dataset, Figure
 
 COLOURS = (figures.BLUE, figures.ORANGE, figures.GREEN)
 SHOWN = {"lines": 12e-6, "diode": 2.0}
-"""The design that is drawn: extremes of the astigmatic curve as section 4.4.1 has them."""
+"""The design that is drawn: the astigmatic curve has its extremes as in section 4.4.1."""
 
 
 def curves(answer: Dataset) -> Figure:
@@ -32,7 +32,7 @@ def curves(answer: Dataset) -> Figure:
 
 
 def designs(answer: Dataset) -> Figure:
-    """Capture ranges of every design."""
+    """Capture ranges of all designs."""
     drawn, panels = figures.axes(1, 2, size=(9.0, 4.2), sharey=True)
     titles = {"apart": "between the extremes", "half": "told by half of the extremes"}
     marks = ("o", "s", "^")

@@ -1,4 +1,4 @@
-"""Error curves of two methods to sense the focus, over a range of designs (figure 2.8).
+"""Error curves of two methods that sense the focus, over a range of designs (figure 2.8).
 
 Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -29,17 +29,19 @@ FOUCAULT, ASTIGMATIC, SAME_GAIN = METHODS = (
     "astigmatic, same gain",
 )
 LINES = (6e-6, 12e-6, 20e-6)
-"""Distances between the focal lines [m at the disc]: the extremes of the astigmatic curve by rays.
-Section 4.4.1 has 12 um; the others are about half and twice as far apart."""
+"""Distances between the focal lines [m at the disc], which in ray optics are the extremes of the
+astigmatic curve. Section 4.4.1 has 12 um; the others are about half and about twice that.
+"""
 DIODES = (1.25, 1.5, 2.0, 3.0)
-"""Half the width of the diodes over the radius of the round spot that the astigmatic method has in
-focus, which they have to hold."""
+"""Half width of the diodes, over the radius of the astigmatic method's round spot in focus. The
+diodes must hold this spot.
+"""
 FARTHEST = 60e-6
 """Largest error [m]."""
 MUCH = 2.0
-"""Ratio of capture ranges from which one is "much" smaller than the other."""
+"""Ratio of capture ranges from which one range counts as "much" smaller than the other."""
 SHIFTS = (1e-6, 2e-6, 5e-6)
-"""Displacements of the diodes [m on the diodes]."""
+"""Displacements of the diodes [m, measured on the diodes]."""
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -51,16 +53,16 @@ def focus_error(
 ) -> FocusError:
     """Focus error by Foucault's and by the astigmatic method, by scalar diffraction (figure 2.8).
 
-    Twelve designs: focal lines 6, 12 and 20 um apart at the disc, diodes 1.25 to 3 times as wide as
-    the round spot. In each, both methods have the same diodes. The third curve is the astigmatic
-    one with focal lines so near each other that its gain is Foucault's.
+    Twelve designs have focal lines 6, 12 or 20 um apart at the disc, and diodes 1.25 to 3 times as
+    wide as the round spot. In each, both methods have the same diodes. A third curve is astigmatic,
+    with focal lines so close that its gain equals Foucault's.
 
-    Capture ranges are told in two ways: the distance between the extremes of the difference, and
-    the width over which it tells the side by at least half of its extremes. Gains are those of the
-    normalised difference (equation 3.16).
+    Capture ranges are given in two ways: the distance between the extremes of the difference, and
+    the width over which the difference still has at least half of its extremes. Gains are those of
+    the normalised difference (equation 3.16).
 
-    errors: how many errors within 60 um, made odd. objective, detector_lens: focal lengths [m],
-    which turn lengths at the disc into lengths on the diodes, and change nothing else.
+    errors: number of errors within 60 um, made odd. objective, detector_lens: focal lengths [m],
+    which convert lengths at the disc into lengths on the diodes and change nothing else.
     """
     if errors % 2 == 0:
         errors += 1
@@ -88,7 +90,7 @@ class FocusError(Study):
 
     @part
     def places(self) -> RealArray:
-        """Errors [m], denser near the focus."""
+        """Focus errors [m], denser near the focus."""
         even = np.linspace(-1.0, 1.0, self.errors)
         return FARTHEST * np.sinh(3.5 * even) / np.sinh(3.5)
 
@@ -105,7 +107,7 @@ class FocusError(Study):
 
     @array(dims=(), unit="m", meaning="distance of focal lines at which the gains are the same")
     def matched(self, sensor: FocusSensor) -> float:
-        """With the widest diodes; narrower ones change the gains by a few per cent."""
+        """Computed with the widest diodes; narrower ones change the gains by a few per cent."""
         near = FocusSensor(sensor.disc, np.array([-1.0, 0.0, 1.0]) * 0.05e-6, sensor.reach)
         wanted = _gain(near.errors, near.on_halves(near.knife(), near.reach))
 
@@ -119,7 +121,7 @@ class FocusError(Study):
     def signals(
         self, sensor: FocusSensor, half_width: DataArray, matched: DataArray
     ) -> dict[str, RealArray]:
-        """Difference and sum of the diodes, of the light that comes back."""
+        """Difference and sum of the diodes, as shares of the returned light."""
         pairs = np.zeros((2, *half_width.shape, len(METHODS), self.errors))
         knife, near = sensor.knife(), sensor.astigmatic(float(matched))
         for i, one in enumerate(LINES):
@@ -139,7 +141,7 @@ class FocusError(Study):
         meaning="false focus of displaced diodes, focal lines 12 um apart",
     )
     def offset(self, sensor: FocusSensor, half_width: DataArray) -> RealArray:
-        """Error at which the difference is 0, with diodes twice as wide as the spot."""
+        """Error at which the difference is 0, for diodes twice as wide as the spot."""
         a = float(half_width.sel(lines=12e-6, diode=2.0))
         fine = FocusSensor(sensor.disc, np.linspace(-4e-6, 4e-6, 33), sensor.reach)
         shifts = np.array(SHIFTS) * self.objective / self.detector_lens
@@ -153,7 +155,7 @@ class FocusError(Study):
     # --- what is read of the curves -----------------------------------------------------------
 
     def normalised(self, answer: Dataset) -> DataArray:
-        """Difference over sum, which is what the computer makes of the diodes (eq. 3.16)."""
+        """Difference over sum, as the computer forms it from the diodes (eq. 3.16)."""
         return answer["difference"] / answer["total"]
 
     apart = array(
@@ -211,7 +213,9 @@ class FocusError(Study):
 
     @metric
     def ratios(self, apart: DataArray, half: DataArray) -> dict[str, float]:
-        """Foucault's capture range over the others': least, median, largest, and how often much."""
+        """Foucault's capture range over the others': least, median and largest, and how often
+        "much" smaller.
+        """
         numbers: dict[str, float] = {}
         for kind, one in (("extremes", apart), ("half", half)):
             for scheme, name in ((ASTIGMATIC, "astigmatic"), (SAME_GAIN, "same_gain")):
@@ -242,7 +246,7 @@ class FocusError(Study):
 
     @metric
     def measured_gain(self, slope: DataArray) -> dict[str, float]:
-        """Middle gain of Table A.3 over those of the methods, median over the designs."""
+        """Middle gain of Table A.3 over the gains of the methods, as a median over the designs."""
         table = [one.K_optn for one in drives("focus", "printed")]
         middle = (min(table) + max(table)) / 2
         return {
@@ -252,7 +256,7 @@ class FocusError(Study):
 
     @table
     def every_design(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Every design; sizes on the diodes by the focal lengths."""
+        """Table of every design, with sizes on the diodes from the focal lengths."""
         power = self.detector_lens / self.objective
         rows = []
         for lines in LINES:
@@ -281,7 +285,9 @@ def _gain(errors: RealArray, pair: RealArray) -> float:
 
 
 def _zero(errors: RealArray, pair: RealArray) -> float:
-    """Error [m] at which two diodes have the same light, nearest to the focus; NaN if nowhere."""
+    """Error [m] nearest to the focus at which two diodes have the same light; NaN if
+    there is none.
+    """
     signal = pair[0] - pair[1]
     at = np.flatnonzero(np.diff(np.signbit(signal)))
     if not at.size:
@@ -292,7 +298,7 @@ def _zero(errors: RealArray, pair: RealArray) -> float:
 
 
 def _each(read: Callable[[RealArray, RealArray], float], curves: DataArray) -> RealArray:
-    """What is read of each curve."""
+    """Value that `read` finds for each curve."""
     errors = curves["error"].values
     found: RealArray = np.apply_along_axis(lambda one: read(errors, one), -1, curves.values)
     return found

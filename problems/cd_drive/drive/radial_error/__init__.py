@@ -1,1 +1,1 @@
-"""Radial errors of four methods, from diffraction at the tracks."""
+"""Radial errors of four methods, from the diffraction at the tracks."""

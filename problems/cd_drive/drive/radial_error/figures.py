@@ -1,4 +1,4 @@
-"""Figures of the four methods to sense a track."""
+"""Figures of the four methods that sense a track."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from workbench._core.heavy_types import Dataset, Figure
 
 
 def over_track(answer: Dataset) -> Figure:
-    """Errors over a pitch by the length of pits, in tracks shifted by a quarter of their period."""
+    """Errors over a pitch for several lengths of pits, in tracks shifted by a quarter of their
+    period.
+    """
     drawn, panels = figures.axes(2, 2, size=(9.0, 6.4), sharex=True)
     place = 1e6 * answer["place"]
     for panel, name in zip(panels, answer["scheme"].values, strict=True):
@@ -24,7 +26,9 @@ def over_track(answer: Dataset) -> Figure:
 
 
 def against_depth(answer: Dataset, printed: float, with_offset: tuple[str, ...]) -> Figure:
-    """Strength of every method and false error by landing, over the depth of the pits."""
+    """Strength of every method, and its false error from displaced light, over the depth of the
+    pits.
+    """
     drawn, (strength, offset) = figures.axes(1, 2, size=(9.0, 4.2), sharex=True)
     looks = dict(zip(answer["scheme"].values.tolist(), figures.CYCLE, strict=False))
     styles = {"DPD": "--"}

@@ -1,6 +1,6 @@
-"""Four methods to sense a track, from the light that the track's pits diffract (section 2.4.4).
+"""Four methods that sense a track, from the light that the track's pits diffract (section 2.4.4).
 
-The layer is a row of equal pits in every track, half of the track's length long together. Spot,
+Every track of the layer is a row of equal pits, which together are half as long as the track. Spot,
 pits and pupil are those of `workbench.optics.layers`. Section numbers refer to E. Vidal Sanchez,
 Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -23,11 +23,11 @@ TWIN, PUSH_PULL, WOBBLE, DPD = METHODS = ("twin spot", "push-pull", "track wobbl
 PIT_DEPTH = 0.12e-6
 """Depth of a pit [m] (section 2.4)."""
 CHANNEL_BITS = 588
-"""Channel bits of a frame (Standard ECMA-130, section 19)."""
+"""Channel bits in a frame (Standard ECMA-130, section 19)."""
 WOBBLED = 30e-9
 """Amplitude of the wobble [m], "few decades of nanometres"."""
 CELLS = 64
-"""Cells along the diameter of the pupil."""
+"""Number of cells along the diameter of the pupil."""
 
 
 def bit_length() -> float:
@@ -36,7 +36,7 @@ def bit_length() -> float:
 
 
 def printed_depth() -> float:
-    """Depth of a pit in wavelengths in the disc, at which the thesis prints it."""
+    """Depth of a pit as the thesis prints it, in wavelengths in the disc."""
     disc = disc_formats()["CD"]
     return PIT_DEPTH * disc.refractive_index / disc.wavelength
 
@@ -45,11 +45,11 @@ def printed_depth() -> float:
 class TrackSensor:
     """The optics of a CD over a layer of pits.
 
-    depth: of the pits in wavelengths in the disc: light that goes to and fro is delayed by twice as
-    much. width: of a pit [m]. bits: length of a pit, and of the land behind it, in channel bits.
-    stagger: shift of the pits from track to track over their period. reflection: amplitude that a
-    pit reflects, over the land's. landing: displacement of the light on the split diodes across the
-    tracks, in radii of the pupil.
+    depth: depth of the pits in wavelengths in the disc; reflected light is delayed by twice as
+    much. width: width of a pit [m]. bits: length of a pit, and of the land behind it, in channel
+    bits. stagger: shift of the pits from track to track, over their period. reflection: amplitude
+    that a pit reflects, over that of the land. landing: displacement of the light on the split
+    diodes across the tracks, in radii of the pupil.
     """
 
     depth: float
@@ -60,7 +60,7 @@ class TrackSensor:
     landing: float = 0.0
 
     def layer(self) -> TrackLayer:
-        """The layer in lengths of wavelength / NA."""
+        """The layer, with lengths in units of wavelength / NA."""
         disc = disc_formats()["CD"]
         pit = self.bits * bit_length() / _unit()
         return TrackLayer(
@@ -81,7 +81,7 @@ class TrackSensor:
         )
 
     def light(self, place: RealArray) -> RealArray:
-        """Light of all quadrants (Y,), over that of a mirror, averaged along the track."""
+        """Light (Y,) on all quadrants together, over that of a mirror, averaged along the track."""
         light: RealArray = self.reading(place).mean.sum(axis=1)
         return light
 
@@ -106,10 +106,10 @@ class TrackSensor:
         }
 
     def strengths(self) -> dict[str, float]:
-        """Largest differences of light before they are normalised, over a mirror's light.
+        """Largest differences of light before normalising, over a mirror's light.
 
-        Twin spot: of the side spots; push-pull: of the halves; wobble and DPD: amplitude of the
-        carrier on the track, which both are read from.
+        Twin spot: difference of the side spots. Push-pull: difference of the halves. Wobble and
+        DPD: amplitude of the carrier on the track, from which both are read.
         """
         pitch = disc_formats()["CD"].track_pitch
         ends = self.light(np.array([0.0, 0.5]) * pitch)

@@ -1,4 +1,4 @@
-"""Radial errors over a track by four methods, and what they depend on (section 2.4.4).
+"""Radial errors over a track by four methods, and their dependence on the pits (section 2.4.4).
 
 Section, table and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -26,18 +26,19 @@ from .methods import DPD, METHODS, PUSH_PULL, TWIN, TrackSensor, printed_depth
 BITS = (3, 5, 7, 9, 11)
 """Lengths of pits [channel bits]."""
 STAGGERS = (0.0, 0.25, 0.5)
-"""Shifts of the pits from track to track, as a share of their period."""
+"""Shifts of the pits from track to track, over their period."""
 DEPTHS = tuple(n / 64 for n in range(2, 25))
 """Depths of pits [wavelengths in the disc]."""
 LANDING = 0.1
-"""Displacement of the light on the diodes [radii of the pupil]: 0.18 mm of a lens of 4 mm, half of
-what the radial coil moves it by."""
+"""Displacement of the light on the diodes [radii of the pupil]: 0.18 mm of a lens of 4 mm, which is
+half of the movement by the radial coil.
+"""
 WIDTHS = (0.4e-6, 0.5e-6, 0.6e-6)
-"""Widths of pits [m], which no source of ours prints: about those of pressed discs."""
+"""Widths of pits [m]. No source of ours prints them; these are about those of pressed discs."""
 PLACES = 33
-"""Places over one pitch."""
+"""Number of places over one pitch."""
 TYPICAL = (0.5e-6, 5, 0.25)
-"""Width, length and stagger of pits whose depth is varied: about the mean length."""
+"""Width, length and stagger of the pits whose depth is varied, near the mean length."""
 
 
 @problem(
@@ -47,10 +48,10 @@ def radial_error() -> RadialError:
     """Radial error by twin spot, push-pull, track wobble and phase detection (section 2.4.4).
 
     Scalar diffraction at a layer of equal pits: orders of the layer overlap in the pupil of the
-    objective. Each method's error over one track for pits of 3 to 11 channel bits, 0.4 to 0.6 um
-    wide, three shifts between neighbouring tracks, and the printed depth of 0.12 um; its strength
-    over the depth; the false error by light that lands beside the middle of the diodes; and the
-    same layer without depth, whose pits are dark.
+    objective. Computed are each method's error over one track, for pits of 3 to 11 channel bits,
+    0.4 to 0.6 um wide, with three shifts between neighbouring tracks and the printed depth of 0.12
+    um; its strength over the depth; its false error if the light lands beside the middle of the
+    diodes; and the same layer with dark pits of no depth.
     """
     return RadialError()
 
@@ -80,7 +81,7 @@ class RadialError(Study):
     def over_layers(
         self, read: Callable[[TrackSensor], Any], depth: float, reflection: float = 1.0
     ) -> Any:
-        """What is read of all layers of one depth, in the order of `layers`."""
+        """Values that `read` finds for all layers of one depth, in the order of `layers`."""
         every = product(WIDTHS, BITS, STAGGERS)
         found = [read(TrackSensor(depth, w, b, s, reflection)) for w, b, s in every]
         return np.reshape(found, (len(WIDTHS), len(BITS), len(STAGGERS), *np.shape(found[0])))
@@ -111,7 +112,7 @@ class RadialError(Study):
         meaning="false error by light beside the middle of the diodes",
     )
     def offset(self) -> RealArray:
-        """Error of displaced light on the track over the slope of centred light."""
+        """Error on the track with displaced light, over the slope with centred light."""
         found = []
         for one in DEPTHS:
             false = TrackSensor(one, *TYPICAL, landing=LANDING).errors(np.zeros(1))
@@ -146,7 +147,7 @@ class RadialError(Study):
 
     @metric
     def told(self, answer: Dataset) -> dict[str, float]:
-        """Numbers of each method: least over the layers, unless said otherwise."""
+        """Numbers of each method; the least over the layers unless the name says otherwise."""
         error, numbers = answer["error"], dict[str, float]()
         wave = np.sin(2 * np.pi * error["place"] / TRACK_PITCH)
         for name in METHODS:
@@ -170,7 +171,7 @@ class RadialError(Study):
 
     @metric
     def contrasts(self, light: DataArray) -> dict[str, float]:
-        """Light between tracks over that on them, and contrast of the two over the layers."""
+        """Light between tracks over that on them, and the contrast of both, over the layers."""
         on, between = light.sel(place=0.0, method="nearest"), light.isel(place=0)
         ratio, contrast = between / on, (between - on) / (between + on)
         numbers = {"between_over_on_track": ratio, "mirror_over_on_track": 1.0 / on}
@@ -185,7 +186,7 @@ class RadialError(Study):
 
     @metric
     def measured(self, slope: DataArray) -> dict[str, float]:
-        """Middle radial gain of Table A.3 over the slope of twin spots, by layer."""
+        """Middle radial gain of Table A.3 over the slope of twin spots, for each layer."""
         table = [one.K_optn for one in drives("radial", "printed")]
         ratio = (min(table) + max(table)) / 2 / slope.sel(scheme=TWIN)
         return {
@@ -196,7 +197,9 @@ class RadialError(Study):
 
     @table
     def methods(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Each method, over the layers; at the printed depth and over depths."""
+        """Table of the methods: values over the layers at the printed depth, and over the
+        depths.
+        """
         numbers = self.metrics(answer)
         heads = ["method", "slope [1/um]", "likeness to a sine", "strongest at depth"]
         heads += ["strength at 1/4 over 1/8", "false error by landing [um]", "slope, dark pits"]
@@ -226,7 +229,7 @@ class RadialError(Study):
 
 
 def method_key(name: str) -> str:
-    """A method as it stands in the names of metrics."""
+    """Name of a method as it appears in metrics."""
     return name.replace(" ", "_").replace("-", "_")
 
 
@@ -235,7 +238,7 @@ def _all(errors: dict[str, RealArray]) -> RealArray:
 
 
 def _slope(sensor: TrackSensor) -> RealArray:
-    """Slope [1/m] of every method at the track."""
+    """Slope [1/m] of every method's error at the track."""
     step = 5e-9
     ends = _all(sensor.errors(np.array([-step, step])))
     slope: RealArray = (ends[:, 1] - ends[:, 0]) / (2 * step)
@@ -243,7 +246,7 @@ def _slope(sensor: TrackSensor) -> RealArray:
 
 
 def _harmonics(values: DataArray) -> RealArray:
-    """Share of the variation over one period that is neither constant nor the first harmonic."""
+    """Size of the higher harmonics of values over one period, relative to the first harmonic."""
     period = values.isel(place=slice(0, -1))
     found = np.fft.rfft(period.values, axis=-1)
     higher = np.sqrt((abs(found[..., 2:]) ** 2).sum(axis=-1))
@@ -252,5 +255,5 @@ def _harmonics(values: DataArray) -> RealArray:
 
 
 def _likeness(error: DataArray, wave: Any) -> DataArray:
-    """Correlation of errors with a sine over one pitch."""
+    """Correlation of the errors with a sine wave over one pitch."""
     return (error * wave).sum("place") / np.sqrt((error**2).sum("place") * (wave**2).sum("place"))

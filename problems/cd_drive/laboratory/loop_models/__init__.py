@@ -1,1 +1,1 @@
-"""The plant of a drive's loop, identified from one record by every method for closed loops."""
+"""The plant in a drive's loop, identified from one record by every closed-loop method."""

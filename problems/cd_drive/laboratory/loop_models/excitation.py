@@ -1,9 +1,9 @@
-"""A multisine in the loop of a drive, and its record as the methods for closed loops take it.
+"""A multisine in the loop of a drive, and its record in the form that closed-loop methods take.
 
-Between 100 Hz and 3.5 kHz the plant falls by a factor of two thousand, and white noise of the
-measured position covers it up to 1750 Hz. Few lines, evenly spread over the logarithm of frequency,
-leave little noise at each; their sizes lie half way between those of a flat input of the plant's
-loop and of a flat motion of the lens.
+Between 100 Hz and 3.5 kHz the plant's gain falls by a factor of two thousand, and white noise of
+the measured position covers it up to 1750 Hz. With few lines, evenly spread over the logarithm of
+frequency, the noise at each line is small. The sizes of the lines are half way between those that
+give a flat plant input and those that give a flat motion of the lens.
 """
 
 from __future__ import annotations
@@ -30,23 +30,26 @@ from ..in_the_loop import DISC_SHARE, ERROR_SWING, LOOP_SETTLING, ROTATION, cont
 from ..record import Record
 
 SAMPLES = 4200
-"""Samples of a period of the multisine: its lines are multiples of 8.3 Hz."""
+"""Number of samples in a period of the multisine; its lines are multiples of 8.3 Hz."""
 BAND, LINES = (100.0, 3500.0), 40
 """Band [Hz] of the multisine and number of its lines."""
 LARGEST_INPUT = 4.0
-"""Peak [V] of the multisine, and of its part in u, in the nominal loop. Noise adds 0.8 V rms to u
-of CD1 and 1.2 V to that of CD8; the converter ends at 10 V."""
+"""Peak [V] of the multisine, and of the part of u that it causes in the nominal loop. Noise adds
+0.8 V rms to u of CD1 and 1.2 V to that of CD8; the converter's limit is 10 V.
+"""
 LOW_CUT = 60.0
-"""Corner [Hz] of the high-pass filter that takes the turning disc out of all signals alike."""
+"""Corner [Hz] of the high-pass filter that removes the effect of the turning disc from all signals.
+"""
 CONTROLLER_ORDER, CONTROLLER_ERROR = 3, 1e-3
-"""Order and largest relative error of the controller's model at a lower sampling rate."""
+"""Order, and largest accepted relative error, of the controller's model at a lower sampling rate.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSignals:
     """Excitation r, input u and output y (N,) of the plant, sampled every `step` [s].
 
-    period: samples of a period of r.
+    period: number of samples in a period of r.
     """
 
     r: RealArray
@@ -58,17 +61,17 @@ class LoopSignals:
 
 @dataclass(frozen=True, eq=False)
 class MultisineExperiment:
-    """A multisine of some periods in the loop of a drive under the reference controller."""
+    """A multisine of several periods in the loop of a drive under the reference controller."""
 
     bench: Laboratory
     periods: int
 
     @cached_property
     def multisine(self) -> Multisine:
-        """The multisine [V] that reaches one of the limits in the nominal loop.
+        """The multisine [V], scaled until it reaches one of the limits in the nominal loop.
 
-        It moves the error by ERROR_SWING, or the plant's input by LARGEST_INPUT. Its phases are
-        Schroeder's for the lens or for the input, whichever allows it to be larger.
+        The limits are ERROR_SWING for the error and LARGEST_INPUT for the plant's input. Its phases
+        are Schroeder's, either for the lens or for the input, whichever allows a larger multisine.
         """
         lines = np.unique(np.rint(np.geomspace(*BAND, LINES) * SAMPLES / RATE).astype(int))
         axis, frequency = self.bench.axis, lines * RATE / SAMPLES
@@ -90,7 +93,7 @@ class MultisineExperiment:
         return max(designs, key=lambda one: float(one.amplitudes.sum()))
 
     def played(self, seed: int) -> tuple[RealArray, Record]:
-        """The excitation [V] (N,), after the loop has settled, and the record."""
+        """The excitation [V] (N,) after the loop has settled, and the record."""
         axis = self.bench.axis
         rest = np.zeros(round(LOOP_SETTLING * RATE))
         signal = np.append(rest, np.tile(self.multisine.period(), self.periods))
@@ -100,10 +103,11 @@ class MultisineExperiment:
 
 
 def signals(excitation: RealArray, record: Record, every: int) -> LoopSignals:
-    """Every so many samples of r, u and f_en, high-passed alike, without the first period.
+    """Every `every`-th sample of r, u and f_en, with the same high-pass filter and without the
+    first period.
 
-    There is no filter against aliasing: nothing is excited above half the lower rate, noise that
-    is folded stays noise, and such a filter would let u depend on later samples of y.
+    There is no anti-aliasing filter. Nothing is excited above half the lower rate, aliased noise is
+    still noise, and such a filter would make u depend on later samples of y.
     """
     high = butter(2, LOW_CUT, "highpass", fs=RATE, output="sos")
     settled = round(LOOP_SETTLING * RATE) + SAMPLES
@@ -112,10 +116,10 @@ def signals(excitation: RealArray, record: Record, every: int) -> LoopSignals:
 
 
 def sampled_controller(axis: Axis, every: int) -> StateSpace:
-    """The controller from f_en to -u as it acts on every so many samples.
+    """The controller from f_en to -u, as it acts between samples that are `every` times as long.
 
-    It is fitted to the known response in the multisine's band; a controller that is transformed
-    anew at the lower rate would differ from it at the high frequencies.
+    It is fitted to the known response in the band of the multisine. A controller that is
+    discretised anew at the lower rate would differ from it at high frequencies.
     """
     frequency, step = np.geomspace(*BAND, 100), every * PERIOD
     response = -controller_response(axis, frequency)
@@ -138,6 +142,6 @@ def sampled_controller(axis: Axis, every: int) -> StateSpace:
 
 
 def _peak(lines: np.ndarray, amplitudes: ComplexArray) -> float:
-    """Largest magnitude in a period of a multisine of complex amplitudes."""
+    """Largest magnitude within a period of a multisine with complex amplitudes."""
     one = Multisine(lines, abs(amplitudes), np.angle(amplitudes), SAMPLES)
     return float(abs(one.period()).max())

@@ -1,4 +1,4 @@
-"""The plant of a loop and its models over frequency."""
+"""Bode diagrams of the plant in a loop and of its models."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from workbench._core.heavy_types import Dataset, Figure
 
 
 def models_bode(answer: Dataset, title: str, limit: float) -> Figure:
-    """Magnitude, phase and relative error of every model, beside twice its standard deviation."""
+    """Magnitude, phase and relative error of every model, with twice its standard deviation."""
     drawn, (magnitude, phase, error) = figures.axes(3, 1, size=(7.0, 8.5), sharex=True)
     frequency, truth = answer["frequency"].values, answer["truth"].values
     around = figures.phase(truth)

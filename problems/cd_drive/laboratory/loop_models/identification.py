@@ -1,4 +1,4 @@
-"""The methods for closed loops, and one for open loops, on the record of a drive's loop."""
+"""The closed-loop methods, and one open-loop method, on the record of a drive's loop."""
 
 from __future__ import annotations
 
@@ -21,21 +21,23 @@ ASSUMED = {
     "indirect": "linear loop, known excitation, known linear controller",
     "open-loop": "input without feedback: not so here",
 }
-"""The methods, and what each assumes."""
+"""The methods, with the assumption of each."""
 CLOSED = tuple(name for name in ASSUMED if name != "open-loop")
 ORDERS = {"direct": 10} | dict.fromkeys(("two-stage", "instrumental-variables", "indirect"), 6)
-"""Orders of the models: four states of the mechanics and two of filter and hold; the direct method
-needs more, for the noise that ends at 1750 Hz."""
+"""Orders of the models: four states of the mechanics, and two of filter and hold. The direct method
+needs more, for the noise that ends at 1750 Hz.
+"""
 EVERY = {"direct": 3}
-"""Samples of the record for each one that a method takes, where it is not USUAL: the denser the
-samples, the longer a model of the noise must be."""
+"""Decimation of the record for methods that do not use USUAL. With denser samples a model of the
+noise must be longer.
+"""
 USUAL = 2
 
 
 class LoopModel(NamedTuple):
-    """A model of one method: response and its standard deviation (F,), order and failed checks.
+    """A model of one method: response and its standard deviation (F,), order, and failed checks.
 
-    The deviation is NaN for the method for open loops.
+    The deviation is NaN for the open-loop method.
     """
 
     response: ComplexArray
@@ -45,7 +47,7 @@ class LoopModel(NamedTuple):
 
 
 def every_of(method: str) -> int:
-    """Samples of the record for each one that a method takes."""
+    """Decimation of the record for a method."""
     return EVERY.get(method, USUAL)
 
 
@@ -56,9 +58,9 @@ def loop_model(
     frequency: RealArray,
     options: Options,
 ) -> LoopModel:
-    """The model of a method at frequencies [Hz] (F,). Raises SolverError where there is none.
+    """The model of a method at frequencies [Hz] (F,). Raises SolverError if there is none.
 
-    controller: from y to -u, sampled as the signals are; method indirect needs it.
+    controller: from y to -u, sampled as the signals are; needed by the method indirect.
     """
     orders = (ORDERS.get(method, ORDERS["two-stage"]),)
     common: dict[str, Any] = {"orders": orders, "direct": False, "dt": signals.step}
@@ -72,7 +74,7 @@ def loop_model(
             excitation=signals.r,
             controller=controller,
             period_samples=signals.period,
-            # The direct method may pass unstable models on its way from a poor start.
+            # From a poor start the direct method may pass through unstable models.
             poles="any" if method == "direct" else "marginal",
             **common,
         )
@@ -82,7 +84,7 @@ def loop_model(
     direct, found = method == "direct", solution.answer
     model = found.predictor if direct else found.simulator
     at = frequency * signals.step
-    deviation = np.full(len(frequency), np.nan)  # feedback biases the method for open loops
+    deviation = np.full(len(frequency), np.nan)  # feedback biases the open-loop method
     if isinstance(program, ClosedLoopFit):
         deviation = closed_loop_deviations(program, method, model, at)[:, 0, 0]
     failures = len(solution.certificate.failures)

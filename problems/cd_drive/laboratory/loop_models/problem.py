@@ -1,4 +1,4 @@
-"""The plant of a drive's loop by each method for closed loops, on one record.
+"""The plant in a drive's loop by each closed-loop method, on one record.
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -28,16 +28,17 @@ from .figures import models_bode
 from .identification import ASSUMED, CLOSED, LoopModel, every_of, loop_model
 
 JUDGED = np.geomspace(100.0, 3000.0, 200)
-"""Frequencies [Hz] at which models are judged, evenly spread over their logarithm."""
+"""Frequencies [Hz] at which the models are compared, evenly spread over their logarithm."""
 LIMIT = 0.10
-"""Largest rms relative error of a model from a method for closed loops."""
+"""Largest accepted rms error of a model from a closed-loop method, relative."""
 HELD = {"focus": CLOSED, "radial": tuple(name for name in CLOSED if name != "direct")}
-"""Methods whose models are held to that. No model of ten states of the direct method follows the
-noise of the radial loop: its errors are 17 to 74 %."""
+"""Methods whose models must keep that limit. No direct model of ten states follows the noise of the
+radial loop: its errors are 17 to 74 %.
+"""
 PERIODS = {"focus": 50, "radial": 100}
-"""Periods of the multisine."""
+"""Number of periods of the multisine."""
 LEAST_BIAS = 3.0
-"""Least error by the method for open loops, over LIMIT: feedback carries noise into its input."""
+"""Least error of the open-loop method, over LIMIT: feedback carries noise into its input."""
 
 
 @problem(
@@ -57,13 +58,15 @@ def loop_models(
 
     A multisine of 40 lines from 100 to 3500 Hz is added to the controller's output while the disc
     turns. The noise of the measured position moves the plant's input as much as the multisine does.
-    The methods see excitation, input and output, high-passed and at every second or third sample; a
-    method for open loops on the same record shows what feedback does to it. Models are judged by
-    their rms error relative to the exact sampled response, from 100 Hz to 3 kHz. The radial loop is
-    left to the methods without a model of the noise, whose deviations need none either.
+    The methods see excitation, input and output, high-passed, and only every second or third
+    sample. An open-loop method on the same record shows the effect of feedback on such methods.
+    Models are compared by their rms error relative to the exact sampled response, from 100 Hz to 3
+    kHz. The direct method is not judged in the radial loop. The other methods need no model of the
+    noise, not even for their standard deviations.
 
-    drive: "CD1" to "CD12", or "nominal". periods: of the multisine, 0.12 s each; 50 for the focus
-    loop and 100 for the radial one if none are given. values: tables "printed" or "corrected".
+    drive: "CD1" to "CD12", or "nominal". periods: number of periods of the multisine, 0.12 s each;
+    by default 50 for the focus loop and 100 for the radial one. values: tables "printed" or
+    "corrected".
     """
     bench = Laboratory(axis, drive, values)
     return LoopModels(MultisineExperiment(bench, periods or PERIODS[axis]))
@@ -150,7 +153,9 @@ class LoopModels(Study):
 
     @check()
     def experiments(self, answer: Dataset) -> list[Check]:
-        """The loop held, in the linear range of diodes and converters, and models are proven."""
+        """The loop held within the linear range of diodes and converters, and the models are
+        proven.
+        """
         unproven = answer["unproven"].sel(estimator=list(CLOSED))
         allowed = ACCEPTABLE_ERROR[self.experiment.bench.axis]
         far = float(answer["largest_error"]) / allowed
@@ -188,7 +193,7 @@ class LoopModels(Study):
 
     @table
     def methods(self, answer: Dataset) -> str:
-        """What each method assumes, and how far its model is from the truth."""
+        """Assumption of each method, and the distance of its model from the truth."""
         heads = ["method", "assumes", "order", "rms error [%]", "over its deviation"]
         rows = []
         for name, assumed in ASSUMED.items():

@@ -1,1 +1,1 @@
-"""Distortion of the loop by a multisine, beside that by sines of growing size."""
+"""Distortion of the loop, measured by a multisine and by sines of growing size."""

@@ -1,4 +1,6 @@
-"""Errors of both tests of linearity over their times, and how often they find the distortion."""
+"""Errors of both tests of linearity over their duration, and how often they detect
+the distortion.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ SIGNIFICANCE = 0.01
 
 
 def linearity_tests(answer: Dataset, errors: Mapping[str, DataArray], title: str) -> Figure:
-    """Rms errors of the squares, shares of draws that find odd distortion, noise-free levels."""
+    """Rms errors of the squared levels, shares of draws that find odd distortion, levels without
+    noise.
+    """
     drawn, (accuracy, found, levels) = figures.axes(1, 3, size=(11.0, 4.0))
     times = {"multisine": answer["time"].values, "sines": answer["series_time"].values}
     p = {"multisine": answer["by_multisine_p"], "sines": answer["by_sines_p"].isel(size=-1)}

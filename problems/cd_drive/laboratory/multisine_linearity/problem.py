@@ -43,17 +43,19 @@ from .runs import EVALUATED, LENGTHS, SIZES, DistortionTests
 
 KINDS = ("odd", "even")
 RECORDS = 1 + len(SIZES)
-"""Records of a draw: that of the multisine, and those of the sines."""
+"""Number of records in a draw: one with the multisine, and those with the sines."""
 LEVEL = 0.01
-"""Significance at which distortion counts as found."""
+"""Significance level at which distortion counts as found."""
 CONFIDENCE, SAMPLES = 0.95, 2000
-"""Confidence of the interval of a ratio of times, and bootstrap samples of the draws for it."""
+"""Confidence of the interval of a ratio of times, and number of bootstrap samples of the draws for
+it.
+"""
 FOUND = 1e-3
-"""Level over the linear output above which a noise-free distortion is one that can be found."""
+"""Noise-free level of distortion, over the linear output, from which it should be found."""
 UNBIASED = 4.0
-"""Largest mean error over its standard deviation."""
+"""Largest accepted mean error, over its standard deviation."""
 MOST_ALARMS = 0.1
-"""Largest share of the draws in which even distortion is found where there is none."""
+"""Largest accepted share of the draws that find even distortion although there is none."""
 
 
 @problem("cd/{axis}/multisine-linearity", axis=("focus", "radial"), data=TABLES)
@@ -65,22 +67,23 @@ def multisine_linearity(
 ) -> MultisineLinearity:
     """Distortion in closed loop by a multisine or by sines of growing size, and their times.
 
-    Both excite the loop of `linearity` from 100 to 2000 Hz and move the nominal lens as far. The
-    multisine has odd lines of equal size, a quarter of them silent: odd and even distortion of the
-    normalised error appears at silent lines. The sines have four sizes, 40 frequencies and 20
-    periods, the last ten evaluated: distortion appears at their harmonics up to the fifth. Each
-    method measures its own level; its error is taken from what it measures without noise. Times
-    are compared at equal errors of the level's square, absolute or over its noise-free value.
+    Both excite the loop of `linearity` from 100 to 2000 Hz and move the nominal lens by the same
+    distance. The multisine has odd lines of equal size, of which every fourth is silent: odd and
+    even distortion of the normalised error appears at silent lines. The sines have four sizes, 40
+    frequencies and 20 periods, of which the last ten are evaluated: distortion appears at their
+    harmonics up to the fifth. Each method measures a level of its own; its error is the difference
+    from the level that it measures without noise. Times are compared at equal errors of the squared
+    level, absolute, or relative to its noise-free value.
 
-    drive: CD1 ... CD12. draws: of the noise and of the multisine's phases. values: tables "printed"
-    or "corrected".
+    drive: CD1 ... CD12. draws: number of draws of the noise and of the multisine's phases. values:
+    tables "printed" or "corrected".
     """
     return MultisineLinearity(DistortionTests(Laboratory(axis, drive, values)), draws)
 
 
 @dataclass(frozen=True, eq=False)
 class MultisineLinearity(Study):
-    """Both tests of linearity, over draws."""
+    """Both tests of linearity, over the draws."""
 
     tests: DistortionTests
     draws: int
@@ -109,8 +112,10 @@ class MultisineLinearity(Study):
 
     @part
     def played(self, seed: DataArray, context: Context) -> list[Any]:
-        """Distortions of each draw: by the multisine, without noise, by the sines."""
-        machine()  # threads that meet it at one time would each compile it
+        """Distortions of each draw: by the multisine, by the multisine without noise, and by the
+        sines.
+        """
+        machine()  # otherwise threads that need it at the same time would each compile it
         self.tests.sweeps  # noqa: B018  (made once, before threads ask for it)
 
         def one(seeds: list[int]) -> tuple[Any, Any, Any]:
@@ -124,14 +129,14 @@ class MultisineLinearity(Study):
 
     @arrays((draw, length, kind), by_multisine="1", by_multisine_p="1")
     def multisine(self, played: list[Any]) -> dict[str, RealArray]:
-        """Squares of the levels over the linear output's, and p-values of noise alone."""
+        """Squared levels over the linear output's, and their p-values under noise alone."""
         found = [[both(one) for one in multisine] for multisine, _, _ in played]
         squares, p = np.moveaxis(np.array(found), 2, 0)
         return {"by_multisine": squares, "by_multisine_p": p}
 
     @arrays((draw, size, count, kind), by_sines="1", by_sines_p="1")
     def sines(self, played: list[Any]) -> dict[str, RealArray]:
-        """Squares of the levels over the fundamentals', and p-values of noise alone."""
+        """Squared levels over the fundamentals', and their p-values under noise alone."""
         found = [[[both(one) for one in row] for row in sines] for _, _, sines in played]
         squares, p = np.moveaxis(np.array(found), 3, 0)
         return {"by_sines": squares, "by_sines_p": p}
@@ -169,14 +174,18 @@ class MultisineLinearity(Study):
     # --- what is told -------------------------------------------------------------------------
 
     def errors(self, answer: Dataset, method: str) -> DataArray:
-        """Errors of the squares (draw, length or count, kind), of the sines' largest size."""
+        """Errors of the squared levels (draw, length or count, kind); for the sines, of the largest
+        size.
+        """
         if method == "multisine":
             return answer["by_multisine"] - answer["multisine_truth"]
         return (answer["by_sines"] - answer["sines_truth"]).isel(size=-1)
 
     @metric
     def levels(self, answer: Dataset) -> dict[str, float]:
-        """Levels [%] without noise: root mean square over the draws, and at the largest size."""
+        """Levels [%] without noise: of the multisine as rms over the draws, of the sines at each
+        size.
+        """
         numbers: dict[str, float] = {}
         for kind in KINDS:
             squares = answer["multisine_truth"].sel(kind=kind)
@@ -197,11 +206,13 @@ class MultisineLinearity(Study):
 
     @metric
     def durations(self, answer: Dataset) -> dict[str, float]:
-        """Time of the multisine over that of the sines at equal rms errors of the odd square.
+        """Time of the multisine over that of the sines at equal rms errors of the squared odd
+        level.
 
-        Beside the series of four sizes, and beside its largest size alone. The ends are those of
-        the interval over resampled draws. Absolute errors are over the linear output's square;
-        relative ones, where there is something to find, over the noise-free square.
+        It is compared with the series of four sizes, and with its largest size alone. The ends are
+        those of a bootstrap interval over the draws. Absolute errors are divided by the square of
+        the linear output. Relative errors are divided by the noise-free square, if there is
+        something to find.
         """
         multisine, sines = (
             self.errors(answer, name).sel(kind="odd") for name in ("multisine", "sines")
@@ -228,20 +239,20 @@ class MultisineLinearity(Study):
 
     @table
     def linearity(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Squares of the levels, in percent squared, and how often distortion is found."""
+        """Squared levels, in percent squared, and how often distortion is found."""
         heads = ["method", "evaluated periods", "time [s]", "odd [%^2]", "even [%^2]", "odd found"]
         rows = []
         for length in LENGTHS:
             one = answer.sel(length=length)
             rows.append(["multisine", str(length), f"{float(one['time']):.2f}"])
-            rows[-1] += self._told(one["by_multisine"], one["by_multisine_p"])
+            rows[-1] += self._table_cells(one["by_multisine"], one["by_multisine_p"])
         for count in EVALUATED:
             one = answer.sel(count=count).isel(size=-1)
             rows.append(["sines", str(count), f"{float(one['series_time']):.2f}"])
-            rows[-1] += self._told(one["by_sines"], one["by_sines_p"])
+            rows[-1] += self._table_cells(one["by_sines"], one["by_sines_p"])
         return heads, rows
 
-    def _told(self, squares: DataArray, p: DataArray) -> list[str]:
+    def _table_cells(self, squares: DataArray, p: DataArray) -> list[str]:
         cells = [
             with_interval(over_draws(1e4 * squares.sel(kind=kind)), form="{:.2f}") for kind in KINDS
         ]
@@ -255,16 +266,18 @@ class MultisineLinearity(Study):
 
 
 def both(one: LineDistortion) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Squares (odd, even) over the excited lines', and their p-values."""
+    """Squared levels (odd, even), divided by the square of the excited lines, and their
+    p-values.
+    """
     linear = one.excited**2
     return (one.odd_square / linear, one.even_square / linear), (one.odd_p, one.even_p)
 
 
 def time_for(target: RealArray, errors: RealArray, times: RealArray) -> RealArray:
-    """Times (S,) at which errors (S, T), which fall with the times (T,), reach targets (S,).
+    """Times (S,) at which errors (S, T) over the times (T,) fall to the targets (S,).
 
-    By the power law that fits the errors best; it is steep enough to extrapolate where a target
-    lies outside.
+    The power law that fits the errors best is used. It is steep enough to extrapolate to targets
+    outside.
     """
     x = np.log(times)
     slope, offset = np.polyfit(x, np.log(errors).T, 1)

@@ -42,19 +42,21 @@ from ..linearity import (
 )
 
 SIZES = (0.25, 0.5, 0.75, 1.0)
-"""Amplitudes of the series of sines, over the largest one that the lens's displacement allows."""
+"""Amplitudes of the series of sines, over the largest that LARGEST_DISPLACEMENT allows."""
 SINES = 40
-"""Number of their frequencies, about as far apart as the odd lines of the multisine."""
+"""Number of frequencies of the sines, about as far apart as the odd lines of the multisine."""
 SAMPLES = 1400
-"""Samples of a period of the multisine: lines of 25 Hz, odd ones 50 Hz apart."""
+"""Number of samples in a period of the multisine: its lines are multiples of 25 Hz, odd ones 50 Hz
+apart.
+"""
 GROUP = 4
-"""One line of so many odd ones is left silent."""
+"""One of this many odd lines is silent."""
 WARM_UP = 4
-"""Periods of the multisine that are not evaluated."""
+"""Number of first periods of the multisine that are not evaluated."""
 LENGTHS = (4, 8, 16, 32, 64, 128)
-"""Numbers of its periods that are evaluated."""
+"""Numbers of periods of the multisine that are evaluated."""
 EVALUATED = (4, 6, 8, 10)
-"""Numbers of periods of each sine that are evaluated, after DISCARDED ones."""
+"""Numbers of periods of each sine that are evaluated, after the DISCARDED ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,8 @@ class DistortionTests:
     def multisine(self, rng: np.random.Generator) -> tuple[Multisine, RealArray]:
         """An odd multisine of random phases [V], and its excited lines.
 
-        All lines are equal, and so large that they move the nominal lens by LARGEST_DISPLACEMENT.
+        All lines are equal, and so large that they move the nominal lens by LARGEST_DISPLACEMENT in
+        all.
         """
         line = RATE / SAMPLES
         first, last = (int(np.ceil(CLOSED_BAND[0] / line)), int(CLOSED_BAND[1] / line))
@@ -86,24 +89,26 @@ class DistortionTests:
         return replace(one, amplitudes=allowed * one.amplitudes), excited
 
     def by_multisine(self, seed: int) -> list[LineDistortion]:
-        """Distortion of f_en after each of LENGTHS periods, in the draw of a seed."""
+        """Distortion of f_en after each of LENGTHS periods, in the draw with this seed."""
         design, excited = self._design(seed)
-        played = self._played(design, self.laboratory, WARM_UP + LENGTHS[-1], seed, ORDINARY_DISC)
+        played = self._amplitudes_of_error(
+            design, self.laboratory, WARM_UP + LENGTHS[-1], seed, ORDINARY_DISC
+        )
         return [
             line_distortion(played[: WARM_UP + length], excited, transients=WARM_UP)
             for length in LENGTHS
         ]
 
     def multisine_truth(self, seed: int) -> LineDistortion:
-        """Distortion by the multisine of a seed without noise and with the disc at rest."""
+        """Distortion by the multisine of this seed, without noise and with the disc at rest."""
         design, excited = self._design(seed)
-        played = self._played(design, self.quiet, WARM_UP + 2, 0, STILL)
+        played = self._amplitudes_of_error(design, self.quiet, WARM_UP + 2, 0, STILL)
         return line_distortion(played, excited, transients=WARM_UP)
 
     def _design(self, seed: int) -> tuple[Multisine, RealArray]:
-        return self.multisine(np.random.default_rng([seed, 1]))  # noise has the seed alone
+        return self.multisine(np.random.default_rng([seed, 1]))  # the noise uses the seed alone
 
-    def _played(
+    def _amplitudes_of_error(
         self, design: Multisine, bench: Laboratory, periods: int, seed: int, disc: Disc
     ) -> np.ndarray:
         """Complex amplitudes of f_en (periods, lines)."""
@@ -115,7 +120,7 @@ class DistortionTests:
 
     @cached_property
     def sweeps(self) -> list[SteppedSine]:
-        """Stepped sines of each of SIZES."""
+        """Stepped sines, one for each of SIZES."""
         frequency = np.linspace(*CLOSED_BAND, SINES)
         largest = closed_loop_amplitude(self.laboratory.axis, frequency)
         return [SteppedSine(frequency, PERIODS, size * largest, 1 / RATE) for size in SIZES]
@@ -126,7 +131,9 @@ class DistortionTests:
         return [self._harmonics(self.laboratory, *one, ORDINARY_DISC) for one in every]
 
     def sines_truth(self) -> list[LineDistortion]:
-        """The same without noise and with the disc at rest, from all evaluated periods."""
+        """Distortion by the sines without noise and with the disc at rest, from all evaluated
+        periods.
+        """
         return [self._harmonics(self.quiet, one, 0, STILL)[-1] for one in self.sweeps]
 
     def _harmonics(
@@ -153,7 +160,7 @@ class DistortionTests:
     def times(self) -> tuple[RealArray, RealArray]:
         """Times [s] of the multisine after each of LENGTHS, and of all sines after EVALUATED.
 
-        Those of the sines are shorter where fewer periods would have been played.
+        The time of the sines is shortened as if fewer periods had been played.
         """
         sweep = float(sum(one.lengths.sum() for one in self.sweeps)) / RATE
         periods = WARM_UP + np.array(LENGTHS)

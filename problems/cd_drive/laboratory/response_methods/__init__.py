@@ -1,1 +1,3 @@
-"""Ways to excite a coil and to estimate its response, at equal time and amplitude."""
+"""Several excitations of a coil and estimators of its response, with equal duration
+and amplitude.
+"""

@@ -28,17 +28,18 @@ from ..record import CoilRecord
 from .excitations import OPEN, Excited
 
 BY_RECORD = ("least_squares", "instruments", "prediction_errors")
-"""Estimators of a record; each has regions of its own."""
+"""Estimators that use the record; each gives regions of its own."""
 ESTIMATORS = (*BY_RECORD, "likelihood")
-"""The estimators; that of likelihood fits the response that an excitation gave."""
+"""All estimators; that of maximum likelihood is fitted to the response that an excitation gave."""
 FEWER = 5
-"""Samples of a record for each one that is kept, after a filter."""
+"""Decimation of a record after a filter."""
 
 
 class Estimate(NamedTuple):
-    """Response (F,) of a fitted model, how far the truth is over its 99 % region (F,), R, Bl, k, b.
+    """Response (F,) of a fitted model, distance (F,) of the truth over its 99 % region, and R, Bl,
+    k, b.
 
-    The distance is NaN where the estimator gives no region.
+    The distance is NaN if the estimator gives no region.
     """
 
     response: ComplexArray
@@ -55,9 +56,11 @@ def estimates(
 ) -> list[Estimate]:
     """The estimates of v_r/u in the order of `ESTIMATORS`.
 
-    response: that of the excitation, for the likelihood. truth (F,): v_r/u without noise.
+    response: response from the excitation, for the maximum-likelihood fit. truth (F,): v_r/u
+    without noise.
     """
-    # Filters in both channels leave their ratio as it is; without them few samples would alias.
+    # Equal filters in both channels do not change their ratio; without them the few samples would
+    # alias.
     gain, driven = excited.laboratory.coil_gain, excited.played[excitation].exact[:, 1]
     u, v = (decimate(one, FEWER, ftype="fir") for one in (driven, record.v_r / gain))
     short = SampledRecord(u, v, 1 / (RATE / FEWER), hold="first-order", assume=OPEN)
@@ -71,7 +74,9 @@ def _by_record(excited: Excited, model: TransferFunctionEstimate, truth: Complex
     A, b1, _ = model.numerator
     _, d1, a2 = model.denominator
     mass, a1 = excited.sweep.mass, b1 / A
-    force = mass * SERIES_RESISTANCE / A * (d1 - a1)  # equation 4.23; negative ones are none
+    force = (
+        mass * SERIES_RESISTANCE / A * (d1 - a1)
+    )  # equation 4.23; a negative value is impossible
     return Estimate(
         model.response(excited.frequency),
         model.distance(excited.frequency, truth),
@@ -87,7 +92,7 @@ def _by_record(excited: Excited, model: TransferFunctionEstimate, truth: Complex
 
 
 def _by_response(excited: Excited, measured: ResponseEstimate) -> Estimate:
-    """The most likely parameters where the response has normal errors of its variance."""
+    """The maximum-likelihood parameters for a response with normal errors of its variance."""
     one, mass = excited.sweep, excited.sweep.mass
     entries = measured.response[:, 0, 0], measured.variance[:, 0, 0]
     R, Bl, k, b = one.fit(*entries, measured.degrees, mass).values[:4]

@@ -1,8 +1,8 @@
-"""Steps, sines and noise played on a coil, and its response without a model from each.
+"""Steps, sines and noise applied to a coil, and its response estimated from each without a model.
 
-All last equally long and reach the same voltage. The experimenter knows what the computer puts out,
-and how hold, delay and filters pass it on. Equation and section numbers refer to E. Vidal Sanchez,
-Robust and Fault Tolerant Control of CD-players (2003).
+All have the same duration and the same largest voltage. The experimenter knows the computer's
+output, and how hold, delay and filters change it. Equation and section numbers refer to E. Vidal
+Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -29,29 +29,32 @@ from ..record import CoilRecord
 
 EXCITATIONS = ("step", "sines", "noise")
 OPEN = "open loop"
-"""What the record is known to be: the coil is driven by a generator."""
+"""Known property of the record: a generator drives the coil, without feedback."""
 SEGMENTS = {"spectra_half_s": 0.5, "spectra_1s": 1.0, "spectra_2s": 2.0, "spectra_4s": 4.0}
-"""Estimates by spectra, and the lengths of their segments [s]."""
+"""Estimates from averaged spectra, with the lengths of their segments [s]."""
 RESPONSES = ("step", "sines", *SEGMENTS)
 """Estimates of the response without a model."""
 FREQUENCY_STEP = {"focus": 2.0, "radial": 6.0}
-"""Steps [Hz] between frequencies, all multiples of the lines of the shortest segments."""
+"""Distances [Hz] between frequencies; these are all lines of the shortest segments."""
 SETTLING = 1.0
-"""Time [s] in which the coil settles, six to ten time constants: after each step, and after each
-change of the sine's frequency."""
+"""Time [s] in which the coil settles, six to ten time constants, after each step and after each
+change of the sine's frequency.
+"""
 REST = 0.2
 """Time [s] of rest before an excitation."""
 BLOCKS = 4
-"""Averages of whole periods at each frequency, from whose scatter the variance comes."""
+"""Number of averages of whole periods at each frequency, whose scatter gives the variance."""
 NOISE_BAND = 2.0
-"""Band of the noise over the highest frequency."""
+"""Bandwidth of the noise, over the highest frequency."""
 NOISE_SEED = 1
-"""Seed of the one noise signal that is played in all draws."""
+"""Seed of the noise excitation, which is the same in all draws."""
 
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """The three excitations of a drive's coil, each of a duration [s] and an amplitude [V]."""
+    """The three excitations of a drive's coil, each with the same duration [s] and
+    amplitude [V].
+    """
 
     laboratory: Laboratory
     amplitude: float
@@ -59,7 +62,7 @@ class Excited:
 
     @cached_property
     def sweep(self) -> CoilExperiment:
-        """The stepped-sine experiment that has the same frequencies and the same models."""
+        """The stepped-sine experiment with the same frequencies and the same models."""
         step = FREQUENCY_STEP[self.laboratory.axis]
         return CoilExperiment(self.laboratory, step, self.amplitude)
 
@@ -70,17 +73,19 @@ class Excited:
 
     @property
     def samples_each(self) -> int:
-        """Samples for each frequency of the sines."""
+        """Number of samples for each frequency of the sines."""
         return round(self.duration * RATE) // len(self.frequency)
 
     @property
     def waiting(self) -> float:
-        """Share of the sines' time in which the coil settles."""
+        """Share of the sines' duration in which the coil settles."""
         return SETTLING * RATE / self.samples_each
 
     @cached_property
     def chain(self) -> ComplexArray:
-        """Known response (F,) of hold, delay and filter, from u to what drives the coil."""
+        """Known response (F,) of hold, delay and filter, from u to the voltage that drives the
+        coil.
+        """
         found: ComplexArray = self.laboratory.response(self.frequency)["u_m"]
         return found
 
@@ -105,21 +110,23 @@ class Excited:
         }
 
     def record(self, excitation: str, steps: float, seed: int) -> CoilRecord:
-        """A record with electronic noise of so many rms steps of the converter."""
+        """A record with electronic noise of this many rms steps of the converter."""
         return replace(self.played[excitation], electronics=steps).measured(seed)
 
     def responses(self, excitation: str, record: CoilRecord) -> dict[str, ResponseEstimate]:
-        """v_r/u (F,) by the methods for an excitation, by name."""
+        """v_r/u (F,) by each method for this excitation, by name."""
         rest, v = round(REST * RATE), record.v_r / self.laboratory.coil_gain
         u = record.u_dac
         if excitation == "step":
             length = round(SETTLING * RATE)
             starts = rest + length * np.arange((len(u) - rest) // length)
             return {
-                "step": self._alone(step_response(u, v, starts, self.frequency, 1 / RATE, length))
+                "step": self._without_chain(
+                    step_response(u, v, starts, self.frequency, 1 / RATE, length)
+                )
             }
         if excitation == "sines":
-            return {"sines": self._alone(self._by_sines(u[rest:], v[rest:]))}
+            return {"sines": self._without_chain(self._by_sines(u[rest:], v[rest:]))}
         every = {}
         for name, duration in SEGMENTS.items():
             averaged = round(duration * RATE)
@@ -128,7 +135,7 @@ class Excited:
             own = ResponseEstimate(
                 found.frequency_hz[at], found.response[at], found.variance[at], found.degrees
             )
-            every[name] = self._alone(own)
+            every[name] = self._without_chain(own)
         return every
 
     def _by_sines(self, u: RealArray, v: RealArray) -> ResponseEstimate:
@@ -143,8 +150,8 @@ class Excited:
         lines = np.array(amplitudes)
         return from_periods(self.frequency, lines[:, 0], lines[:, 1])
 
-    def _alone(self, estimate: ResponseEstimate) -> ResponseEstimate:
-        """The response of the coil without the known chain before it."""
+    def _without_chain(self, estimate: ResponseEstimate) -> ResponseEstimate:
+        """The response of the coil alone, without the known chain before it."""
         chain = self.chain[:, None, None]
         response, variance = estimate.response / chain, estimate.variance / abs(chain) ** 2
         return ResponseEstimate(estimate.frequency_hz, response, variance, estimate.degrees)

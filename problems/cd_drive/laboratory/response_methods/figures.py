@@ -16,7 +16,7 @@ MARKERS = "osD^v<"
 
 
 def methods_bode(answer: Dataset, title: str) -> Figure:
-    """Magnitude and phase without a model, with 99 % regions, at both noises."""
+    """Magnitude and phase without a model, with 99 % regions, at both sizes of noise."""
     drawn, panels = figures.axes(2, 2, size=(9.0, 6.0), sharex=True, sharey="row")
     frequency, truth = answer["frequency"].values, answer["truth"].values
     span = float(np.diff(frequency)[0])

@@ -47,14 +47,15 @@ from .excitations import EXCITATIONS, RESPONSES, SEGMENTS, Excited
 from .figures import error_curves, methods_bode
 
 NOISES = {"quiet": 1.0, "noisy": 10.0}
-"""Electronic noise in rms steps of the converter: that of the laboratory, and ten times it."""
+"""Electronic noise in rms steps of the converter: that of the laboratory, and ten times that."""
 PARAMETERS = ("R", "Bl", "k", "b")
 LONGEST = list(SEGMENTS)[-1]
-"""Estimate by spectra that is judged: its segments are long enough for the resonance."""
+"""Estimate from spectra that is judged: its segments are long enough for the resonance."""
 RESPONSE_TOLERANCE = 0.01
-"""Largest rms error of a response over the frequencies, in the noise of the laboratory."""
+"""Largest accepted rms error of a response over the frequencies, with the laboratory's noise."""
 ALIKE = 0.05
-"""Largest difference of the errors by instruments and by prediction errors, over either."""
+"""Largest accepted difference between the errors by instruments and by prediction errors, relative.
+"""
 UNBIASED = ("instruments", "prediction_errors")
 
 
@@ -79,23 +80,24 @@ def response_methods(
 ) -> ResponseMethods:
     """v_r/u of a coil by steps, sines or noise, and its model by four estimators (section 4.1).
 
-    The three excitations last equally long and reach the same voltage, from 10 to 50 Hz (focus) or
-    100 Hz (radial). Responses without a model: from the differences of a step's record, from the
-    whole periods of settled sines, and from averaged spectra (eq. 4.3) with segments of four
-    lengths. Models of second order from each record: least squares (eq. 4.1), refined instrumental
-    variables (eq. 4.2) and prediction errors; and from each response, weighted by its variance,
-    the most likely parameters. The experimenter knows what the computer puts out, how it reaches
-    the coil, and the mass.
+    The three excitations have the same duration and the same largest voltage, from 10 to 50 Hz
+    (focus) or 100 Hz (radial). Responses without a model come from the differences of a step's
+    record, from the whole periods of settled sines, and from averaged spectra (eq. 4.3) with
+    segments of four lengths. Models of second order come from each record, by least squares (eq.
+    4.1), refined instrumental variables (eq. 4.2) and prediction errors; and from each response,
+    weighted by its variance, by maximum likelihood. The experimenter knows the computer's output,
+    how it reaches the coil, and the mass.
 
-    drive: CD1 ... CD12. amplitude [V], duration [s] of each excitation. draws: of the noise, at
-    the laboratory's size and at ten times that. values: tables "printed" or "corrected".
+    drive: CD1 ... CD12. amplitude [V], duration [s]: of each excitation. draws: number of draws of
+    the noise, at the laboratory's size and at ten times that. values: tables "printed" or
+    "corrected".
     """
     return ResponseMethods(Excited(Laboratory(axis, drive, values), amplitude, duration), draws)
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseMethods(Study):
-    """Every excitation, response and estimator under every noise."""
+    """Every excitation, response and estimator at both sizes of noise."""
 
     excited: Excited
     draws: int
@@ -134,7 +136,7 @@ class ResponseMethods(Study):
     @part
     def every(self, seed: DataArray, truth: DataArray, context: Context) -> dict[str, RealArray]:
         """Fields of `Draw` by name, each over (noise, draw, ...)."""
-        self.excited.played["step"]  # made once, before others ask for it at one time
+        self.excited.played["step"]  # computed once, before parallel threads need it
 
         def one(place: tuple[int, ...]) -> Draw:
             return self.estimated(list(NOISES.values())[place[0]], int(seed[place]), truth.values)
@@ -148,7 +150,9 @@ class ResponseMethods(Study):
         }
 
     def estimated(self, steps: float, seed: int, truth: ComplexArray) -> Draw:
-        """One draw at a noise of so many steps: a record of each excitation, and all estimates."""
+        """One draw with noise of this many steps: a record of each excitation, and all
+        estimates.
+        """
         responses: dict[str, ResponseEstimate] = {}
         fits = []
         noises = np.random.default_rng(seed).integers(2**31, size=len(EXCITATIONS))
@@ -176,7 +180,7 @@ class ResponseMethods(Study):
     def fit_errors(self, every: dict[str, RealArray], truth: DataArray) -> dict[str, RealArray]:
         """Relative errors of models, and whether the truth is outside the 99 % region."""
         error = abs(every["fitted"] / truth.values - 1.0)
-        missed = every["distance"] > 1.0  # never, where there is no region
+        missed = every["distance"] > 1.0  # always false without a region
         return {"fit_error": error.astype("f4"), "fit_missed": missed.astype("i1")}
 
     @array(dims=(*fits, parameter), unit="1", meaning="relative errors of the parameters")
@@ -248,7 +252,7 @@ class ResponseMethods(Study):
 
     @metric("nearer_{noise}_{pair}")
     def nearer(self, answer: Dataset) -> DataArray:
-        """Shares of the draws in which the first of a pair is the nearer one."""
+        """Share of the draws in which the first of two estimators is nearer to the truth."""
         import xarray as xr
 
         found, of_fits = rms(answer["error"]), rms(answer["fit_error"])
@@ -270,7 +274,7 @@ class ResponseMethods(Study):
 
     @table
     def methods(self, answer: Dataset) -> dict[str, str]:
-        """Rms errors over the frequencies, and regions that miss the truth."""
+        """Rms errors over the frequencies, and how often regions miss the truth."""
         found, of_fits = over_draws(rms(answer["error"])), over_draws(rms(answer["fit_error"]))
         heads = ["noise", "rms error [%]", "frequencies missed"]
         plain, models = [], []
@@ -303,5 +307,5 @@ class ResponseMethods(Study):
 
 
 def rms(error: DataArray) -> DataArray:
-    """Root mean square over the frequencies of relative errors (..., frequency)."""
+    """Root mean square of relative errors (..., frequency) over the frequencies."""
     return (error.astype(float) ** 2).mean("frequency") ** 0.5

@@ -1,1 +1,1 @@
-"""Arms that are unlike: several parasitic resonances, and fits of a model of too low an order."""
+"""Unlike arms: several parasitic resonances, and fits of models whose order is too low."""

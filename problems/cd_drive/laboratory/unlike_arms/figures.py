@@ -13,7 +13,7 @@ COLORS = {4: figures.ORANGE, 6: figures.GREEN, 10: figures.PURPLE}
 
 
 def figure_4_5(answer: Dataset, title: str) -> Figure:
-    """Responses of the first draw, over the slope of the free mass, with fits of every order."""
+    """Responses of the first draw, relative to the free mass, with fits of every order."""
     drawn, panels = figures.axes(2, 3, size=(11.0, 6.2), sharex=True, sharey="row")
     frequency = answer["frequency"].values
     slope = (2 * np.pi * frequency) ** 2
@@ -63,7 +63,7 @@ def figure_4_5(answer: Dataset, title: str) -> Figure:
 
 
 def shown_of(answer: Dataset, title: str) -> Figure:
-    """How many resonances four random arms show, by how unlike they are."""
+    """Number of resonances that four random arms show, over the spread of their links."""
     drawn, (panel,) = figures.axes(size=(6.0, 3.8))
     place, before = np.arange(answer.sizes["deviation"]), np.zeros(answer.sizes["deviation"])
     for n, count in enumerate(answer["count"].values.tolist()):

@@ -1,4 +1,4 @@
-"""Arms that are unlike, identified in the loop by models of several orders (section 4.6.2).
+"""Unlike arms, identified in the loop by models of several orders (section 4.6.2).
 
 Figure, section and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -47,20 +47,21 @@ from .figures import figure_4_5, shown_of
 from .resonances import ARMS, HALVES, order_of, resonances_shown, shares_shown
 
 MISMATCH = {"alike": (0.0,), "halves": (0.2, -0.2), "four": (0.3, 0.2, -0.2, -0.3)}
-"""Mismatches of the arms of each bench. Four arms come as two pairs: evenly spread ones show less,
-because their resonances fill each other's dips."""
+"""Mismatches of the arms of each bench. Four arms come as two pairs, since evenly spread arms show
+fewer resonances: these fill each other's dips.
+"""
 BENCHES = {name: len(one) for name, one in MISMATCH.items()}
 """Number of unlike arms of each bench."""
 ORDERS = {4: 1, 6: HALVES, 10: ARMS}
 """Number of arms of the model of each order."""
 PROVEN = ["alike", "halves"]
-"""Benches whose fits of the right order are relied on."""
+"""Benches on whose fits of the right order checks rely."""
 PARASITIC = ("m2", "k2")
-"""Parameters that the parasitic resonances decide."""
+"""Parameters that the parasitic resonances determine."""
 DEVIATIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
-"""Standard deviations of the links of random arms."""
+"""Standard deviations of the mismatches of random arms."""
 RANDOM_ARMS = 200
-"""Number of random arms at each deviation."""
+"""Number of random arms for each standard deviation."""
 FINE = np.geomspace(200.0, 2000.0, 800)
 """Frequencies [Hz] at which resonances are counted."""
 
@@ -79,21 +80,22 @@ def unlike_arms(
 ) -> UnlikeArms:
     """Parasitic resonances of unlike arms, and fits of too low an order (figure 4.5).
 
-    Section 4.6.2. The tables give one parasitic resonance of each drive, so how unlike its four
-    arms are is assumed: their links to the lens differ. Three benches have the masses, springs and
-    dampers of the drive's table: "alike" with one arm (order 4), "halves" with two whose links are
-    20 % above and below the mean (order 6), "four" with four whose links are 30 or 20 % off
-    (order 10). On each a stepped sine from 100 to 2000 Hz in the loop measures x / coil voltage as
-    in cd/<axis>/closed-loop, and models of order 4, 6 and 10, up to that of the bench, are fitted.
-    The lumped parameters are known as well as an open-loop experiment finds them. Told are the
-    resonances that show, how often the intervals of the parameters hold, and how often the tests of
-    the fit reject the order. How many resonances four random arms show is told beside it.
+    Section 4.6.2. The tables give one parasitic resonance of each drive, so the differences between
+    its four arms are assumed: their links to the lens differ. Three benches have the masses,
+    springs and dampers of the drive's table: "alike" with one arm (order 4), "halves" with two arms
+    whose links are 20 % above and below the mean (order 6), and "four" with four arms whose links
+    are 30 or 20 % off (order 10). On each, a stepped sine from 100 to 2000 Hz in the loop measures
+    x / coil voltage as in cd/<axis>/closed-loop, and models of order 4, 6 and 10, up to that of the
+    bench, are fitted. The lumped parameters are known as accurately as an open-loop experiment
+    finds them. Reported are the number of resonances that show, how often the intervals of the
+    parameters hold the truth, how often the tests of the fit reject the order, and how many
+    resonances four random arms show.
 
-    A model of order 10 is at the edge of what the data tell: two of its arms may become alike,
-    where the fit is singular. So its intervals are told, but not relied on.
+    A model of order 10 is at the limit of what the data can determine: two of its arms may become
+    alike, and then the fit is singular. So its intervals are reported, but no check relies on them.
 
-    drive: CD1 ... CD12. step_hz: distance of the frequencies [Hz]. draws: of the noise and of what
-    the experimenter is told.
+    drive: CD1 ... CD12. step_hz: distance between the frequencies [Hz]. draws: number of draws of
+    the noise and of the told values.
     """
     return UnlikeArms(axis, drive, step_hz, draws)
 
@@ -128,14 +130,14 @@ class UnlikeArms(Study):
 
     @part
     def experiments(self, frequency: DataArray) -> list[LoopExperiment]:
-        """The experiment on every bench."""
+        """The experiment on every bench, by name."""
         return [
             LoopExperiment(self.laboratory(name), frequency.values, disturbances=True)
             for name in BENCHES
         ]
 
     def laboratory(self, bench: str) -> Laboratory:
-        """The bench of a name."""
+        """The bench with this name."""
         return Laboratory(self.axis, self.drive, mismatch=MISMATCH[bench])
 
     @part
@@ -147,7 +149,7 @@ class UnlikeArms(Study):
         self, context: Context, experiments: list[LoopExperiment], seed: DataArray, told: list[Told]
     ) -> list[list[LoopRecord]]:
         """Records of every bench, by draw."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         seeds = seed.values.tolist()
 
         def measured(place: tuple[int, ...]) -> LoopRecord:
@@ -156,7 +158,7 @@ class UnlikeArms(Study):
 
         places = list(np.ndindex(len(experiments), self.draws))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", IdentificationWarning)  # of few weak frequencies
+            warnings.simplefilter("ignore", IdentificationWarning)  # of a few weak lines
             found = context.spread(measured, places, "experiments")
         return [found[n * self.draws : (n + 1) * self.draws] for n in range(len(experiments))]
 
@@ -169,7 +171,7 @@ class UnlikeArms(Study):
         seed: DataArray,
         told: list[Told],
     ) -> dict[tuple[int, int, int], LoopFit]:
-        """Fits by bench, order and draw, of orders up to that of the bench."""
+        """Fits by bench, order and draw, with orders up to that of the bench."""
         true = Lumped.of(self.laboratory("alike").parameters)
         known = [true.drawn(np.random.default_rng([one, 2])) for one in seed.values.tolist()]
         places = [
@@ -187,8 +189,10 @@ class UnlikeArms(Study):
             for n, m, k in context.track(places, "fits")
         }
 
-    def _every(self, fits: dict[tuple[int, int, int], LoopFit], value: Any, *size: int) -> Any:
-        """A value of every fit (benches, orders, draws, ...), NaN where there is no fit."""
+    def _over_all_fits(
+        self, fits: dict[tuple[int, int, int], LoopFit], value: Any, *size: int
+    ) -> Any:
+        """A value of every fit (benches, orders, draws, ...); NaN if there is no fit."""
         found = np.full((len(BENCHES), len(ORDERS), self.draws, *size), np.nan)
         for place, one in fits.items():
             found[place] = value(one)
@@ -226,7 +230,7 @@ class UnlikeArms(Study):
         exact=("m/V", "without noise, by the measurement chain that is told"),
     )
     def first(self, fits: dict[tuple[int, int, int], LoopFit]) -> dict[str, Any]:
-        """Of the first draw."""
+        """Responses of the first draw."""
         own = [fits[n, 0, 0] for n in range(len(BENCHES))]
         return {
             "measured": np.array([one.response for one in own]).astype("c8"),
@@ -238,7 +242,7 @@ class UnlikeArms(Study):
         dims=(bench, order, frequency), unit="m/V", meaning="|x / coil voltage| fitted, first draw"
     )
     def fitted(self, fits: dict[tuple[int, int, int], LoopFit], frequency: DataArray) -> RealArray:
-        every = self._every(fits, lambda one: abs(one.fitted), frequency.size)
+        every = self._over_all_fits(fits, lambda one: abs(one.fitted), frequency.size)
         found: RealArray = every[:, :, 0].astype("f4")
         return found
 
@@ -248,20 +252,23 @@ class UnlikeArms(Study):
     def fitted_values(self, fits: dict[tuple[int, int, int], LoopFit]) -> dict[str, RealArray]:
         """Values of the fits, and half-widths; NaN of a parameter that stopped at its bound"""
         return {
-            name: self._every(fits, lambda one, name=name: getattr(one, name), len(FITTED))
+            name: self._over_all_fits(fits, lambda one, name=name: getattr(one, name), len(FITTED))
             for name in ("value", "half_width")
         }
 
     @arrays((bench, order, draw), chi_square_p="1", neighbours_p="1", unproven="", error_fitted="1")
     def numbers(self, fits: dict[tuple[int, int, int], LoopFit]) -> dict[str, RealArray]:
-        """Numbers of the fits"""
+        """Numbers that describe the fits."""
         names = ("chi_square_p", "neighbours_p", "unproven", "error_fitted")
-        return {name: self._every(fits, lambda one, name=name: one.numbers[name]) for name in names}
+        return {
+            name: self._over_all_fits(fits, lambda one, name=name: one.numbers[name])
+            for name in names
+        }
 
     fitted_shown = array(
         dims=(bench, order, draw), unit="", meaning="parasitic resonances of the fitted model"
     )(
-        lambda self, fits, frequency: self._every(
+        lambda self, fits, frequency: self._over_all_fits(
             fits, lambda one: resonances_shown(frequency.values, one.fitted)
         )
     )
@@ -288,20 +295,24 @@ class UnlikeArms(Study):
     proven = check(
         title="fits of the right order",
         statement="checks of a fit of order 4 or 6 that fail, all draws",
-        value=lambda unproven: _right(unproven).sel(bench=PROVEN).sum(),
+        value=lambda unproven: _of_right_order(unproven).sel(bench=PROVEN).sum(),
         at_most=0.0,
     )
     coverage = check(
         title="coverage, right order, {bench}",
         statement="1 - p of so few draws whose 99 % intervals hold the truth, worst parameter",
-        value=lambda answer: 1.0 - coverage_p(_right(_held(answer)).sel(bench=PROVEN), CONFIDENCE),
+        value=lambda answer: (
+            1.0 - coverage_p(_of_right_order(_covers_truth(answer)).sel(bench=PROVEN), CONFIDENCE)
+        ),
         each="bench",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
     accepted = check(
         title="the right order is accepted, {bench}",
         statement="1 - p of so many draws in which a test of the fit rejects it",
-        value=lambda answer: 1.0 - coverage_p(_right(_accepted(answer)), (1.0 - LEAST_P) ** 2),
+        value=lambda answer: (
+            1.0 - coverage_p(_of_right_order(_order_accepted(answer)), (1.0 - LEAST_P) ** 2)
+        ),
         each="bench",
         at_most=1.0 - LEAST_COVERAGE_P,
     )
@@ -309,13 +320,15 @@ class UnlikeArms(Study):
     @check(title="order 4 is rejected, {bench}", at_most=1.0 - SURE, each="bench")
     def rejected(self, answer: Dataset) -> DataArray:
         """share of draws in which no test of the fit rejects order 4"""
-        low = _accepted(answer).sel(order=4, bench=["halves", "four"])
+        low = _order_accepted(answer).sel(order=4, bench=["halves", "four"])
         return share_of_draws(low, "bench")
 
     @check(title="intervals of order 4, {bench}", at_most=LEAST_COVERAGE_P, each="bench")
     def misleading(self, answer: Dataset) -> DataArray:
         """p of so few draws whose 99 % intervals hold the truth, for m2 or k2, worse of both"""
-        low = _held(answer).sel(order=4, bench=["halves", "four"], parameter=list(PARASITIC))
+        low = _covers_truth(answer).sel(
+            order=4, bench=["halves", "four"], parameter=list(PARASITIC)
+        )
         return coverage_p(low, CONFIDENCE).min("parameter")
 
     # --- what is told -------------------------------------------------------------------------
@@ -325,11 +338,11 @@ class UnlikeArms(Study):
 
     @metric
     def by_order(self, answer: Dataset) -> dict[str, float]:
-        """Of every bench and order that was fitted."""
+        """Numbers of every bench and fitted order."""
         found: dict[str, float] = {}
-        held, accepted = _held(answer), _accepted(answer)
+        held, accepted = _covers_truth(answer), _order_accepted(answer)
         errors = abs(answer["value"] / answer["table_value"] - 1)
-        for bench, order in self._fitted:
+        for bench, order in self._fitted_cases:
             at = {"bench": bench, "order": order}
             one, name = held.sel(at), f"{bench}_{order}"
             found[f"covered_{name}"] = float(one.mean())
@@ -358,8 +371,8 @@ class UnlikeArms(Study):
     )
 
     @property
-    def _fitted(self) -> list[tuple[str, int]]:
-        """Benches and orders that were fitted."""
+    def _fitted_cases(self) -> list[tuple[str, int]]:
+        """Pairs of bench and order that were fitted."""
         return [
             (bench, order)
             for bench, most in BENCHES.items()
@@ -369,9 +382,11 @@ class UnlikeArms(Study):
 
     @table
     def fits_(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Each bench and order: how often it is rejected, and how often its intervals hold."""
+        """Each bench and order: how often it is rejected, and how often its intervals hold the
+        truth.
+        """
         numbers, rows = self.metrics(answer), []
-        for bench, order in self._fitted:
+        for bench, order in self._fitted_cases:
             name = f"{bench}_{order}"
             cells = [f"{int(answer['order_of_bench'].sel(bench=bench))}", f"{order}"]
             cells += [f"{int(answer['shown'].sel(bench=bench))}"]
@@ -392,7 +407,7 @@ class UnlikeArms(Study):
         return {"figure-4-5": figure_4_5(answer, title), "resonances": shown_of(answer, title)}
 
 
-def _right(values: DataArray) -> DataArray:
+def _of_right_order(values: DataArray) -> DataArray:
     """Values of the fits whose order is that of the bench."""
     import xarray as xr
 
@@ -401,11 +416,11 @@ def _right(values: DataArray) -> DataArray:
     return xr.concat([one.drop_vars("order") for one in own], "bench")
 
 
-def _held(answer: Dataset) -> DataArray:
-    """Whether an interval holds the truth; not where there is none."""
+def _covers_truth(answer: Dataset) -> DataArray:
+    """Whether an interval holds the truth; false if there is no interval."""
     return abs(answer["value"] - answer["table_value"]) <= answer["half_width"]
 
 
-def _accepted(answer: Dataset) -> DataArray:
+def _order_accepted(answer: Dataset) -> DataArray:
     """Whether neither test of a fit rejects the model's order."""
     return (answer["chi_square_p"] >= LEAST_P) & (answer["neighbours_p"] >= LEAST_P)

@@ -1,4 +1,4 @@
-"""Arms whose links to the lens differ, and the resonances that the lens shows (section 4.6.2).
+"""Arms whose links to the lens differ, and the resonances that the lens then shows (section 4.6.2).
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -16,17 +16,19 @@ from ..bench_setup import split_arms
 
 HALVES, ARMS = 2, 4
 PROMINENCE = 0.5
-"""Least height [dB] of a resonance above the dips beside it, if it is to show."""
+"""Least height [dB] of a resonance above the dips beside it, if it is to count as shown."""
 LEAST_RESIDUE = 1e-6
-"""Share of the largest modal residue below which a mode does not move the lens."""
+"""Modes with a residue below this, relative to the largest modal residue, do not move the lens."""
 LARGEST_MISMATCH = 0.9
-"""Largest mismatch of a random arm; beyond it has hardly any link."""
+"""Largest mismatch of a random arm; with a larger one it would hardly be linked."""
 
 
 def random_mismatches(
     rng: np.random.Generator, deviation: float, draws: int, arms: int = ARMS
 ) -> RealArray:
-    """Normal mismatches (draws, arms) of a standard deviation, each row with the sum 0."""
+    """Normally distributed mismatches (draws, arms) with this standard deviation; each row sums to
+    0.
+    """
     found = deviation * rng.standard_normal((draws, arms))
     found -= found.mean(axis=1, keepdims=True)
     largest = abs(found).max(axis=1, keepdims=True)
@@ -37,14 +39,14 @@ def random_mismatches(
 def resonances_shown(frequency: RealArray, response: ComplexArray) -> int:
     """Number of parasitic resonances that a response x/u (F,) shows.
 
-    They are peaks of the acceleration, that is of |x/u| over the slope of the free mass.
+    These are peaks of the acceleration, that is of |x/u| multiplied by the squared frequency.
     """
     level = 20 * np.log10(abs(response) * frequency**2)
     return len(find_peaks(level, prominence=PROMINENCE)[0])
 
 
 def order_of(actuator: Actuator) -> int:
-    """Order of the model u -> x: modes that the coil moves and that move the lens."""
+    """Order of the model u -> x: number of modes that the coil moves and that move the lens."""
     system = actuator.state_space()
     poles, vectors = np.linalg.eig(system.A)
     left = np.linalg.solve(vectors, system.B)[:, 0]
@@ -59,7 +61,9 @@ def shares_shown(
     deviations: RealArray,
     draws: int,
 ) -> RealArray:
-    """Share of random arms (S, ARMS) that show 1, 2, 3 or 4 resonances, over deviations (S,)."""
+    """Share of random arms (S, ARMS) that show 1, 2, 3 or 4 resonances, for standard deviations
+    (S,).
+    """
     found = np.zeros((len(deviations), ARMS))
     for n, deviation in enumerate(deviations):
         for mismatch in random_mismatches(rng, deviation, draws):

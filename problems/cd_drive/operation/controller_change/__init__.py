@@ -1,1 +1,1 @@
-"""The controller of a running loop is changed, with its step and without."""
+"""The controller of a running loop is changed, with a step of its command and without."""

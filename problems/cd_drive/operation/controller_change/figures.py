@@ -10,7 +10,7 @@ from ...drive.tables import Axis
 
 
 def one_change(answer: Dataset, axis: Axis) -> Figure:
-    """Error and command of every way, one record on CD1."""
+    """Error and command for every way of changing, one record on CD1."""
     ways = answer["way"].values.tolist()
     drawn, panels = figures.axes(2, len(ways), size=(10.0, 5.0), sharex=True, sharey="row")
     time = 1e3 * answer["time"]

@@ -1,4 +1,5 @@
-"""The controller of a running loop is changed: what does its step do (section 3.6.1)?
+"""The controller of a running loop is changed: what does the step of the command cause (section
+3.6.1)?
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -44,14 +45,14 @@ ANGLES = tuple(n / 12 for n in range(12))
 SHARES = (0.1, 0.3, 1.0)
 """Deviations of the disc over what the Red Book allows."""
 STEPS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Steps of the command [V] on a disc that stands."""
+"""Steps of the command [V] on a disc at rest."""
 QUIET: dict[str, Any] = {"noise": 0.0, "electronics": 0.0, "bits": None}
 """A laboratory without noise, whose converters do not round."""
 SMALL = 0.05
-"""Step [V] that leaves the optics linear."""
+"""Step [V] that is small enough for the optics to be linear."""
 BUMPLESS = WAYS[-1]
 SHOWN = 5e-3
-"""Time [s] before and after a change that is shown."""
+"""Time [s] before and after a change that figures show."""
 
 
 @problem(
@@ -64,16 +65,17 @@ def controller_change(
 ) -> ControllerChange:
     """The controller is changed while the disc turns: with a step of its command, and without.
 
-    The player's own controller is replaced by the laboratory's, which until then has rested, has
-    run beside it, or has followed its command. At twelve angles of the disc, on every drive, with
-    three deviations. Beside it a step of the command alone, on a disc that stands.
+    The player's own controller is replaced by that of the laboratory. Until then the new controller
+    has been at rest, has run in parallel, or has followed the old one's command. The change is made
+    at twelve angles of the disc, on every drive, with three deviations. A step of the command
+    alone, on a disc at rest, serves for comparison.
 
-    Assumed: the old controller, which the thesis does not print, is the reference one with less
-    gain. Computed: the largest error per volt of a step, in each drive's linear loop. Simulated:
-    shares of changes that lose the loop, with 99 % Clopper-Pearson intervals.
+    Assumed: the old controller, which the thesis does not print, is the reference controller with
+    less gain. Computed: the largest error per volt of a step, in each drive's linear loop.
+    Simulated: shares of changes that lose the loop, with 99 % Clopper-Pearson intervals.
 
-    old_db: gain of the old controller over the reference one's [dB]. draws: of the noise, for every
-    drive, angle, disc and way.
+    old_db: gain of the old controller over the reference one's [dB]. draws: number of draws of the
+    noise, for every drive, angle, disc and way.
     """
     return ControllerChange(axis, old_db, draws)
 
@@ -106,7 +108,7 @@ class ControllerChange(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Changes (ways, shares, angles, drives, draws, 4)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Changed]:
             at = seed[place]
@@ -206,7 +208,7 @@ class ControllerChange(Study):
 
     @metric
     def sizes(self, answer: Dataset) -> dict[str, float]:
-        """Largest errors in parts of the capture range, and steps that are stood."""
+        """Largest errors over the capture range, and the largest steps that the loop survives."""
         over = answer["largest"] / CAPTURE[self.axis]
         numbers = {
             f"largest_{way.replace(' ', '_')}_over_capture": float(over.sel(way=way).max())
@@ -223,7 +225,7 @@ class ControllerChange(Study):
 
     @table
     def changes(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Every way on every disc: loss with its 99 % interval, and errors."""
+        """Every way on every disc: share of losses with its 99 % interval, and errors."""
         rows = []
         for way in WAYS:
             for share in SHARES:

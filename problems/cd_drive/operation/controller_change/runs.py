@@ -1,4 +1,4 @@
-"""One change of the controller of a running loop, and what it does to the error."""
+"""One change of the controller in a running loop, and its effect on the error."""
 
 from __future__ import annotations
 
@@ -30,26 +30,27 @@ from ...laboratory.experiment import MEASUREMENTS, Laboratory
 from ...laboratory.record import Record
 
 WAYS = ("from rest", "in parallel", "without a bump")
-"""How the new controller has run until then: not at all; beside the old one, with the same error;
-following the command, as `following` does."""
+"""What the new controller did until the change: nothing; run beside the old one, with the same
+error; or follow the old one's command, as `following` does.
+"""
 ROTATION = 6.0
 """Rotation frequency [Hz]."""
 SETTLED = 0.35
-"""Time [s] from which on a controller may be changed: the disc has run up since 0.2 s."""
+"""Time [s] from which a controller may be changed; the disc is at full deviation since 0.2 s."""
 AFTER = 15e-3
-"""Time [s] after the change in which it still moves the lens."""
+"""Time [s] for which a change still moves the lens."""
 STEP_AT = 30e-3
-"""Time [s] of a step on a disc that stands: the loop has come to rest."""
+"""Time [s] of a step on a disc at rest; the loop has settled by then."""
 FOLLOWING = 500.0
 """Rate [1/s] at which the new controller follows the command of the old one."""
 
 
 class Changed(NamedTuple):
-    """What a change did.
+    """Effect of a change.
 
-    difference: of the new controller's command from the old one's at the change [V]. largest:
-    largest error [m] after it; before: in the same time before it. lost: whether the focus or the
-    track was lost.
+    difference: command of the new controller minus that of the old one at the change [V]. largest:
+    largest error [m] after the change; before: largest error in the same time before it. lost:
+    whether the focus or the track was lost.
     """
 
     difference: float
@@ -60,9 +61,9 @@ class Changed(NamedTuple):
 
 @dataclass(frozen=True)
 class Change:
-    """Changes from a controller of `old_db` less gain than the reference one's to that one.
+    """Changes to the reference controller, from one with a gain that is lower by `old_db`.
 
-    share: of the Red Book's deviation, by which the disc moves.
+    share: deviation of the disc over the Red Book's.
     """
 
     axis: Axis
@@ -74,7 +75,7 @@ class Change:
         return 10.0 ** (self.old_db / 20.0) * controller(self.axis)
 
     def cascade(self, way: str, time: float) -> Cascade:
-        """Both controllers, the new one in charge from a time [s] on."""
+        """Both controllers; the new one gives the command from this time [s] on."""
         new = controller(self.axis)
         parts = [Part("new", taken_at(time), []), Part("K_old", linear(self.old, PERIOD), ["f_en"])]
         if way == "without a bump":
@@ -87,8 +88,9 @@ class Change:
         return Cascade(MEASUREMENTS, [*parts, Part("u", blend(), ["new", "K_new", "K_old"])])
 
     def record(self, way: str, drive: str, angle: float, seed: int, **bench: object) -> Record:
-        """A record of a change at an angle of the disc [revolutions]; `bench` changes the
-        laboratory."""
+        """Record of a change at an angle of the disc [revolutions]; `bench` overrides fields of the
+        laboratory.
+        """
         time = self.time(angle)
         deviation = self.share * red_book(self.axis).deviation
         disc = Disc.along(self.axis, deviation, rotation=ROTATION)
@@ -102,7 +104,7 @@ class Change:
         return float(round(turns / ROTATION * RATE) / RATE)
 
     def changed(self, way: str, drive: str, angle: float, seed: int, **bench: object) -> Changed:
-        """What a change did."""
+        """Effect of one change."""
         record = self.record(way, drive, angle, seed, **bench)
         first = round(self.time(angle) * RATE)
         error = abs(record.x_cd - record.x)
@@ -113,13 +115,15 @@ class Change:
 
 
 def taken_at(time: float) -> Controller:
-    """Part that tells 0 before a time [s] and 1 from then on."""
+    """Part that returns 0 before a time [s], and 1 from then on."""
     parameters = np.array([round(time / PERIOD)], float)
     return Controller(_taken_at, np.zeros(1), parameters, dt=PERIOD)
 
 
 def linear_step(axis: Axis, drive: str) -> float:
-    """Largest error per volt of a step of the command [m/V], in the reference controller's loop."""
+    """Largest error per volt of a step of the command [m/V], in the loop of the reference
+    controller.
+    """
     bench = Laboratory(axis, drive)
     model, K = bench.sampled_error(), in_discrete_time(controller(axis), PERIOD)
     x, memory, largest = np.zeros(model.nstates), np.zeros(K.nstates), 0.0
@@ -133,7 +137,7 @@ def linear_step(axis: Axis, drive: str) -> float:
 
 
 def simulated_step(axis: Axis, drive: str, volts: float, seed: int, **bench: object) -> float:
-    """Largest error [m] after a step of the command [V], on a disc that stands."""
+    """Largest error [m] after a step of the command [V], on a disc at rest."""
     laboratory = replace(Laboratory(axis, drive), **bench)  # type: ignore[arg-type]
     first, last = round(STEP_AT * RATE), round((STEP_AT + AFTER) * RATE)
     excitation = np.where(np.arange(last) < first, 0.0, volts)

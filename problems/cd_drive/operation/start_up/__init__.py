@@ -1,1 +1,1 @@
-"""The focus is searched for by a ramp, and the loop closed where the error crosses zero."""
+"""A ramp searches for the focus, and the loop is closed where the error crosses zero."""

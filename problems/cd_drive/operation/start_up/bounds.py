@@ -1,8 +1,9 @@
-"""Speeds at which a focus is surely held in the linear range, and surely leaves the s-curve.
+"""Speed up to which the focus surely stays in the linear range, and speed above which it surely
+leaves the s-curve.
 
-Both are of a lens that passes the layer at a constant relative speed, without noise. Below the
-first the loop is linear for as long as it has to brake, so its error is a number times the speed.
-Above the second no voltage within the converter's limits stops the lens before the s-curve's end.
+Both are relative speeds of a lens that passes the layer at constant speed, without noise. Below the
+first, the loop is linear during the whole braking, so its error is proportional to the speed. Above
+the second, no voltage within the converter's limits stops the lens before the end of the s-curve.
 """
 
 from __future__ import annotations
@@ -20,19 +21,19 @@ from ...drive.tables import red_book
 from ...laboratory.bench_setup import OUTPUT_LIMIT, PERIOD, coil_gain, find_drive
 
 FINER = 8
-"""Steps between samples in which the error is looked at."""
+"""Number of steps per sample in which the error is evaluated."""
 SAMPLES = 700
-"""Samples after the loop is closed: 20 ms, in which the nominal loop settles to 1e-3."""
+"""Number of samples after the loop is closed: 20 ms, in which the nominal loop settles to 1e-3."""
 DELAY = 1
-"""Turn-around of the laboratory [samples]."""
+"""Delay of the laboratory [samples]."""
 
 
 def linear_overshoot(drive: str) -> float:
-    """Largest error after closing over the relative speed [s], while the loop is linear.
+    """Largest error after closing, over the relative speed [s], while the loop is linear.
 
-    The lens comes in a steady ramp, whose voltage is kept as it is when the loop is closed: at the
-    first sample whose filtered error is past zero, one sample after it at the latest. The error is
-    linear in that time too, so the largest is found at one of its ends.
+    The lens arrives in a steady ramp, whose voltage is held when the loop is closed. It is closed
+    at the first sample whose filtered error is past zero, at most one sample late. The error is
+    linear in this delay, so its largest value is at one end of it.
     """
     return max(_overshoot(drive, late) for late in (0.0, PERIOD))
 
@@ -45,20 +46,23 @@ def held_speed(drive: str) -> float:
 def escape_speed(drive: str, place: float) -> float:
     """Relative speed [m/s] above which the lens leaves the s-curve under any voltage.
 
-    place: largest distance [m] of the layer from where the lens rests. All force pulls at the lens
-    side's mass alone, and the layer comes to meet it with all the acceleration of the Red Book.
+    place: largest distance [m] of the layer from the rest of the lens. All force is taken to act on
+    the mass of the lens side alone, and the layer to move towards the lens with the Red Book's full
+    acceleration.
     """
     p = find_drive("focus", drive)
     emf = p.Bl**2 / (p.R + SERIES_RESISTANCE)
     coil = p.Bl * coil_gain(p) * OUTPUT_LIMIT / (p.R + SERIES_RESISTANCE)
     braking = (coil + p.k * place) / p.m1 + red_book("focus").acceleration
-    # v^2 / 2 = (braking + damping v) d, solved for v: damping is taken at the entering speed.
+    # v^2 / 2 = (braking + damping v) d, solved for v; the damping is that at the entering speed
     damped = (emf + p.b1 + p.b2) / p.m1 * S_CURVE_PEAK
     return damped + math.sqrt(damped**2 + 2 * braking * S_CURVE_PEAK)
 
 
 def _overshoot(drive: str, late: float) -> float:
-    """Largest error over the speed [s] if the loop is closed `late` [s] after the error's zero."""
+    """Largest error over the speed [s] if the loop is closed `late` [s] after the error's zero
+    crossing.
+    """
     model = find_drive("focus", drive)
     moving = specific_model(model).state_space()
     A, B = moving.A, moving.B * coil_gain(model)

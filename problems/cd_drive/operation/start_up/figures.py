@@ -1,4 +1,4 @@
-"""One start-up, and what becomes of many."""
+"""Figures of one start-up, and of the outcomes of many."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLOURS = dict(zip(OUTCOMES, SHADES, strict=True))
 
 
 def started(answer: Dataset) -> Figure:
-    """The whole start-up, and the milliseconds about the closing of the loop."""
+    """The whole start-up, and the milliseconds around the closing of the loop."""
     drawn, panels = figures.axes(2, 2, size=(9.0, 5.2), sharex="col")
     lens, zoom = panels[0], panels[1]
     lens.plot(answer["shown_time"], 1e3 * answer["whole_lens"], color=figures.BLUE)
@@ -38,7 +38,9 @@ def started(answer: Dataset) -> Figure:
 
 
 def by_speed(answer: Dataset) -> Figure:
-    """Outcomes by the ramp's speed: share captured on each disc, and all kinds by threshold."""
+    """Outcomes by the ramp's speed: share captured on each disc, and all kinds of outcome by
+    threshold.
+    """
     drawn, panels = figures.axes(1, 5, size=(13.0, 4.0), sharey=True, sharex=True)
     names = [f"{1e3 * one:g}" for one in answer["speed"].values]
     place = np.arange(len(names))

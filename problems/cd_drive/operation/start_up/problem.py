@@ -47,21 +47,21 @@ SHARES = (0.0, 0.1, 0.3, 1.0)
 OWN, NOMINAL, LOW, QUIET_LOW = LAWS
 CAPTURED = OUTCOMES.index("captured")
 FARTHEST = TOLERANCE + red_book("focus").deviation
-"""Largest distance [m] of the layer from where the lens rests."""
+"""Largest distance [m] of the layer from the rest of the lens."""
 STEADY = SPEEDS[:2]
-"""Speeds of ramps so long that the lens no longer rings when it meets the layer."""
+"""Speeds of ramps that are long enough for the lens to stop ringing before it meets the layer."""
 BEFORE, AFTER = 2e-3, 4e-3
-"""Times [s] about the closing of the loop that are shown."""
+"""Times [s] before and after the closing of the loop that figures show."""
 
 
 @problem("cd/focus/start-up", data=(*TABLES, "data/red_book.csv"))
 def start_up(draws: Annotated[int, Field(ge=1, le=1000)] = 4) -> StartUpStudy:
     """How fast the focus loop may be started, and on which disc (section 2.4.3).
 
-    The lens draws back, then advances through the disc's surface to its layer, in a voltage that
-    suits the nominal drive. Where the sum of the diodes exceeds a threshold and the error crosses
-    zero, the reference controller takes over from the ramp. Twelve drives, five speeds, discs that
-    stand or wobble at 9 Hz, and three thresholds.
+    The lens draws back, then advances through the disc's surface to its layer, driven by a voltage
+    that suits the nominal drive. If the sum of the diodes exceeds a threshold and the error crosses
+    zero, the reference controller takes over from the ramp. There are twelve drives, five speeds,
+    discs at rest or wobbling at 9 Hz, and thresholds on the sum.
 
     Assumed: the s-curve fades as in the laboratory's optics; the surface reflects by Fresnel's law,
     a lens position of 0.75 mm before the layer, undisturbed by spherical aberration; the layer lies
@@ -69,7 +69,8 @@ def start_up(draws: Annotated[int, Field(ge=1, le=1000)] = 4) -> StartUpStudy:
     error stays where the loop is linear, and the one above which no voltage keeps it in the
     s-curve. Simulated: shares of draws with 99 % Clopper-Pearson intervals.
 
-    draws: of the disc's place and angle and of noise, for every drive, speed, disc and threshold.
+    draws: number of draws of the disc's position and angle and of noise, for every drive, speed,
+    disc and threshold.
     """
     return StartUpStudy(draws)
 
@@ -116,7 +117,7 @@ class StartUpStudy(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Attempts (laws, speeds, shares, drives, draws, 3)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Attempt]:
             at = seed[place]
@@ -146,7 +147,9 @@ class StartUpStudy(Study):
 
     @part
     def without_noise(self, seed: DataArray) -> RealArray:
-        """Attempts (drives, steady speeds, 3) without noise on discs that stand, first draws."""
+        """Attempts (drives, steady speeds, 3) without noise on discs at rest, for the first
+        draws.
+        """
         return np.array(
             [
                 [
@@ -203,7 +206,7 @@ class StartUpStudy(Study):
 
     @part
     def one_start(self) -> tuple[Any, ...]:
-        """One record: every tenth sample of it, and all about the closing."""
+        """One record: every tenth sample, and all samples around the closing."""
         start = StartUp(OWN, SPEEDS[1], 0.0)
         record = start.record("CD1", 1)
         error, first = record.x_cd - record.x, int(np.argmax(record.signals["closed"] == 1.0))
@@ -272,7 +275,7 @@ class StartUpStudy(Study):
 
     @metric
     def linear_range(self, answer: Dataset) -> dict[str, float]:
-        """Share of slow starts on standing discs that stay in the linear range."""
+        """Share of slow starts on discs at rest that stay in the linear range."""
         one = answer["overshoot"].sel(law=OWN, speed=list(SPEEDS[:2]), share=0.0)
         found = share_interval(one < S_CURVE_LINEAR)
         ends = found["summary"].values
@@ -280,7 +283,7 @@ class StartUpStudy(Study):
 
     @metric
     def speeds(self, answer: Dataset) -> dict[str, float]:
-        """Speeds [m/s] between which a capture turns into a loss."""
+        """Speeds [m/s] between which captures become losses."""
         one = answer.sel(law=OWN)
         captured = one["outcome"] == CAPTURED
         size = abs(one["relative"])
@@ -295,7 +298,7 @@ class StartUpStudy(Study):
 
     @table
     def starts(self, outcome: DataArray) -> tuple[list[str], list[list[str]]]:
-        """Share of starts that end on the layer: mean, and 99 % interval."""
+        """Share of starts that end on the layer: mean and 99 % interval."""
         captured, rows = outcome == CAPTURED, []
         for law in LAWS:
             for share in SHARES:

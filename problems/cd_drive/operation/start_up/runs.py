@@ -1,4 +1,4 @@
-"""One start-up of the focus loop, and what became of it."""
+"""One start-up of the focus loop, and its outcome."""
 
 from __future__ import annotations
 
@@ -19,31 +19,33 @@ from ...tolerance.tactics import clean_level
 from ..focus_search import BEGIN, END, RETREAT, WAIT, Search
 
 LAWS = ("1/2 of its light", "1/2 of the nominal's", "1/20 of its light", "1/20, no noise")
-"""Sums at which the focus is taken to be near: half of the drive's own level; half of the nominal
-drive's; and so low that the disc's surface exceeds it, with the laboratory's noise and without."""
+"""Sums above which the focus counts as near: half of the drive's own level; half of the nominal
+drive's; and so low that the disc's surface exceeds it, with the laboratory's noise and without.
+"""
 QUIET = {"noise": 0.0, "electronics": 0.0, "bits": None}
 """A laboratory without noise, whose converters do not round."""
 OUTCOMES = ("captured", "lost", "surface", "dark", "never")
-"""What a start-up ends in: the layer held; the layer passed and lost; the surface held; closed
-by noise, where there is no light; never closed."""
+"""Outcomes of a start-up: the layer held; the layer passed and lost; the surface held; closed by
+noise, without light; never closed.
+"""
 TOLERANCE = 0.1e-3
-"""Largest distance [m] of a flat layer from the resting lens, by assembly and clamping: a guess."""
+"""Largest distance [m] of a flat layer from the resting lens, by assembly and clamping; a guess."""
 ROTATION = 9.0
-"""Rotation frequency [Hz] at the lead-in, where a disc is started."""
+"""Rotation frequency [Hz] at the lead-in, where a disc starts."""
 HOLDING = 40e-3
-"""Time [s] that the loop has after the ramp would have ended."""
+"""Time [s] for which the loop runs after the end of the full ramp."""
 JUDGED = 5e-3
-"""Time [s] at the end of a record in which the focus is held, or is not."""
+"""Time [s] at the end of a record in which it is judged whether the focus is held."""
 NEAR = 3 * S_CURVE_PEAK
-"""Distance [m] from the layer, or the surface, within which its light is seen."""
+"""Distance [m] from the layer or the surface within which its light is seen."""
 
 
 class Attempt(NamedTuple):
-    """What a start-up ended in.
+    """Outcome of one start-up.
 
-    outcome: number of one of OUTCOMES. speed: relative speed of lens and layer [m/s] when the loop
-    is closed, positive towards the disc; nan if it never is. overshoot: largest error [m] from then
-    on, along the way.
+    outcome: index in OUTCOMES. speed: relative speed of lens and layer [m/s] when the loop is
+    closed, positive towards the disc; NaN if it is never closed. overshoot: largest error [m] after
+    that, in the direction of motion.
     """
 
     outcome: int
@@ -53,8 +55,9 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True)
 class StartUp:
-    """Start-ups of drives by a law of LAWS, at a speed of the ramp [m/s] and a share of the Red
-    Book's deviation."""
+    """Start-ups of drives by one of LAWS, at a speed of the ramp [m/s] and a share of the Red
+    Book's deviation.
+    """
 
     law: str
     speed: float
@@ -64,7 +67,7 @@ class StartUp:
         return Laboratory("focus", drive, surface=True)
 
     def threshold(self, drive: str) -> float:
-        """Sum [V] above which the focus is near. Raises InputError for an unknown law."""
+        """Sum [V] above which the focus counts as near. Raises InputError for an unknown law."""
         level = clean_level(self.laboratory(drive))
         nominal = find_drive("focus", "nominal")
         found = {
@@ -78,14 +81,14 @@ class StartUp:
         return found[self.law]
 
     def disc(self, rng: np.random.Generator) -> Disc:
-        """A disc at a drawn distance and angle; without deviation it might as well stand."""
+        """A disc at a random distance and angle; without deviation its rotation does not matter."""
         deviation = self.share * red_book("focus").deviation
         offset, phase = rng.uniform(-TOLERANCE, TOLERANCE), rng.uniform()
         rest = {"rotation": ROTATION, "phase": phase, "offset": offset, "run_up": 0.0}
         return Disc.along("focus", deviation, **rest)
 
     def record(self, drive: str, seed: int, **bench: object) -> Record:
-        """A record of one draw; `bench` changes the laboratory."""
+        """A record of one draw; `bench` overrides fields of the laboratory."""
         search = Search(self.speed, self.threshold(drive))
         duration = -BEGIN / RETREAT + WAIT + (END - BEGIN) / self.speed + HOLDING
         bench = (QUIET if self.law == LAWS[3] else {}) | bench
@@ -94,12 +97,12 @@ class StartUp:
         return laboratory.closed_loop(search.cascade, duration=duration, disc=disc, seed=seed)
 
     def attempt(self, drive: str, seed: int, **bench: object) -> Attempt:
-        """What became of one draw."""
+        """Outcome of one draw."""
         return outcome(self.record(drive, seed, **bench))
 
 
 def outcome(record: Record) -> Attempt:
-    """What became of a record."""
+    """Outcome of a record."""
     error = record.x_cd - record.x
     closed = np.flatnonzero(record.signals["closed"] == 1.0)
     if not len(closed):

@@ -1,1 +1,3 @@
-"""The radial loop is opened, kicked across tracks, braked, and closed on another one."""
+"""The radial loop is opened, the lens kicked across tracks and braked, and the loop closed on
+another track.
+"""

@@ -1,4 +1,4 @@
-"""One jump of every law, and where many land."""
+"""Figures of one jump by every law, and of the landings of many."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench.study import share_interval
 
 
 def one_jump(answer: Dataset, tracks: int, volts: float) -> Figure:
-    """Place, error, sum and voltage of every law, one record on CD1."""
+    """Position, error, sum and voltage of every law, one record on CD1."""
     laws = answer["law"].values.tolist()
     drawn, panels = figures.axes(4, len(laws), size=(12.0, 7.0), sharex=True, sharey="row")
     time = 1e3 * answer["moment"]
@@ -36,7 +36,7 @@ def one_jump(answer: Dataset, tracks: int, volts: float) -> Figure:
 
 
 def by_tracks(answer: Dataset, countable: float) -> Figure:
-    """Share that lands on its track, over the number of tracks."""
+    """Share of jumps that land on their track, over the number of tracks."""
     drawn, panels = figures.axes(2, 2, size=(9.0, 6.0), sharex=True, sharey=True)
     landed = (answer["off"] == 0.0) & (answer["held"] == 1.0)
     tracks, laws = answer["tracks"].values, answer["law"].values.tolist()

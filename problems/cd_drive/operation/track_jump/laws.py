@@ -1,12 +1,12 @@
-"""Laws that make the radial lens jump across tracks: pulses of voltage, counted or played.
+"""Laws that make the radial lens jump across tracks by pulses of voltage: counted or precomputed.
 
-The thesis' player jumps back to a track that it has lost (section 3.6.1), and does not say how.
-Here the controller goes on with the mean error of the last millisecond, so that the lens moves on
-as the disc does, and a pulse is added. The counting law measures how long the lens takes to most of
-the half way, by the zeros of the error. A free mass that is pushed evenly needs sqrt(distance) of
-time, so this tells when to brake, whatever the drive's gain is; the brake lasts as long as the
-kick. Playing laws have their pulse from a model. All leave the voltage that holds the nominal lens
-at its new place.
+The thesis' player jumps back to a track that it has lost (section 3.6.1), but it is not said how.
+Here the controller continues with the mean error of the last millisecond, so that the lens still
+follows the disc, and a pulse is added. The counting law measures by the zeros of the error how long
+the lens takes to cover most of half the distance. A free mass under constant force needs a time
+proportional to sqrt(distance), so this time tells when to brake, whatever the drive's gain; the
+brake lasts as long as the kick. Playing laws take their pulse from a model. All laws add the
+voltage that holds the nominal lens at its new position.
 """
 
 from __future__ import annotations
@@ -28,39 +28,42 @@ from ...laboratory.bench_setup import PERIOD, coil_gain, find_drive
 from ...laboratory.experiment import MEASUREMENTS
 
 HELD = 1e-3 / PERIOD
-"""Samples over which the error is averaged with which the controller goes on."""
+"""Number of samples over which the error is averaged for the controller during a jump."""
 COUNTED = 0.75
-"""Share of the half way over which zeros are counted; the rest leaves time to tell the brake."""
+"""Share of half the distance over which zeros are counted; the rest leaves time to determine the
+brake.
+"""
 LAG = 1.0 + 1.0 / (ANTIALIASING * PERIOD) + 0.5
-"""Samples from a voltage to the zero that it causes, beside the lens' own motion: the computer's
-delay, the anti-aliasing filter, and half a sample until a zero is seen."""
+"""Samples from a voltage to the zero that it causes, beyond the lens' own motion: the computer's
+delay, the anti-aliasing filter, and half a sample until a zero is detected.
+"""
 
 
 def holding_voltage(tracks: int) -> float:
-    """Voltage [V] that holds the nominal lens so many tracks out of its rest."""
+    """Voltage [V] that holds the nominal lens this many tracks from its rest."""
     p = find_drive("radial", "nominal")
     return tracks * TRACK_PITCH * (p.R + SERIES_RESISTANCE) * p.k / (p.Bl * coil_gain(p))
 
 
 def acceleration(volts: float) -> float:
-    """Acceleration [m/s^2] of the nominal lens with its arm by a voltage."""
+    """Acceleration [m/s^2] of the nominal lens, moved with its arm by this voltage."""
     p = find_drive("radial", "nominal")
     return volts * coil_gain(p) * p.Bl / ((p.R + SERIES_RESISTANCE) * (p.m1 + p.m2))
 
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump across tracks that starts at a time [s], with pulses of at most so many volts."""
+    """A jump across tracks that starts at a time [s], with pulses of at most `volts`."""
 
     tracks: int
     volts: float
     start: float
 
     def counted(self, middle: float) -> Controller:
-        """Part that counts; middle: sum [V] half way from the track to between two.
+        """Part that counts; middle: sum [V] half way between that on a track and that between two.
 
-        It reads the error and the sum; 0 for the middle counts every zero of the error. It tells
-        1 while the loop is closed, the pulse, and the error to go on with.
+        It reads the error and the sum. With 0 for `middle` it counts every zero of the error. It
+        returns 1 while the loop is closed, the pulse, and the error for the controller.
         """
         counted = max(1, int(COUNTED * self.tracks))
         parameters = [self.start / PERIOD, self.tracks, self.volts, middle]
@@ -70,21 +73,21 @@ class Jump:
         )
 
     def played(self, pulse: ArrayLike) -> Controller:
-        """Part that reads the error, plays a pulse [V] (N,), and tells the same."""
+        """Part that reads the error, plays a pulse [V] (N,), and returns the same as `counted`."""
         head = [self.start / PERIOD, holding_voltage(self.tracks)]
         parameters = np.concatenate([head, np.asarray(pulse, float)])
         return Controller(_played, np.zeros(2), parameters, outputs=3, reads=1, dt=PERIOD)
 
     def clocked(self) -> RealArray:
-        """Pulse (N,) of the nominal lens as a free mass: kick and brake of equal length."""
+        """Pulse (N,) for the nominal lens as a free mass: kick and brake of equal length."""
         ticks = np.sqrt(self.tracks * TRACK_PITCH / acceleration(self.volts)) / PERIOD
         edges = np.arange(int(np.ceil(2 * ticks)) + 1)
         area = np.minimum(edges, ticks) - np.clip(edges - ticks, 0.0, ticks)
-        return self.volts * np.diff(area)  # the sample with an edge has what is left of it
+        return self.volts * np.diff(area)  # a sample with an edge has only a part of the pulse
 
     @staticmethod
     def cascade(law: Controller) -> Cascade:
-        """The reference controller with a law's pulse."""
+        """The reference controller with the pulse of a law."""
         parts = [
             Part("jump", law, given=["f_en", "sum"], tells=["closed", "pulse", "held"]),
             Part("seen", blend(), given=["closed", "f_en", "held"]),
@@ -98,9 +101,9 @@ class Jump:
 def _counted(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
     """Step of `Jump.counted`.
 
-    The state is the sample, the phase (0 before, 1 counting, 2 kicking on, 3 braking, 4 after),
-    samples of the pulse so far and of the kick, halves of tracks that passed, the last error,
-    whether the next zero is expected between two tracks, and the mean error.
+    The state holds the sample, the phase (0 before, 1 counting, 2 still kicking, 3 braking, 4
+    after), the samples of the pulse so far and of the kick, the number of half tracks passed, the
+    last error, whether the next zero is expected between two tracks, and the mean error.
     """
     start, halves, volts, middle, hold, counted, lag = parameters
     error = given[0]
@@ -133,7 +136,7 @@ def _counted(state: RealArray, parameters: RealArray, given: RealArray, told: Re
 
 @kernel
 def _played(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `Jump.played`; the state counts samples, and is the mean error."""
+    """Step of `Jump.played`; the state holds the number of samples and the mean error."""
     place = int(state[0] - parameters[0])
     told[0], told[1] = 1.0, 0.0
     if place >= len(parameters) - 2:

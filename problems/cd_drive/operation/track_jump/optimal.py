@@ -1,13 +1,13 @@
-"""The fastest jump that a limit of the voltage allows, and the proof that none is faster.
+"""The fastest jump within a voltage limit, and the proof that none is faster.
 
-A pulse of N samples brings the lens of a linear drive from rest on its track to rest on another.
-For each N the end that is nearest to the target is a convex problem of the voltages, stated in
-CasADi. The pulse of the least N whose end is the target is the fastest. One sample less is too few:
-there the difference r between the target and the nearest end separates the target from every end,
+A pulse of N samples moves the lens of a linear drive from rest on its track to rest on another. For
+each N, finding the end nearest to the target is a convex problem in the voltages, stated in CasADi.
+The fastest pulse is that of the least N whose end is the target. One sample less is too few: then
+the difference r between the target and the nearest end separates the target from every end,
 
     r' x_target  >  max over |u| <= U of r' sum A^(N-1-k) B u_k  =  U sum |r' A^(N-1-k) B|,
 
-which is checked with the stored r alone, whoever found it.
+and this is checked from the stored r alone, however it was found.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from ...laboratory.bench_setup import PERIOD, coil_gain, find_drive
 from .laws import acceleration
 
 REACHED = 1e-3
-"""Distance from the target, in tracks of each state's scale, at which it counts as reached."""
+"""Distance from the target, in the scale of each state in tracks, at which it counts as reached."""
 
 
 @dataclass(frozen=True)
 class FastestJump:
-    """The fastest jump of a drive across tracks with at most so many volts."""
+    """The fastest jump of a drive across tracks with at most this voltage."""
 
     drive: str
     tracks: int
@@ -42,7 +42,7 @@ class FastestJump:
 
     @cached_property
     def model(self) -> tuple[RealArray, RealArray]:
-        """Sampled model A (4, 4), B (4,) of lens and arm, in tracks and tracks a millisecond."""
+        """Sampled model A (4, 4), B (4,) of lens and arm, in tracks and tracks per millisecond."""
         parameters = find_drive("radial", self.drive)
         moving = specific_model(parameters).state_space()
         A, B = hold(moving.A, moving.B * coil_gain(parameters), PERIOD)
@@ -66,7 +66,7 @@ class FastestJump:
         return state
 
     def reach(self, direction: RealArray, samples: int) -> float:
-        """Largest r' x at the end of any pulse of so many samples; direction r (4,)."""
+        """Largest r' x at the end of any pulse of this many samples; direction r (4,)."""
         A, B = self.model
         row, most = direction.copy(), 0.0
         for _ in range(samples):
@@ -75,7 +75,9 @@ class FastestJump:
         return self.volts * most
 
     def beyond(self, direction: RealArray, samples: int) -> float:
-        """Share of r' x_target that is out of reach; above 0 no pulse of so many samples jumps."""
+        """Relative part of r' x_target beyond reach; if above 0, no pulse of this many samples
+        makes the jump.
+        """
         wanted = float(direction @ self.target[0])
         return 1.0 - self.reach(direction, samples) / wanted if wanted > 0.0 else -1.0
 
@@ -95,9 +97,10 @@ class FastestJump:
         return self.volts * np.clip(np.ravel(found["x"].full()), -1.0, 1.0)
 
     def fastest(self) -> tuple[RealArray, RealArray]:
-        """Pulse (N,) [V] of the fastest jump, and r (4,) that proves that N - 1 are too few.
+        """Pulse (N,) [V] of the fastest jump, and the r (4,) that proves that N - 1 samples are too
+        few.
 
-        Raises SolverError when the least N and its proof are not found.
+        Raises SolverError if the least N and its proof are not found.
         """
         free = 2 * np.sqrt(self.tracks * TRACK_PITCH / acceleration(self.volts)) / PERIOD
         samples, direction = max(2, int(free)), None

@@ -42,16 +42,16 @@ from .optimal import FastestJump
 from .runs import LAWS, START, Landing, Setting
 
 TRACKS = (1, 2, 4, 8, 16, 32, 64)
-"""Tracks that are jumped across."""
+"""Numbers of tracks that are jumped across."""
 VOLTS = (3.0, 10.0)
 """Largest voltages of the pulses [V]; the second is the converter's limit."""
 SHARES = (0.0, 1.0)
 """Eccentricities of the disc over what the Red Book allows."""
 COUNTED = LAWS[0]
 COUNTABLE = TRACK_PITCH / (2 * PERIOD)
-"""Speed [m/s] of the lens over the tracks at which half a track passes from sample to sample."""
+"""Speed [m/s] of the lens across the tracks at which it passes half a track per sample."""
 SHOWN = (8, 3.0)
-"""Tracks and volts of the records that are shown."""
+"""Number of tracks and voltage [V] of the records that figures show."""
 
 
 @problem(
@@ -63,10 +63,10 @@ SHOWN = (8, 3.0)
 def track_jump(tracks: Run, draws: Annotated[int, Field(ge=1, le=1000)] = 4) -> TrackJump:
     """Jumps across 1 to 64 tracks: where they land, on every drive (section 3.6.1).
 
-    A pulse kicks the lens and brakes it while the controller holds. One law counts zeros of the
-    radial error that the sum confirms, one all zeros; one plays the pulse that would move a free
-    mass; one plays the fastest jump of the nominal lens under the limit of the voltage, found with
-    CasADi.
+    A pulse kicks the lens and brakes it while the controller's input is held. One law counts the
+    zeros of the radial error that the sum confirms, one counts all zeros; one plays the pulse that
+    would move a free mass; one plays the fastest jump of the nominal lens under the voltage limit,
+    found with CasADi.
 
     Assumed: the laws, as the thesis describes none; the radial diodes see the light of
     `cd/radial-error` on and beside the track; the lens jumps away from its middle. Certified: the
@@ -74,7 +74,7 @@ def track_jump(tracks: Run, draws: Annotated[int, Field(ge=1, le=1000)] = 4) -> 
     nominal drive without disturbances. Simulated: shares of draws that land, with 99 %
     Clopper-Pearson intervals.
 
-    draws: of noise and of the disc's angle, for every drive, law, pulse and disc.
+    draws: number of draws of noise and of the disc's angle, for every drive, law, pulse and disc.
     """
     light = tracks.answer["light"].median(["width", "bits", "stagger"]).values
     contrast = float(light[0] / light[len(light) // 2] - 1.0)
@@ -85,7 +85,7 @@ def track_jump(tracks: Run, draws: Annotated[int, Field(ge=1, le=1000)] = 4) -> 
 class TrackJump(Study):
     """Jumps by every law across every number of tracks, on every drive.
 
-    contrast: light between two tracks over that on one, less 1.
+    contrast: light between two tracks over that on a track, minus 1.
     """
 
     contrast: float
@@ -107,7 +107,7 @@ class TrackJump(Study):
 
     @part
     def solved(self, context: Context) -> list[tuple[RealArray, RealArray]]:
-        """Pulse and proof of the fastest jump, by volts and tracks."""
+        """Pulse and proof of the fastest jump, by voltage and number of tracks."""
         cases = [FastestJump("nominal", n, volts) for volts in VOLTS for n in TRACKS]
         return context.spread(lambda one: one.fastest(), cases, "fastest jumps")
 
@@ -154,7 +154,7 @@ class TrackJump(Study):
         self, context: Context, seed: DataArray, pulse: DataArray, samples: DataArray
     ) -> RealArray:
         """Landings (laws, volts, tracks, shares, drives, draws, 4)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         jumps = [
             (Setting(self.contrast, share), Jump(n, volts, START), law)
             for law in LAWS
@@ -197,7 +197,7 @@ class TrackJump(Study):
 
     @arrays((law, moment), shown_place="1", shown_read="1", shown_sum="1", shown_u="V")
     def shown(self, pulse: DataArray, samples: DataArray) -> dict[str, Any]:
-        """One record of every law: place in tracks, normalised error, sum, voltage."""
+        """One record of every law: position in tracks, normalised error, sum, voltage."""
         n, volts = SHOWN
         jump, setting = Jump(n, volts, START), Setting(self.contrast, 0.0)
         at = {"tracks": n, "volts": volts}
@@ -276,7 +276,7 @@ class TrackJump(Study):
 
     @metric
     def times(self, answer: Dataset) -> dict[str, float]:
-        """Samples of the fastest jump, and settling [s] of the laws over it in the median."""
+        """Samples of the fastest jump, and median settling times [s] of the laws relative to it."""
         landed = _landed(answer["off"], answer["held"]) & (answer["time"] > 0.0)
         one = answer["time"].where(landed).sel(share=0.0, tracks=8, volts=VOLTS[0])
         least = answer["samples"].sel(tracks=8, volts=VOLTS[0]) * PERIOD
@@ -294,7 +294,7 @@ class TrackJump(Study):
 
     @table
     def landings(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        """Share of jumps that land on their track: mean, and 99 % interval."""
+        """Share of jumps that land on their track: mean and 99 % interval."""
         landed, rows = _landed(answer["off"], answer["held"]), []
         for law in LAWS:
             for volts in VOLTS:
@@ -318,12 +318,12 @@ def _cases() -> list[list[FastestJump]]:
 
 
 def _played(jump: Jump, law: str, fastest: dict[tuple[int, float], RealArray]) -> RealArray:
-    """Pulse [V] of a law that plays one."""
+    """Pulse [V] of a playing law."""
     return jump.clocked() if law == "clock" else fastest[jump.tracks, jump.volts]
 
 
 def _padded(pulses: list[RealArray]) -> RealArray:
-    """Pulses of unlike lengths in one array (volts, tracks, ticks)."""
+    """Pulses of different lengths in one array (volts, tracks, ticks), padded."""
     longest = max(map(len, pulses))
     every = [np.pad(one, (0, longest - len(one))) for one in pulses]
     return np.reshape(every, (len(VOLTS), len(TRACKS), longest))

@@ -21,25 +21,26 @@ from ...tolerance.tactics import clean_level
 from .laws import Jump
 
 LAWS = ("error and sum", "error alone", "clock", "fastest")
-"""Counted zeros of the error that the sum confirms, or all of them; pulses played from the nominal
-model: kick and brake of a free mass, and the fastest jump of the whole lens."""
+"""Two laws count zeros of the error: those that the sum confirms, or all. Two laws play pulses from
+the nominal model: kick and brake of a free mass, and the fastest jump of the whole lens.
+"""
 COUNTING = LAWS[:2]
 START = 0.25
-"""Time [s] after which a jump starts; the disc has run up since 0.2 s."""
+"""Time [s] at which a jump starts; the disc is at full deviation since 0.2 s."""
 ROTATION = 6.0
 """Rotation frequency [Hz]."""
 LANDING = 25e-3
-"""Time [s] in which a jump has to end, and to settle."""
+"""Time [s] in which a jump must end and settle."""
 JUDGED = 5e-3
-"""Time [s] at the end of a record in which the track is held, or is not."""
+"""Time [s] at the end of a record in which it is judged whether the track is held."""
 
 
 class Landing(NamedTuple):
     """Where a jump ended.
 
-    off: tracks beyond the target, rounded; held: whether the end is in the middle of a track, and
-    stays there; time [s] from the start until the error from the target stays acceptable, nan if it
-    never does; speed: largest [m/s] of the lens over the tracks.
+    off: tracks beyond the target, rounded. held: whether the lens ends in the middle of a track and
+    stays there. time [s]: from the start until the error from the target stays acceptable; NaN if
+    it never does. speed: largest speed of the lens across the tracks [m/s].
     """
 
     off: float
@@ -50,16 +51,16 @@ class Landing(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Jumps on a disc of a share of the Red Book's eccentricity.
+    """Jumps on a disc with this share of the Red Book's eccentricity.
 
-    contrast: light between two tracks over that on one, less 1.
+    contrast: light between two tracks over that on a track, minus 1.
     """
 
     contrast: float
     share: float
 
     def record(self, jump: Jump, law: str, drive: str, seed: int, pulse: RealArray) -> Record:
-        """A record of one draw; pulse [V]: of the laws that play one."""
+        """A record of one draw; pulse [V]: for laws that play one."""
         bench = Laboratory("radial", drive, contrast=self.contrast)
         eccentricity = self.share * red_book("radial").deviation
         phase = float(np.random.default_rng(seed).uniform())
@@ -68,21 +69,21 @@ class Setting:
         return bench.closed_loop(controller, duration=START + LANDING, disc=disc, seed=seed)
 
     def law(self, jump: Jump, law: str, bench: Laboratory, pulse: RealArray) -> Controller:
-        """The part that jumps."""
+        """The part of the cascade that jumps."""
         if law not in COUNTING:
             return jump.played(pulse)
         middle = clean_level(bench) * (1.0 + self.contrast / 2) if law == COUNTING[0] else 0.0
         return jump.counted(middle)
 
     def landing(self, jump: Jump, law: str, drive: str, seed: int, pulse: RealArray) -> Landing:
-        """Where one draw ended."""
+        """Where the jump of one draw ended."""
         return landed(self.record(jump, law, drive, seed, pulse), jump)
 
 
 def landed(record: Record, jump: Jump) -> Landing:
-    """Where a record ended."""
+    """Where the jump of a record ended."""
     first = round(jump.start * RATE)
-    crossed = (record.x - record.x_cd)[first:] / TRACK_PITCH  # tracks from the one that is left
+    crossed = (record.x - record.x_cd)[first:] / TRACK_PITCH  # in tracks from the first one
     end = crossed[-round(JUDGED * RATE) :]
     track = round(float(end.mean()))
     held = float(abs(end - track).max() < 0.5)

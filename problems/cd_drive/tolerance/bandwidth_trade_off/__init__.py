@@ -1,1 +1,1 @@
-"""What bandwidth costs and gains where a disc deviates and is scratched (figure 6.7)."""
+"""Cost and benefit of bandwidth on a disc that deviates and is scratched (figure 6.7)."""

@@ -1,4 +1,4 @@
-"""Figure 6.7 as simulated, and what each loop makes of discs and scratches."""
+"""Figure 6.7 as simulated, and the errors of each loop by disc and scratch."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def one_record(answer: Dataset, axis: Axis) -> Figure:
 
 
 def reactions(answer: Dataset, axis: Axis) -> Figure:
-    """Error by the disc alone, and what a scratch adds, over the disc's deviation."""
+    """Error from the disc alone, and the part that a scratch adds, over the disc's deviation."""
     drawn, panels = figures.axes(1, 3, size=(10.0, 4.0), sharex=True, sharey=True)
     share = answer["share"].values
     names = {"disc": "disc alone", "scratch": "by the scratch", "both": "both"}

@@ -1,4 +1,4 @@
-"""A high bandwidth for the disc, a low one for surface defects: is that so (figure 6.7)?
+"""Does a disc need a high bandwidth, and a surface defect a low one (figure 6.7)?
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -47,7 +47,7 @@ from .runs import CONTROLLERS, THIRD, PlainLoop, Reaction
 SHARES = (0.0, 0.1, 0.25, 0.5, 1.0)
 """Deviations of the disc over what the Red Book allows."""
 LENGTHS = (0.3e-3, 1.0e-3, 2.5e-3)
-"""Lengths of scratches [m]; figure 6.7 has 1 mm, the error correction repairs 2.5 mm."""
+"""Lengths of scratches [m]; figure 6.7 has 1 mm, and the error correction repairs 2.5 mm."""
 FULL, SLOW = CONTROLLERS[0], list(CONTROLLERS[1:])
 
 
@@ -67,13 +67,14 @@ def bandwidth_trade_off(
 ) -> BandwidthTradeOff:
     """What a high bandwidth gains on the disc and costs in a scratch, with no detector (fig. 6.7).
 
-    The reference controller at its gain and at a third of it, and K', made for defects. The same
-    disc and the same noise are met with and without a scratch, so that what the scratch does is
-    told from what the disc does. Where the scratch outweighs the disc the slower loop is the
-    better one, elsewhere it is not.
+    The controllers are the reference controller with its own gain and with a third of it, and K',
+    designed for defects. Each disc is simulated with the same noise with and without a scratch, so
+    that the effects of scratch and disc can be separated. The slower loop is better where the
+    scratch matters more than the disc, and only there.
 
-    drive: "CD1" to "CD12", or "nominal". depth: share of the light that a scratch takes. swing:
-    its false displacement as a share of the acceptable error. draws: of place, sign, edge, noise.
+    drive: "CD1" to "CD12", or "nominal". depth: share of the light that a scratch takes. swing: its
+    false displacement, over the acceptable error. draws: number of draws of place, sign, edge and
+    noise.
     """
     loop = PlainLoop(axis, discretised(lower.answer.K, PERIOD), drive, depth, swing)
     return BandwidthTradeOff(loop, draws)
@@ -105,7 +106,7 @@ class BandwidthTradeOff(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Reactions of every case and controller."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def reactions_in(place: tuple[int, ...]) -> list[Reaction]:
             one = seed[place]
@@ -118,7 +119,7 @@ class BandwidthTradeOff(Study):
 
     @arrays((*cases, controller), disc="m", scratch="m", both="m", control="V", lost="1")
     def reacted(self, met: RealArray) -> dict[str, RealArray]:
-        """What the disc leaves, what the scratch adds, and both."""
+        """Error from the disc, part that the scratch adds, and error from both."""
         return {name: met[..., n].astype("f4") for n, name in enumerate(Reaction._fields)}
 
     time = dim(
@@ -127,7 +128,7 @@ class BandwidthTradeOff(Study):
 
     @arrays((controller, time), measured="m", true="m", u="V")
     def record(self, context: Context) -> dict[str, Any]:
-        """One record of one draw: error as measured and true, and the control signal."""
+        """One record of one draw: measured and true error, and the control signal."""
         scratch = ScratchDraw.drawn(self.loop.axis, int(context.rng.integers(2**31)))
         found = [self.loop.shown(law, *SHOWN, scratch) for law in CONTROLLERS]
         rows = np.transpose(found, (1, 0, 2)).astype(np.float32)
@@ -148,14 +149,14 @@ class BandwidthTradeOff(Study):
         return share_of_draws(~(one.sel(controller=SLOW) < one.sel(controller=FULL)), "controller")
 
     def held(self, values: DataArray) -> DataArray:
-        """Values on discs that all three controllers hold without a scratch."""
+        """Values on discs that all three controllers follow without a scratch."""
         return values.sel(share=list(SHARES[:3]))
 
     # --- what is told -------------------------------------------------------------------------
 
     @metric
     def ratios(self, answer: Dataset) -> dict[str, float]:
-        """Numbers of the slower loops over those of the full gain, in the same draws."""
+        """Numbers of the slower loops over those with full gain, in the same draws."""
         numbers: dict[str, float] = {}
         for name in ("disc", "scratch", "control"):
             one = self.held(answer[name]).sel(length=1e-3)
@@ -170,7 +171,9 @@ class BandwidthTradeOff(Study):
 
     @metric
     def better(self, both: DataArray) -> dict[str, float]:
-        """Number of discs and scratches at which a slower loop ends nearer, of how many."""
+        """Number of pairs of disc and scratch at which a slower loop has the smaller error, and of
+        all pairs.
+        """
         shares = self.share_better(both)
         numbers = {"cases": float(shares.sel(controller=THIRD).size)}
         for law, key in zip(SLOW, ("third", "K_prime"), strict=True):
@@ -180,7 +183,7 @@ class BandwidthTradeOff(Study):
         return numbers
 
     def share_better(self, both: DataArray) -> DataArray:
-        """Share of draws in which a slower loop's largest error is below the full gain's."""
+        """Share of draws in which a slower loop's largest error is below that with full gain."""
         less = both.sel(controller=SLOW) < both.sel(controller=FULL)
         return share_of_draws(less, "controller", "share", "length")
 
@@ -189,7 +192,7 @@ class BandwidthTradeOff(Study):
 
     @table
     def trade_off(self, answer: Dataset) -> dict[str, str]:
-        """Each disc and scratch: mean, and 90 % of the draws."""
+        """Each disc and scratch: mean, and 90 % range of the draws."""
         micro = {name: 1e6 * answer[name] for name in ("disc", "scratch", "both")}
         shares, rows = self.share_better(answer["both"]), []
         for share in SHARES:

@@ -1,4 +1,4 @@
-"""A scratch met once by a plain loop, without any detector, under controllers of several gains.
+"""A scratch passes once in a plain loop, without any detector, with controllers of several gains.
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -26,26 +26,27 @@ from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 
 MET = 0.45
-"""Time [s] at which the scratch begins; the disc has turned at full size since 0.2 s."""
+"""Time [s] at which the scratch begins; the disc is at full deviation since 0.2 s."""
 AFTER = 10e-3
-"""Time [s] after the scratch during which it still moves the lens."""
+"""Time [s] after the scratch in which it still moves the lens."""
 ROTATION = 6.0
 """Rotation frequency [Hz] of figure 6.7."""
 SHOWN_BEFORE = 40e-3
-"""Time [s] before a scratch from which on a record is shown."""
+"""Time [s] before a scratch at which a shown record begins."""
 THIRD = "third gain"
 """The controller of the lower graphs of figure 6.7."""
 CONTROLLERS = ("full gain", THIRD, "K'")
-"""Reference controller at its gain and at a third of it, and the one that was made for defects."""
+"""Reference controller with its own gain and with a third of it, and the one designed for defects.
+"""
 
 
 class Reaction(NamedTuple):
-    """What a loop makes of a disc and a scratch.
+    """Error of a loop by a disc and a scratch.
 
-    disc: amplitude of the true error [m] at the rotation frequency, without the scratch; scratch:
-    largest displacement [m] that it causes beside the same run without it; both: largest true error
-    [m] from the scratch on; control: largest change of u [V] that it causes. lost: whether the
-    error left the capture range.
+    disc: amplitude of the true error [m] at the rotation frequency, without the scratch. scratch:
+    largest displacement [m] that it causes, compared with the same run without it. both: largest
+    true error [m] from the scratch on. control: largest change of u [V] that the scratch causes.
+    lost: whether the error left the capture range.
     """
 
     disc: float
@@ -60,7 +61,7 @@ class PlainLoop:
     """The loop of one drive on a disc with a scratch, as in figure 6.7.
 
     slower: discrete K' of `cd/<axis>/lower-bandwidth`. depth: share of the light that a scratch
-    takes. swing: its false displacement as a share of the acceptable error.
+    takes. swing: its false displacement, over the acceptable error.
     """
 
     axis: Axis
@@ -71,7 +72,7 @@ class PlainLoop:
 
     @cached_property
     def laws(self) -> dict[str, Controller]:
-        """The controllers by name; each sees the error as it is measured, and nothing else."""
+        """The controllers by name; each gets only the measured error."""
         K = controller(self.axis)
         every = dict(zip(CONTROLLERS, (K, K / 3, self.slower), strict=True))
         return {name: linear(one, PERIOD) for name, one in every.items()}
@@ -79,7 +80,7 @@ class PlainLoop:
     def record(
         self, law: str, share: float, length: float, scratch: ScratchDraw, met: bool
     ) -> Record:
-        """Simulate a disc of a share of the Red Book's deviation, with or without the scratch."""
+        """Simulate a disc with a share of the Red Book's deviation, with or without the scratch."""
         deviation = share * red_book(self.axis).deviation
         disc = Disc.along(self.axis, deviation, rotation=ROTATION, phase=scratch.angle)
         defect = Defect(
@@ -99,7 +100,7 @@ class PlainLoop:
         )
 
     def reaction(self, law: str, share: float, length: float, scratch: ScratchDraw) -> Reaction:
-        """The same disc and noise with and without a scratch."""
+        """Compare the same disc and noise with and without a scratch."""
         without, with_it = (self.record(law, share, length, scratch, met) for met in (False, True))
         start = round(MET * RATE)
         turn = slice(start - round(RATE / ROTATION), start)
@@ -113,20 +114,20 @@ class PlainLoop:
         )
 
     def shown(self, law: str, share: float, length: float, scratch: ScratchDraw) -> RealArray:
-        """Error as measured and true [m], and u [V], about a scratch: (3, times)."""
+        """Measured and true error [m] and u [V] around a scratch: (3, times)."""
         record = self.record(law, share, length, scratch, True)
         K_optn = find_drive(self.axis, self.drive).K_optn
         signals = np.array([record.f_en / K_optn, _error(record), record.u])
         return signals[:, -len(self.shown_times(length)) :]
 
     def shown_times(self, length: float) -> RealArray:
-        """Times [s] of a record that is shown, from the start of the scratch on."""
+        """Times [s] of a shown record, from the start of the scratch."""
         samples = round((MET + length / VELOCITY + AFTER) * RATE)
         time = np.arange(samples) / RATE - MET
         return time[time >= -SHOWN_BEFORE]
 
 
 def _error(record: Record) -> RealArray:
-    """The true error [m], which nobody measures."""
+    """The true error [m], which a player cannot measure."""
     error: RealArray = record.x_cd - record.x
     return error

@@ -1,1 +1,1 @@
-"""The best gain of every strategy, and what a second controller gains."""
+"""The best gain of every strategy, and the gain in performance by a second controller."""

@@ -1,4 +1,4 @@
-"""Strategies at several gains and switched pairs, run through the same circumstances.
+"""Strategies at several gains and switched pairs, run in the same circumstances.
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -21,18 +21,20 @@ from ..playability.runs import evaluated, sampled_controller, scored
 from ..tactics import Strategies, clean_level
 
 Use = Literal["alone", "reference", "A", "B", "C", "switched"]
-"""One controller that sees every error; a strategy with one controller; two controllers that are
-switched while the light is bad."""
+"""One controller without a detector; a strategy with one controller; or two controllers that are
+switched while the light is bad.
+"""
 USES: tuple[Use, ...] = get_args(Use)
 GAINS = (-9.5, -6.0, -3.0, 0.0, 1.0, 2.0)
-"""Gains of one controller over the reference controller's [dB]; -9.5 is a third, and above 2
-the largest |S| passes 2 on one of the twelve drives."""
+"""Gains of one controller over the reference controller's [dB]. -9.5 dB is a third; above 2 dB the
+largest |S| exceeds 2 on one of the twelve drives.
+"""
 FAST, SLOW = (0.0, 1.0, 2.0), (-9.5, -6.0, -3.0)
-"""Gains [dB] of the fast controller of a pair, and of the slow one, which may also be K'."""
+"""Gains [dB] of the fast and of the slow controller of a pair; the slow one may also be K'."""
 
 
 class Case(NamedTuple):
-    """How one or two controllers are used; slow: gain [dB], or None for K'."""
+    """Use of one or two controllers; slow: gain [dB], or None for K'."""
 
     use: Use
     fast: float
@@ -40,7 +42,7 @@ class Case(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Such as "A +2 dB", or "+2 dB and -6 dB"."""
+        """Name such as "A +2 dB", or "+2 dB and -6 dB"."""
         if self.use != "switched":
             return f"{self.use} {self.fast:+g} dB"
         return f"{self.fast:+g} dB and {'K-prime' if self.slow is None else f'{self.slow:+g} dB'}"
@@ -54,7 +56,7 @@ CASES = (
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """Every case on several drives in one circumstance: a task for an executor.
+    """Every case on several drives in one circumstance, as a task for an executor.
 
     slower: discrete K'.
     """
@@ -77,7 +79,7 @@ class Cases:
         return sampled_controller(one.axis, case.slow + one.gain_db)
 
     def error(self, case: Case, one: Circumstance, drive: str) -> RealArray:
-        """True error [m] (N,) of the part of a run that is scored."""
+        """True error [m] (N,) in the scored part of a run."""
         bench = Laboratory(one.axis, drive)
         record = bench.closed_loop(
             self.cascade(case, one, clean_level(bench, one.disc.reflectivity)),

@@ -1,4 +1,4 @@
-"""The best gain of every strategy, and what a second controller gains (1.3, 2.5.1, 9.1).
+"""The best gain of every strategy, and the benefit of a second controller (1.3, 2.5.1, 9.1).
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -38,7 +38,7 @@ from .cases import CASES, GAINS, USES, Case, Cases
 Scores = tuple[RealArray, NDArray[np.int64]]
 """Share of time out of spec (cases, circumstances), and the groups of circumstances."""
 HALVES = ("chosen on", "judged on")
-"""Circumstances by which the best of each use is chosen, and other ones that judge it."""
+"""Circumstances on which the best case of each use is chosen, and others on which it is judged."""
 
 
 @problem(
@@ -57,13 +57,14 @@ def best_gains(
 ) -> BestGains:
     """The best gain of every strategy, and what a second controller gains (1.3, 2.5.1, 9.1).
 
-    Strategies at six gains of the reference controller, the controller alone among them, and twelve
-    pairs of a fast and a slow controller that are switched by the quality signal. The best of each
-    use is chosen on half of the circumstances of `cd/playability` and judged on the other half, so
-    that the choice flatters nobody. Time out of spec in shocks is judged beside the whole.
+    The cases are strategies at six gains of the reference controller, among them the controller
+    alone, and twelve pairs of a fast and a slow controller that are switched by the quality signal.
+    The best of each use is chosen on half of the circumstances of `cd/playability` and judged on
+    the other half, so that the choice causes no bias. Time out of spec in shocks is judged
+    separately, too.
 
-    scenarios: circumstances, 7 kinds in turn, for both halves. drives: how many of the twelve.
-    workers: threads; the answer is the same with any.
+    scenarios: number of circumstances, 7 kinds in turn, for both halves. drives: how many of the
+    twelve. workers: number of threads; the answer does not depend on it.
     """
     cases = Cases(discretised(lower.answer.K, PERIOD), chosen(drives))
     return BestGains(axis, cases, scenarios - scenarios % (2 * len(GROUPS)), workers)
@@ -71,7 +72,7 @@ def best_gains(
 
 @dataclass(frozen=True, eq=False)
 class BestGains(Study):
-    """Every case through the same circumstances, and the best of each use."""
+    """Every case in the same circumstances, and the best of each use."""
 
     axis: Axis
     cases: Cases
@@ -114,7 +115,9 @@ class BestGains(Study):
 
     @part
     def judged_means(self, scores: Scores, best: DataArray, context: Context) -> RealArray:
-        """Bootstrapped arms (samples, uses, groups) of the best, where they are judged."""
+        """Bootstrapped arms (samples, uses, groups) of the best cases, on the circumstances that
+        judge.
+        """
         half = self.scenarios // 2
         out, group = scores[0][:, half:], scores[1][half:]
         weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, context.rng)
@@ -125,7 +128,9 @@ class BestGains(Study):
 
     @arrays((told, use, than), whole="1", in_shocks="1")
     def less(self, arm: DataArray, best: DataArray, judged_means: RealArray) -> dict[str, Any]:
-        """Best of a use less that of another, with 95 %: balloon, time out of spec in shocks."""
+        """Best of one use minus that of another, with 95 % intervals: balloon, time out of spec in
+        shocks.
+        """
         found = arm.values[1, best.values][None]
         shocks = GROUPS.index("shocks")
         return {
@@ -154,7 +159,7 @@ class BestGains(Study):
     # --- what is told -------------------------------------------------------------------------
 
     def of_best(self, answer: Dataset) -> DataArray:
-        """Balloon of the best of each use on the circumstances that judge."""
+        """Balloons of the best cases of each use, on the circumstances that judge."""
         return answer["balloon"].sel(half=HALVES[1]).isel(case=answer["best"])
 
     balloons = metric("balloon_{use}", value=lambda self, answer: self.of_best(answer))
@@ -177,7 +182,7 @@ class BestGains(Study):
 
     @table
     def compared(self, answer: Dataset) -> Any:
-        """The best of each use, less the best controller alone and the reference strategy."""
+        """Best of each use, minus the best controller alone and minus the reference strategy."""
         balloon, rows = self.of_best(answer), []
         for n, use in enumerate(USES):
             cells = [
@@ -204,7 +209,7 @@ class BestGains(Study):
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:
-        """Time out of spec of the best of each use, cause by cause."""
+        """Time out of spec of the best case of each use, by cause."""
         drawn, (panel,) = figures.axes(size=(8.0, 4.4))
         place = np.arange(len(GROUPS))
         for n, number in enumerate(answer["best"].values.tolist()):
@@ -220,13 +225,15 @@ class BestGains(Study):
 
 
 def _less(found: RealArray, samples: RealArray) -> RealArray:
-    """Each use less those of `than` (3, uses, 2): found (1, uses), and of samples (S, uses)."""
+    """Each use minus those in `than` (3, uses, 2): of the value found (1, uses), and of samples (S,
+    uses).
+    """
     others = [USES.index(use) for use in ("alone", "reference")]
     point, less = (one[:, :, None] - one[:, None, others] for one in (found, samples))
     return np.concatenate([point, percentile_interval(np.moveaxis(less, 0, -1))])
 
 
 def _cell(told: RealArray) -> str:
-    """A difference with its interval, or nothing where there is none."""
+    """A difference with its interval; empty if there is none."""
     found, low, high = told
     return "" if found == low == high == 0.0 else f"{found:+.3f} ({low:+.3f} to {high:+.3f})"

@@ -1,1 +1,1 @@
-"""Strategy C with fault filters that are designed, in the loop that a defect leaves."""
+"""Strategy C with designed fault filters, in the loop that is closed during a defect."""

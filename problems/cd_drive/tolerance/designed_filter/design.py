@@ -1,4 +1,4 @@
-"""The fault filter with margins: its limits, and what is reached of them."""
+"""The fault filter with stability margins: its limits, and the reached part of them."""
 
 from __future__ import annotations
 
@@ -21,19 +21,21 @@ from ...diagnosis.fault_filter.loop import LAGUERRE_POLE, fine_grid, grid
 from ...diagnosis.fault_filter.problem import SAMPLED
 
 Limits = tuple[float, float, float]
-"""Relative error, leakage [m] and sensitivity while a defect passes."""
+"""Relative error, leakage [m], and sensitivity while a defect passes."""
 
 
 @dataclass(frozen=True, eq=False)
 class MarginsDesign:
-    """Filters of few states that bound error, leakage and sensitivity on every plant of a loop."""
+    """Filters of low order that bound error, leakage and sensitivity for every plant of a loop."""
 
     loop: FaultLoop
     asked: Limits
     order: int
 
     def best(self) -> tuple[Reached, FrontFilter]:
-        """What is reached of the limits asked, and the filter of least leakage and noise there."""
+        """The reached part of the asked limits, and the filter with least leakage and noise
+        there.
+        """
         return best_design([self.loop], self._least_factor, self._designed)
 
     def limits(self, reached: Reached) -> Limits:
@@ -42,11 +44,13 @@ class MarginsDesign:
         return error, leakage, peak
 
     def front(self, share: float) -> FaultFront:
-        """The front on a share of the set."""
+        """The front around this share of the set."""
         return FaultFront(self.loop.within(share), grid(self.loop))
 
     def on_front(self, share: float, error: float, peak: float) -> list[float]:
-        """Error, leakage and noise [m], and sensitivity, of a point; NaN where no filter is."""
+        """Error, leakage and noise [m], and sensitivity, at a point of the front; NaN if no filter
+        exists.
+        """
         front = self.front(share)
         basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(front.omega, SAMPLED)
         try:
@@ -57,14 +61,14 @@ class MarginsDesign:
         return [one.error, one.leakage, one.noise, size]
 
     def _least_factor(self, reached: Reached) -> float:
-        """The least factor of the limits, over the filters of full order."""
+        """Least factor on the limits that filters of full order reach."""
         front = self.front(reached.share)
         basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(front.omega, SAMPLED)
         error, leakage, peak = self.limits(reached)
         return front.least_factor(basis, error, leakage, peak=peak)
 
     def _designed(self, reached: Reached) -> FrontFilter | None:
-        """The filter of few states with the least noise within the limits; None where none is."""
+        """The filter of low order with the least noise within the limits; None if there is none."""
         front = self.front(reached.share)
         error, leakage, peak = self.limits(reached)
         basis = LaguerreBasis(front.loop, LAGUERRE_POLE)
@@ -73,6 +77,6 @@ class MarginsDesign:
             point = front.least(functions, error, leakage=leakage, peak=peak)
             full, points = basis.filter(point.coefficients), fine_grid(front.loop)
             few = few_states(front.loop, points, full, self.order, error, leakage, peak=peak)
-        except SolverError:  # its least leakage is larger
+        except SolverError:  # its least leakage is larger than the limit
             return None
         return few if few.meets else None

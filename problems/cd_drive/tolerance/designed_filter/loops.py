@@ -26,13 +26,15 @@ from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 
 CONDITIONS = ("sensitivity", "robust stability", "robust sensitivity")
-"""Norm of the nominal loop, mu of stability and of performance; the sensitivity over its limit."""
+"""Norm of the nominal loop, mu of robust stability, and mu of robust performance; the sensitivity
+is divided by its limit.
+"""
 
 
 def delayed_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float) -> MarginsOfPlants:
     """Margins and growth of the loops of K (1 - F) with the nominal drive and all twelve.
 
-    filters: discrete F by name. delay: turn-around of the computer [samples].
+    filters: discrete F by name. delay: delay of the computer [samples].
     """
     import control
 
@@ -44,9 +46,9 @@ def delayed_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float)
 
 
 def certified(loop: FaultLoop, F: StateSpace, peak: float) -> RealArray:
-    """Bounds (CONDITIONS, 2) of the loop of K (1 - F); infinite where the nominal one is unstable.
+    """Bounds (CONDITIONS, 2) of the loop of K (1 - F); infinite if the nominal loop is unstable.
 
-    F: discrete. peak: the sensitivity that is allowed.
+    F: discrete. peak: allowed sensitivity.
     """
     found = removal_conditions(loop, bilinear_continuous(F), peak)
     every = (found.nominal_performance, found.robust_stability, found.robust_performance)
@@ -60,9 +62,9 @@ def filter_checks(
     limits: tuple[float, float, float],
     reached: Reached,
 ) -> list[Check]:
-    """Checks of a discrete filter, of which all is certified again.
+    """Checks of a discrete filter, in which everything is certified again.
 
-    order: states allowed. limits: relative error, leakage [m] and sensitivity that are reached.
+    order: allowed number of states. limits: reached relative error, leakage [m] and sensitivity.
     reached: of the demand.
     """
     loop, (*limits_of_estimate, peak) = loop.within(reached.share), limits
@@ -98,7 +100,9 @@ def filter_checks(
 
 
 def drive_checks(axis: Axis, F: StateSpace, delay: float, peak: float) -> list[Check]:
-    """Checks that the sampled loops of the drives have the margins that the peak implies."""
+    """Checks that the drives' sampled loops have the margins that the peak of the sensitivity
+    implies.
+    """
     found = delayed_margins(axis, {"F": F}, delay)
     gain, phase, growth = (one[0, -1] for one in found)
     over = "for these 13 drives"

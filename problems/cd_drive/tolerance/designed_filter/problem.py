@@ -59,16 +59,18 @@ from .loops import CONDITIONS, certified, delayed_margins, drive_checks, filter_
 
 FILTERS = ("high-pass", "estimation", "with margins")
 """Fault filters of strategy C: the stand-in of 450 Hz, that of `cd/<axis>/fault-filter`, and the
-one that is made here."""
+one designed here.
+"""
 CASES = ("reference", *FILTERS)
 """The reference strategy, and strategy C with each filter."""
 MARGINS = FILTERS[-1]
 PEAKS = (2.0, 3.0, 6.0)
-"""Largest |S| while a defect passes, of the front."""
+"""Largest |S| while a defect passes, at the points of the front."""
 ERRORS = (0.4, 0.5, 0.6)
-"""Relative errors of the estimate allowed, of the front."""
+"""Allowed relative errors of the estimate, at the points of the front."""
 LENGTHS = (1.2e-3, 2.5e-3)
-"""Lengths of scratches [m]: that of section 8.6, and the longest that is repaired."""
+"""Lengths of scratches [m]: that of section 8.6, and the longest that the error correction repairs.
+"""
 FREQUENCY = np.geomspace(10.0, 17e3, 300)
 """Frequencies [Hz] at which the nominal loops are shown."""
 
@@ -97,21 +99,22 @@ def designed_filter(
 ) -> DesignedFilter:
     """Strategy C with fault filters that are designed: its loop in a defect, and what it does.
 
-    While a defect passes, C controls by e - u_f = (1 - F) e, so that the loop is that of K (1 - F).
-    The filter of `cd/<axis>/fault-filter` is made for the estimate alone and leaves that loop
-    unstable. Here its sensitivity is bounded for every plant of the set as one requirement more
-    (section 8.5 proposes trial and error), on top of those of the estimate: convex in the filter by
-    a half-plane, then certified by mu. A peak of 3 implies a gain margin of 3.5 dB and a phase
-    margin of 19 degrees; figure 8.10 has about 3 dB and 8 degrees. Where no filter has the error
-    with a leakage below a quarter of the acceptable error and that sensitivity, on every plant, the
-    set shrinks to what the loop bears, and these limits grow by their least common factor.
+    While a defect passes, C controls by e - u_f = (1 - F) e, so the loop is that of K (1 - F). The
+    filter of `cd/<axis>/fault-filter` is designed for the estimate alone and makes that loop
+    unstable. Here its sensitivity is bounded for every plant of the set as a further requirement
+    (section 8.5 proposes trial and error), besides those on the estimate. A half-plane makes this
+    requirement convex in the filter; mu then certifies it. A peak of 3 implies a gain margin of 3.5
+    dB and a phase margin of 19 degrees; figure 8.10 has about 3 dB and 8 degrees. If on every plant
+    no filter has this error and sensitivity with a leakage below a quarter of the acceptable error,
+    the set is reduced to what the loop tolerates, and these limits are increased by their least
+    common factor.
 
-    Each filter, and the reference strategy, in the experiment of `cd/<axis>/strategies`, with
-    scratches of 1.2 and 2.5 mm, in the same draws.
+    Each filter and the reference strategy are compared in the experiment of `cd/<axis>/strategies`,
+    with scratches of 1.2 and 2.5 mm, in the same draws.
 
     peak: largest sensitivity while a defect passes. error: relative error of the estimate. leakage,
-    order, delay: as of `cd/<axis>/fault-filter`. drive_count: how many of the twelve drives. draws:
-    on each drive.
+    order, delay: as in `cd/<axis>/fault-filter`. drive_count: how many of the twelve drives. draws:
+    number of draws on each drive.
     """
     return DesignedFilter(
         axis,
@@ -128,7 +131,9 @@ def designed_filter(
 
 @dataclass(frozen=True, eq=False)
 class DesignedFilter(Study):
-    """Front with a bounded sensitivity, a filter on it, every filter's loop, and experiments."""
+    """The front with bounded sensitivity, a filter on it, the loop with every filter, and
+    experiments.
+    """
 
     axis: Axis
     model: UncertaintyModel
@@ -148,7 +153,7 @@ class DesignedFilter(Study):
 
     @cached_property
     def loop(self) -> FaultLoop:
-        """The loop of the axis' reference controller as a computer closes it."""
+        """The loop with the axis' reference controller, as a computer closes it."""
         import control
 
         return fault_loop(self.axis, self.model, control.ss(controller(self.axis)), self.delay)
@@ -214,7 +219,7 @@ class DesignedFilter(Study):
 
     @arrays((filter, sampling, plant), gain_margin="dB", phase_margin="deg", growth="1/s")
     def margins(self, filters: dict[str, StateSpace]) -> dict[str, RealArray]:
-        """Margins, NaN where the loop is unstable, and the rate of the slowest motion."""
+        """Margins (NaN if the loop is unstable), and the decay rate of the slowest mode."""
         found = delayed_margins(self.axis, filters, self.delay)
         return {"gain_margin": found.gain_db, "phase_margin": found.phase, "growth": found.growth}
 
@@ -267,7 +272,7 @@ class DesignedFilter(Study):
     @part
     def met(self, filters: Any, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (drives, draws, lengths, cases, 4)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         cells = [
             (str(name), int(one))
             for name, row in zip(seed["drive"].values, seed.values, strict=True)
@@ -311,7 +316,7 @@ class DesignedFilter(Study):
             demand_check(answer, asked[:2]),
             *filter_checks(self.loop, F, self.order, asked, reached),
         ]
-        if reached.share >= 1.0:  # the drives are plants of the set
+        if reached.share >= 1.0:  # all drives are plants of the set
             found += drive_checks(self.axis, F, self.delay, asked[2])
         return found
 
@@ -328,7 +333,9 @@ class DesignedFilter(Study):
 
     @metric
     def told(self, answer: Dataset) -> dict[str, float]:
-        """Margins and certified peaks of every loop, and what the scratches cost."""
+        """Margins and certified peaks of every loop, and the excursions that the scratches
+        cause.
+        """
         found = in_metrics(answer, *self.limits)
         found["sensitivity_allowed"] = self.made.limits(reached_of(answer))[2]
         late = answer.sel(sampling="delayed")
@@ -356,7 +363,7 @@ class DesignedFilter(Study):
 
     @table
     def demand(self, answer: Dataset) -> Any:
-        """What is reached of the demand on the filter with margins."""
+        """Table of the reached part of the demand on the filter with margins."""
         reached = f"{self.made.limits(reached_of(answer))[2]:.4g}"
         return demand_table(answer, *self.limits, ["sensitivity", f"{self.peak:.4g}", reached])
 

@@ -27,7 +27,9 @@ COLOURS = {
 
 
 def loops(answer: Dataset, peak: float) -> str:
-    """The loop of each filter while a defect passes, one sample late, worst drive."""
+    """The loop with each filter while a defect passes, with one sample of delay, for the worst
+    drive.
+    """
     rows = []
     for name in answer["filter"].values.tolist():
         one = answer.sel(filter=name, sampling="delayed")
@@ -63,7 +65,7 @@ def experiments(answer: Dataset, smaller: DataArray) -> str:
 
 
 def front(answer: Dataset) -> str:
-    """What a bounded sensitivity costs the estimate."""
+    """Cost of a bounded sensitivity for the estimate."""
     rows = []
     for peak in answer["peak_allowed"].values.tolist():
         for error in answer["point"].values.tolist():

@@ -1,1 +1,1 @@
-"""How far the focus point strays while a defect passes."""
+"""Largest distance of the focus point from the layer while a defect passes."""

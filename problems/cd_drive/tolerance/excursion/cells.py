@@ -1,4 +1,4 @@
-"""Defect by defect: is a strategy better or worse than the reference strategy (section 8.7)?
+"""For each defect: is a strategy better or worse than the reference strategy (section 8.7)?
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -17,13 +17,15 @@ from ..tactics import STRATEGIES
 OTHERS = [name for name in STRATEGIES if name != "reference"]
 CELL = ("angle", "length", "share")
 VERDICTS = {"holds": "better", "fails": "worse", "undecided": "undecided"}
-"""What a claim that a strategy's error is the smaller one says of it."""
+"""Verdict on a strategy if the statement that its error is the smaller one holds, fails, or is
+undecided.
+"""
 
 
 def verdicts(peak: DataArray) -> DataArray:
     """Whether each strategy is "better", "worse" or "undecided" in each defect of the map.
 
-    It is better where its largest error is the smaller one in 95 % of the draws or more.
+    It is better if its largest error is the smaller one in 95 % of the draws or more.
     """
     smaller = peak.sel(strategy=OTHERS) < peak.sel(strategy="reference")
     share = share_of_draws(smaller, "strategy", *CELL)
@@ -32,7 +34,7 @@ def verdicts(peak: DataArray) -> DataArray:
 
 
 def counts(peak: DataArray) -> dict[str, float]:
-    """Number of defects on the Red Book's disc, and on all, in which each verdict is given."""
+    """Number of defects on the Red Book's disc, and on all discs, with each verdict."""
     said, numbers = verdicts(peak), {}
     for where, some in (("red_book", said.sel(share=1.0)), ("all", said)):
         for name in OTHERS:
@@ -43,7 +45,7 @@ def counts(peak: DataArray) -> dict[str, float]:
 
 
 def cells_table(peak: DataArray) -> Rows:
-    """On the Red Book's disc: how many defects, and the worst of those in which it is worse."""
+    """On the Red Book's disc: number of defects by verdict, and the worst one among "worse"."""
     numbers, rows = counts(peak), []
     ratio = (peak / peak.sel(strategy="reference")).mean("draw").sel(share=1.0)
     worse = verdicts(peak).sel(share=1.0) == "worse"

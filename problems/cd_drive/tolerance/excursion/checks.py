@@ -1,4 +1,4 @@
-"""Checks of `cd/{axis}/excursion`: the theory by integration, runs played again.
+"""Checks of `cd/{axis}/excursion`: the theory by numerical integration, and runs repeated.
 
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -18,7 +18,7 @@ from .runs import MET, Crossing, DefectCase, excursion_of
 
 
 def disc_difference(crossing: Crossing, standing: DataArray) -> float:
-    """Largest difference [m] of equation 8.1 from the motion of the laboratory's disc."""
+    """Largest difference [m] between equation 8.1 and the motion of the laboratory's disc."""
     worst = 0.0
     for angle, length in product(standing["theta"].values, standing["length"].values):
         disc = crossing.disc(DefectCase(angle, length, crossing.allowed))
@@ -29,13 +29,16 @@ def disc_difference(crossing: Crossing, standing: DataArray) -> float:
 
 
 def flight_difference(crossing: Crossing, answer: Dataset) -> float:
-    """Largest difference of stored flights from an integration, relative to the deviation."""
+    """Largest difference between stored errors of a blind lens and an integration, over the
+    deviation.
+    """
     worst, angle, length = 0.0, answer["theta"].values[1], answer["length"].values[-1]
     for name, driven in (("free", False), ("driven", True)):
         lens = crossing.blind_lens(driven)
         step = length / VELOCITY
         start = np.imag(lens.steady * np.exp(1j * (angle - lens.omega * step / 2)))
-        # Displacements are micrometres, memories of the controller large: each by its size.
+        # Displacements are micrometres, and controller states are large, so each is scaled by its
+        # size.
         size = np.maximum(abs(lens.steady), 1e-300)
         flight = solve_ivp(
             lambda _, z, F=lens.free, size=size: F @ (z * size) / size,
@@ -53,9 +56,11 @@ def flight_difference(crossing: Crossing, answer: Dataset) -> float:
 
 
 def half_step_change(crossing: Crossing, answer: Dataset) -> float:
-    """Largest relative change of a kept peak error when the simulation's step is halved.
+    """Largest relative change of a peak error, where the loop is kept, when the step of the
+    simulation is halved.
 
-    Every strategy meets the defect of middle length at the first angle again, in the first draw.
+    Every strategy is run again with the defect of middle length at the first angle, in the first
+    draw.
     """
     place = answer.isel(angle=0, length=answer.sizes["length"] // 2, draw=0).sel(share=1.0)
     cell = crossing.drawn(place["seed"])

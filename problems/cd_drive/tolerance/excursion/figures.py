@@ -1,4 +1,4 @@
-"""Figures of `cd/{axis}/excursion`: eq. 8.1 against the loop, maps of survival."""
+"""Figures of `cd/{axis}/excursion`: eq. 8.1 compared with the loop, and maps of survival."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from ..strategy_looks import titled
 
 
 def against_theory(answer: Dataset, axis: Axis) -> Figure:
-    """Excursion at the defect's end over length, worst angle; and over angle, longest defect."""
+    """Excursion at the defect's end: over length at the worst angle, and over angle for the longest
+    defect.
+    """
     figure, panels = figures.axes(1, 2, size=(10.0, 4.4))
     reference = answer["end"]
     curves = (
@@ -50,7 +52,9 @@ def against_theory(answer: Dataset, axis: Axis) -> Figure:
 
 
 def maps(answer: Dataset, axis: Axis) -> Figure:
-    """Over angle and length: largest deviation survived; largest error at the Red Book's."""
+    """Over angle and length: largest deviation survived, and largest error at the Red Book's
+    deviation.
+    """
     from matplotlib.colors import BoundaryNorm, LogNorm
 
     names = [str(name) for name in answer["strategy"].values]
@@ -87,7 +91,7 @@ def maps(answer: Dataset, axis: Axis) -> Figure:
 
 
 def survived_share(one: Dataset, axis: Axis) -> np.ndarray:
-    """Largest share up to which every draw is survived (angle, length); 0: none."""
+    """Largest share of the deviation up to which every draw survives (angle, length); 0: none."""
     kept = (one["peak"] <= CAPTURE[axis]).all("draw").transpose("angle", "length", "share").values
     count = np.cumprod(kept, axis=-1).sum(axis=-1)
     shares: np.ndarray = np.concatenate([[0.0], one["share"].values])[count]

@@ -1,4 +1,4 @@
-"""How far the focus point strays while a defect passes, and which defects each strategy survives.
+"""Excursion of the focus point while a defect passes, and the defects that each strategy survives.
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -57,7 +57,7 @@ LENSES = {
     "free": "free, voltage held",
     "driven": "driven by the blind controller",
 }
-"""Motion of the lens during a defect, by the theories of `theory`."""
+"""Motion of the lens during a defect, in each theory of `theory`."""
 WORST_CASE = "eq. 8.1 at 500 um, 9 Hz, 1.9 ms"
 
 
@@ -81,16 +81,16 @@ def excursion(
 ) -> Excursion:
     """Excursion of the lens in a defect (eq. 8.1), and a map of the defects that are survived.
 
-    The disc deviates by shares of what the Red Book allows; a defect's middle comes at an angle of
-    that deviation. Equation 8.1, of a lens that stops, is compared with a lens that moves freely,
-    with one that the blind controller drives, and with the simulated loop under the reference
-    strategy. The map says whether focus, or the track, is kept (true error within the diodes'
-    capture range) over angle, length and deviation, for each strategy.
+    The disc deviates by shares of what the Red Book allows. The middle of the defect comes at a
+    given angle of that deviation. Equation 8.1, for a lens that stops, is compared with a lens that
+    moves freely, with one that the blind controller drives, and with the simulated loop under the
+    reference strategy. The map shows for each strategy whether focus or track is kept (true error
+    within the diodes' capture range) over angle, length and deviation.
 
-    drive: "CD1" to "CD12", or "nominal". rotation [Hz]. angles: how many from 0 (the disc is
-    fastest) to below 180 degrees. lengths: how many from 0.3 to 2.5 mm. depth: share of the light
-    that the defect takes. swing: its false displacement as a share of the acceptable error.
-    draws: of each defect.
+    drive: "CD1" to "CD12", or "nominal". rotation [Hz]. angles: number of angles from 0 (where the
+    disc is fastest) to below 180 degrees. lengths: number of lengths from 0.3 to 2.5 mm. depth:
+    share of the light that the defect takes. swing: its false displacement, over the acceptable
+    error. draws: number of draws for each defect.
     """
     K_prime = discretised(slower.answer.K, PERIOD)
     crossing = Crossing(axis, K_prime, drive, rotation, depth, swing)
@@ -99,7 +99,7 @@ def excursion(
 
 @dataclass(frozen=True, eq=False)
 class Excursion(Study):
-    """Every strategy over angle, length and deviation, and what eq. 8.1 says of them."""
+    """Every strategy over angle, length and deviation, compared with eq. 8.1."""
 
     crossing: Crossing
     angles: int
@@ -138,7 +138,7 @@ class Excursion(Study):
     @array(dims=(angle, length, share, draw, strategy), unit="m")
     def peak(self, context: Context, seed: DataArray) -> Any:
         """Largest true error, defect and 5 ms after"""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> list[float]:
             one = seed[place]
@@ -206,9 +206,9 @@ class Excursion(Study):
     def reference(self, end: DataArray, driven: DataArray) -> float:
         """its end off the blind controller's, over the worst angle's and the swing"""
         crossing, theory = self.crossing, driven.sel(theta=end["angle"]).drop_vars("theta")
-        # The false displacement gets through while the light fades and comes back.
+        # The false displacement enters while the light fades and returns.
         scale = abs(theory).max("angle") + crossing.swing * ACCEPTABLE_ERROR[crossing.axis]
-        linear = abs(end) < CAPTURE[crossing.axis] / 2  # the diodes are about linear there
+        linear = abs(end) < CAPTURE[crossing.axis] / 2  # the diodes are nearly linear there
         return float((abs(end - theory) / scale).where(linear).max())
 
     replay = check(
@@ -265,7 +265,7 @@ class Excursion(Study):
     )
 
     def first_lost(self, peak: DataArray, length: DataArray) -> DataArray:
-        """Shortest defect [mm] that is lost at some angle in some draw; NaN where none is."""
+        """Shortest defect [mm] that is lost at some angle in some draw; NaN if there is none."""
         safe = self.kept(peak).sel(share=1.0).all(["angle", "draw"])
         return 1e3 * length.where(~safe).min("length")
 
@@ -273,7 +273,7 @@ class Excursion(Study):
 
     @table
     def survival(self, peak: DataArray, length: DataArray) -> Any:
-        """Defects that each strategy survives: mean, and 90 % of the draws."""
+        """Share of defects that each strategy survives: mean, and 90 % range of the draws."""
         red_book, over = peak.sel(share=1.0), ["angle", "length"]
         readable = red_book <= ACCEPTABLE_ERROR[self.crossing.axis]
         shares = (

@@ -1,4 +1,4 @@
-"""A defect met once by the loop under each strategy.
+"""A defect that passes once in the loop under each strategy.
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -27,7 +27,7 @@ from ..tactics import STRATEGIES, Strategies, clean_level
 from .theory import BlindLens
 
 MET = 0.45
-"""Time [s] at which the defect begins; strategies A and B have learnt the rotation by then."""
+"""Time [s] at which the defect begins; strategies A and B have adapted to the rotation by then."""
 RECORDED_AFTER = 5e-3
 """Time [s] after the defect for which the error is recorded."""
 
@@ -35,7 +35,7 @@ RECORDED_AFTER = 5e-3
 class DefectCase(NamedTuple):
     """One defect on one disc: its middle [rad of the deviation], length [m], deviation [m].
 
-    sign of its false displacement; edge as in `Defect`.
+    sign: of its false displacement. edge: as in `Defect`.
     """
 
     angle: float
@@ -50,7 +50,7 @@ class Crossing:
     """Defects of one depth and false displacement, on one drive at one rotation frequency.
 
     replacement: discrete K'. rotation: of the disc [Hz]. depth: share of the light that a defect
-    takes. swing: its false displacement as a share of the acceptable error.
+    takes. swing: its false displacement, over the acceptable error.
     """
 
     axis: Axis
@@ -70,19 +70,19 @@ class Crossing:
         return BlindLens(self.axis, self.drive, self.allowed, self.rotation, driven)
 
     def drawn(self, seed: DataArray) -> DefectCase:
-        """Defect of a seed with the coordinates angle, length, and share of the deviation."""
+        """Defect of a seed at the coordinates angle, length, and share of the deviation."""
         scratch = ScratchDraw.drawn(self.axis, int(seed))
         angle, length, share = (float(seed[name]) for name in ("angle", "length", "share"))
         return DefectCase(angle, length, share * self.allowed, scratch.sign, scratch.edge)
 
     def disc(self, cell: DefectCase) -> Disc:
-        """Disc whose deviation has the cell's angle in the middle of the defect."""
+        """Disc whose deviation has the cell's angle at the middle of the defect."""
         middle = MET + cell.length / VELOCITY / 2
         phase = (cell.angle / (2 * np.pi) - self.rotation * middle) % 1.0
         return Disc.along(self.axis, cell.deviation, rotation=self.rotation, phase=phase)
 
     def defect(self, cell: DefectCase) -> Defect:
-        """Defect that is met once, from MET on."""
+        """Defect that passes once, from MET on."""
         where = (self.rotation * MET + self.disc(cell).phase) % 1.0
         return Defect(
             length=cell.length,
@@ -96,7 +96,9 @@ class Crossing:
     def run(
         self, cell: DefectCase, strategy: str, seed: int | None = None, refine: int = 1
     ) -> Record:
-        """Simulate a strategy from the disc's run-up until AFTER the defect; no seed, no noise."""
+        """Simulate a strategy from the disc's run-up until RECORDED_AFTER the defect; without a
+        seed, without noise.
+        """
         quiet: dict[str, Any] = {"noise": 0.0, "electronics": 0.0} if seed is None else {}
         bench = Laboratory(self.axis, self.drive, refine=refine, **quiet)
         return bench.closed_loop(
@@ -116,7 +118,9 @@ class Crossing:
 
 
 def excursion_of(record: Record, length: float) -> tuple[float, float]:
-    """Largest size of the true error [m] from the defect's start on, and the error at its end."""
+    """Largest magnitude of the true error [m] from the defect's start on, and the error
+    at its end.
+    """
     error: RealArray = record.x_cd - record.x
     start, end = round(MET * RATE), round((MET + length / VELOCITY) * RATE)
     return float(abs(error[start:]).max()), float(error[end])

@@ -1,8 +1,8 @@
 """Distance between lens and disc while a defect blinds the loop, in closed form (eq. 8.1).
 
-The disc deviates by A sin(w t) and the controller's input is zero for dt. There are three theories,
-each nearer to the loop than the one before: a lens that stops where it was, a lens that keeps its
-speed and the coil's voltage, and a lens that the controller drives on from its own states.
+The disc deviates by A sin(w t), and the controller's input is zero for dt. There are three
+theories, each closer to the loop than the one before: a lens that stops, a lens that keeps its
+speed and the coil's voltage, and a lens that the controller still drives from its own states.
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
@@ -30,7 +30,7 @@ WORST = (9.0, 1.9e-3)
 def standing(
     amplitude: ArrayLike, rotation: float, duration: ArrayLike, middle: ArrayLike
 ) -> RealArray:
-    """Error [m] after `duration` [s] of a lens that stops, all arguments broadcast.
+    """Error [m] after `duration` [s] of a lens that stops; all arguments broadcast.
 
         A (sin(m + w dt / 2) - sin(m - w dt / 2)) = 2 A sin(w dt / 2) cos(m),
 
@@ -46,7 +46,7 @@ def standing(
 class BlindLens:
     """A drive's lens that follows a steady wobble until its loop becomes blind.
 
-    amplitude [m] and rotation [Hz]: those of the wobble. driven: the controller goes on with an
+    amplitude [m] and rotation [Hz]: of the wobble. driven: whether the controller continues with an
     error of 0 (figure 8.2); otherwise the loop followed the disc exactly, and the coil keeps its
     voltage.
     """
@@ -71,14 +71,14 @@ class BlindLens:
 
     @cached_property
     def steady(self) -> ComplexArray:
-        """Phasor of these states for the disc's motion amplitude exp(j w t)."""
+        """Phasor of these states for a disc motion amplitude exp(j w t)."""
         import control
 
         lens, _, feed = self._parts
         s = 1j * self.omega
         there = np.linalg.solve(s * np.eye(lens.nstates) - lens.A, lens.B)[:, 0]
         follows = lens.C[0] @ there
-        if not self.driven:  # one state, the voltage itself
+        if not self.driven:  # one state: the voltage itself
             volts = self.amplitude / follows
             return np.append(there * volts, volts)
         K = control.ss(controller(self.axis))
@@ -92,7 +92,7 @@ class BlindLens:
         """Errors x_cd - x [m] (N,) at the end of a defect whose middle is at angles [rad] (N,)."""
         middles = np.atleast_1d(np.asarray(middle, float))
         start = middles - self.omega * duration / 2
-        # x_cd = A sin(angle) is the imaginary part of the phasor turned by the angle.
+        # x_cd = A sin(angle) is the imaginary part of the phasor rotated by the angle.
         states = np.imag(self.steady * np.exp(1j * start)[:, None])
         n = self._parts[0].nstates
         ended = states @ expm(self.free * duration).T
@@ -101,7 +101,9 @@ class BlindLens:
 
     @cached_property
     def _parts(self) -> tuple[StateSpace, RealArray, RealArray]:
-        """Lens [coil V -> m], matrix of the source, and its output matrix to the coil [V]."""
+        """Lens [coil V -> m], matrix of the voltage source, and its output matrix to the
+        coil [V].
+        """
         import control
 
         drive = find_drive(self.axis, self.drive)

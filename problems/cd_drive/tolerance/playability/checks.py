@@ -29,7 +29,7 @@ def continuous_peak(axis: Axis, gain_db: float) -> float:
 
 
 def trace_difference(axis: Axis, own: Dataset) -> float:
-    """Largest difference of share out of spec and burst from those of the stored trace.
+    """Largest difference in share out of spec and in burst between a run and its stored trace.
 
     ``own``: a run's scores, and its trace, which is counted sample by sample.
     """
@@ -42,9 +42,9 @@ def trace_difference(axis: Axis, own: Dataset) -> float:
 
 
 def half_step_change(one: Circumstance, design: Design, duration: float, own: Dataset) -> float:
-    """Relative change of a run's rms error when the simulation's step is halved.
+    """Relative change of a run's rms error when the step of the simulation is halved.
 
-    ``own``: the run's scores. 0 where the track was lost, since such a run is chaotic.
+    ``own``: the run's scores. The result is 0 if the track was lost, since such a run is chaotic.
     """
     if float(own["losses"]) > 0.0:
         return 0.0

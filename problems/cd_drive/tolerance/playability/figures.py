@@ -26,7 +26,7 @@ def labels(answer: Dataset) -> list[str]:
 
 
 def balloons(answer: Dataset) -> Figure:
-    """Figure 2.15 with numbers: an arm for every cause, a balloon for every strategy."""
+    """Figure 2.15 with numbers: one arm per cause, one balloon per strategy."""
     figure, panels = figures.axes(1, 2, size=(11.0, 5.8), subplot_kw={"projection": "polar"})
     known = [str(name) for name in answer["known"].values]
     angle = 2 * np.pi * np.arange(len(known) + 1) / len(known)
@@ -55,7 +55,7 @@ def balloons(answer: Dataset) -> Figure:
 
 
 def scores(answer: Dataset) -> Figure:
-    """Losses and bursts of all circumstances together."""
+    """Losses and bursts over all circumstances."""
     figure, panels = figures.axes(1, 3, size=(11.0, 4.2))
     names = labels(answer)
     place = np.arange(len(names))
@@ -81,7 +81,7 @@ def scores(answer: Dataset) -> Figure:
 
 
 def tuning(answer: Dataset, tuned: str) -> Figure:
-    """Trials of the search, and what is gained on discs that it has not seen."""
+    """Trials of the search, and the improvement on unseen discs."""
     figure, panels = figures.axes(1, 2, size=(9.5, 4.2))
     for n, axis in enumerate(answer["axis"].values):
         one, colour = answer.sel(axis=axis), (figures.BLUE, figures.ORANGE)[n]

@@ -1,4 +1,4 @@
-"""Playability made objective: the balloon of section 2.6 over an ensemble of discs.
+"""Playability measured objectively: the balloon of section 2.6 over an ensemble of discs.
 
 Figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -48,18 +48,18 @@ def playability(
     """Playability of every strategy, by the true error over an ensemble (section 2.6).
 
     Discs and circumstances are drawn from `ensemble.Spread`: deviation, harmonics, rotation,
-    reflectivity, loop gain, shocks, defects. Each is met by every strategy on every drive, in focus
-    and radially, with the same noise. A run is scored by the share of time out of spec (2 um,
-    0.2 um), losses of focus or track, and the longest burst against the 2.5 mm that the error
-    correction repairs. The balloon has an arm for every cause; the smaller the better; intervals
-    are bootstrapped over circumstances. One strategy's gain, quality threshold and repetitive
-    corner are optimised on training discs and half of the drives, |S| of all drives at most 2, and
-    tested on the others.
+    reflectivity, loop gain, shocks, defects. Every strategy runs in each of them on every drive, in
+    focus and radially, with the same noise. A run is scored by the share of time out of spec (2 um,
+    0.2 um), the number of losses of focus or track, and the longest burst compared with the 2.5 mm
+    that the error correction repairs. The balloon has an arm for every cause; smaller is better.
+    Intervals are bootstrapped over circumstances. One strategy's gain, quality threshold and
+    repetitive corner are optimised on training discs and half of the drives, with |S| of all drives
+    at most 2, and tested on the others.
 
-    scenarios: circumstances of each axis. drives: how many of the twelve, evenly. strategies: names
-    with commas. tuned: the strategy that is optimised. training: circumstances for that. trials:
-    parameters tried. duration of a run [s]; 0.4 s are for settling. workers: threads; the answer is
-    the same with any.
+    scenarios: number of circumstances for each axis. drives: how many of the twelve, evenly spread.
+    strategies: names separated by commas. tuned: the strategy that is optimised. training: number
+    of circumstances for that. trials: number of parameter sets tried. duration: of a run [s], of
+    which 0.4 s are for settling. workers: number of threads; the answer does not depend on it.
     """
     return Playability(
         slower(focus, radial),
@@ -83,7 +83,9 @@ def slower(focus: Run, radial: Run) -> dict[Axis, StateSpace]:
 
 
 def named(names: str) -> tuple[str, ...]:
-    """Split a list with commas; InputError for no name, an unknown one, or one given twice."""
+    """Split a list at commas. Raises InputError for no name, an unknown name, or a
+    repeated name.
+    """
     every = tuple(name.strip() for name in names.split(",") if name.strip())
     unknown = [name for name in every if name not in STRATEGIES]
     if not every or unknown or len(set(every)) < len(every):

@@ -1,4 +1,4 @@
-"""Strategies with their parameters, run through circumstances and scored by the true error.
+"""Strategies with their parameters, run in circumstances and scored by the true error.
 
 Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -34,12 +34,13 @@ from ..ensemble import Circumstance
 from ..tactics import CORNER, STRATEGIES, Strategies, clean_level
 
 SCORED_FROM = 0.4
-"""Time [s] from which on a run is scored: loop and repetitive control have settled."""
+"""Time [s] from which a run is scored; loop and repetitive control have settled by then."""
 REPAIRED = 2.5e-3
 """Longest burst [m of track] that the error correction repairs (section 2.5.1)."""
 SCORE_UNITS = {"out": "1", "losses": "1", "burst": "m", "deviation": "m"}
-"""Scores of a run and their units: share of time out of spec; how often focus, or the track, was
-lost; longest stretch out of spec along the track; rms of the true error."""
+"""Scores of a run and their units: share of time out of spec; number of losses of focus or track;
+longest stretch out of spec along the track; rms of the true error.
+"""
 SCORES = tuple(SCORE_UNITS)
 
 
@@ -91,7 +92,7 @@ class Design:
         return strategies.named(self.strategy)
 
     def seeing(self, made: Cascade, level: float) -> Cascade:
-        """Return ``made`` with a detector for a clean disc's ``level`` [V] and this dist_max."""
+        """``made`` with a detector for a clean disc's ``level`` [V] and this design's dist_max."""
         eye = diode_quality(level, DIST_MIN, self.dist_max)
         parts = [
             replace(one, controller=eye) if one.name == "detector" else one for one in made.parts
@@ -101,7 +102,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Player:
-    """Scores designs on several drives in one circumstance: a task for an executor."""
+    """Scores of designs on several drives in one circumstance, as a task for an executor."""
 
     designs: tuple[Design, ...]
     drives: tuple[str, ...]
@@ -133,10 +134,10 @@ def met(
 ) -> RealArray:
     """Run a task for every circumstance in threads: (designs, drives, circumstances, SCORES).
 
-    ``task`` gives (drives, designs, SCORES) for one circumstance. The compiled loop lets other
-    threads run, and all threads share what is compiled.
+    ``task`` returns (drives, designs, SCORES) for one circumstance. The compiled loop does not
+    block other threads, and all threads share the compiled code.
     """
-    machine()  # threads that meet it at one time would each compile it
+    machine()  # otherwise threads that need it at the same time would each compile it
     with Threads(workers=workers) as pool:
         return np.transpose(
             spread(task, many, pool, progress=progress, description=what), (2, 1, 0, 3)
@@ -151,7 +152,7 @@ def played(
     made: Cascade | None = None,
     refine: int = 1,
 ) -> Record:
-    """Run one design; ``made`` is its strategy, if that was made before."""
+    """Run one design; ``made`` is its strategy, if it was made before."""
     bench = Laboratory(one.axis, drive, refine=refine)
     if made is None:
         made = design.made(one.axis, one.believed, one.gain_db)
@@ -165,13 +166,13 @@ def played(
 
 
 def evaluated(record: Record) -> RealArray:
-    """The true error [m] from SETTLING on."""
+    """The true error [m] from SCORED_FROM on."""
     error: RealArray = (record.x_cd - record.x)[round(SCORED_FROM * RATE) :]
     return error
 
 
 def scored(error: RealArray, axis: Axis) -> Sequence[float]:
-    """Return the SCORES of a true error [m] (N,)."""
+    """The SCORES of a true error [m] (N,)."""
     found = error_scores(error, ACCEPTABLE_ERROR[axis], CAPTURE[axis])
     return found.outside, found.losses, float(found.longest) / RATE * VELOCITY, found.rms
 

@@ -1,8 +1,9 @@
 """Parameters of a strategy by direct search over an ensemble.
 
-The size of a balloon is a mean of shares of time: it jumps, so no gradient is of use. Nelder and
-Mead's simplex with the same circumstances for every trial. An ensemble alone does not see how near
-to instability a loop is, so the sensitivity of every drive's loop is bounded beside.
+The size of a balloon is a mean of shares of time. It is not continuous, so gradients are useless;
+Nelder and Mead's simplex is used, with the same circumstances for every trial. An ensemble alone
+does not show how close a loop is to instability, so the sensitivity of every drive's loop is
+bounded, too.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ PARAMETERS = ("gain_db", "dist_max", "corner")
 BOUNDS = {"gain_db": (-9.0, 9.0), "dist_max": (0.2, 0.7), "corner": (60.0, 600.0)}
 """Least and largest values of the parameters: gain [dB], threshold [1], corner [Hz]."""
 FIRST_STEPS = {"gain_db": 2.0, "dist_max": 0.1, "corner": 150.0}
-"""Distances of the first simplex's corners from its start, in the units of `BOUNDS`."""
+"""Distances of the first simplex's corners from the start, in the units of `BOUNDS`."""
 LARGEST_SENSITIVITY = 2.0
 """Largest |S| that a drive's loop may have: M of the performance weight (eq. 6.11)."""
 FREQUENCY = np.geomspace(20.0, 15e3, 600)
@@ -42,7 +43,7 @@ def peak_sensitivity(axis: Axis, law: StateSpace) -> float:
     K = law(np.exp(2j * np.pi * FREQUENCY * PERIOD))
     peak = 0.0
     for drive, response in _drives(axis):
-        # f_en falls as the lens rises: the response has the feedback's sign in it.
+        # f_en falls as the lens rises, so the response includes the sign of the feedback.
         if abs(control.feedback(law, drive, sign=1).poles()).max() >= 1.0:
             return np.inf
         peak = max(peak, 1.0 / modulus_margin(-K * response))
@@ -58,9 +59,9 @@ def _drives(axis: Axis) -> list[tuple[StateSpace, ComplexArray]]:
 
 @dataclass
 class Search:
-    """Search for the design of least cost by at most ``trials`` trials, from ``start`` on.
+    """Search for the design of least cost with at most ``trials`` trials, beginning at ``start``.
 
-    The corner is searched only for a strategy that has one.
+    The corner is searched only if the strategy has one.
     """
 
     start: Design
@@ -74,9 +75,9 @@ class Search:
         return list(PARAMETERS if self.start.strategy == "A" else PARAMETERS[:2])
 
     def run(self) -> tuple[Design, RealArray, RealArray]:
-        """Return the best design, all that were tried (trials, PARAMETERS), and their costs.
+        """The best design, all designs tried (trials, PARAMETERS), and their costs.
 
-        If the search ends early, the last trial is repeated until there are ``trials`` of them.
+        If the search ends early, the last trial is repeated until there are ``trials`` rows.
         """
         first = np.array([getattr(self.start, name) for name in self.free])
         scale = np.array([FIRST_STEPS[name] for name in self.free])

@@ -46,7 +46,7 @@ from .search import BOUNDS, LARGEST_SENSITIVITY, PARAMETERS, Search, peak_sensit
 
 @dataclass(frozen=True, eq=False)
 class Playability(Study):
-    """Every strategy, and the tuned one, through the same circumstances on the same drives."""
+    """Every strategy and the tuned one in the same circumstances on the same drives."""
 
     replacements: Mapping[Axis, StateSpace]
     scenarios: int
@@ -84,7 +84,7 @@ class Playability(Study):
         return Design(name, replacement=self.replacements[axis])
 
     def drawn(self, axis: Axis, part: str, seed: int) -> list[Circumstance]:
-        """Circumstances of a part, "training" or "held-out"; no seed is in both."""
+        """Circumstances of a part, "training" or "held-out"; the two have no seed in common."""
         number = 2 * AXES.index(axis) + ("training", "held-out").index(part)
         rng = np.random.default_rng([seed, number])
         count = self.training if part == "training" else self.scenarios
@@ -96,7 +96,9 @@ class Playability(Study):
         return met(player, many, self.workers, context.progress, what)
 
     def search(self, axis: Axis, seed: int, context: Context) -> tuple[Design, Any, Any]:
-        """Tune a strategy on training discs: the best design, all that were tried, their costs."""
+        """Tune a strategy on training discs: the best design, all designs tried, and their
+        costs.
+        """
         training = self.drawn(axis, "training", seed)
 
         def cost(design: Design) -> float:
@@ -204,7 +206,9 @@ class Playability(Study):
 
     @part
     def gains(self, runs: Any, grouped: Any, weight: Any) -> Any:
-        """Tuned less untuned, by measure, and the bootstrap samples, on unseen discs and drives."""
+        """Tuned minus untuned scores, by measure, with bootstrap samples, on unseen discs and
+        drives.
+        """
         fresh = [self.drives.index(name) for name in self.split[1]]
         pair = [self.strategies.index(self.tuned), -1]
         unseen = runs[..., 0][:, pair][:, :, fresh].mean(axis=2)
@@ -333,7 +337,7 @@ class Playability(Study):
 
     @table
     def tuning(self, answer: Dataset) -> Any:
-        """Tuned parameters, and what they gain."""
+        """Tuned parameters, and the improvement that they give."""
         level, rows = f"{CONFIDENCE:.0%}", []
         for axis in AXES:
             one = answer.sel(axis=axis)

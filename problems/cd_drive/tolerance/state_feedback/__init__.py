@@ -1,1 +1,1 @@
-"""State feedback on the estimates of strategy B, in place of its controller and switch."""
+"""State feedback from the estimates of strategy B, in place of its controller and switch."""

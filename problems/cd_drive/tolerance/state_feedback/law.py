@@ -1,14 +1,14 @@
-"""State feedback on strategy B's estimates, and the linear loops of both (section 8.4).
+"""State feedback from strategy B's estimates, and the linear loops of both (section 8.4).
 
-With the Kalman filter of strategy B, which estimates the states x of the error's dynamics and the
-command u_p that moves the lens as the disc moves,
+The Kalman filter of strategy B estimates the states x of the error's dynamics and the command u_p
+that moves the lens as the disc moves. With it,
 
     u = u_p - k x - h (u_last - u_p),       min  sum e^2 + r (u - u_p)^2
 
-where u_last is the command on its way: the computer takes a sample. There is no integrator; the
-oscillators of the filter follow the rotation, as in B. The weight r is chosen so that the loop of
-known states crosses over where the reference loop does, see `matched`; with estimated ones it
-crosses over lower, for the filter does not believe every measurement.
+where u_last is the previous command, which is still delayed by the computer's one sample. There is
+no integrator; the oscillators of the filter follow the rotation, as in B. The weight r is chosen so
+that the loop with known states has the same crossover as the reference loop, see `matched`. With
+estimated states the crossover is lower, since the filter does not trust every measurement fully.
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -39,14 +39,14 @@ from ..tactics import Strategies
 MICRO = 1e-6
 """A micrometre [m], the unit of the error in the cost."""
 FREQUENCY = np.geomspace(30.0, 15e3, 1500)
-"""Frequencies [Hz] between which a loop's crossover is looked for."""
+"""Frequencies [Hz] between which a loop's crossover is searched."""
 WEIGHTS = (1e-6, 1e4)
-"""Weights of the command [um^2/V^2] between which one is looked for."""
+"""Weights of the command [um^2/V^2] between which the weight is searched."""
 
 
 @dataclass(frozen=True, eq=False)
 class StateFeedback:
-    """The law of an axis; weight: of the command beside u_p in the cost [um^2/V^2]."""
+    """The law of an axis; weight: of u - u_p in the cost [um^2/V^2]."""
 
     axis: Axis
     rotation: float
@@ -54,7 +54,7 @@ class StateFeedback:
 
     @cached_property
     def estimator(self) -> KalmanEstimator:
-        """The filter of strategy B, which tells the plant's states too."""
+        """The filter of strategy B, which also returns the plant's states."""
         plain = kalman(self.axis, Rotation(self.rotation))
         plant = plain.model.plant
         C = np.vstack([plant.C, np.eye(plant.nstates)])
@@ -63,7 +63,7 @@ class StateFeedback:
 
     @cached_property
     def gain(self) -> RealArray:
-        """k of the plant's states and h of the command on its way, in one row (n + 1,)."""
+        """Gains k of the plant's states and h of the delayed command, in one row (n + 1,)."""
         A, B, C = self._deviations
         P = solve_discrete_are(A, B, C.T @ C, np.array([[self.weight]]))
         row: RealArray = np.linalg.solve(self.weight + B.T @ P @ B, B.T @ P @ A)[0]
@@ -71,14 +71,14 @@ class StateFeedback:
 
     @property
     def target(self) -> StateSpace:
-        """The loop of known states, broken at the command."""
+        """The loop with known states, broken at the command."""
         A, B, _ = self._deviations
         row = (self.gain * self.scale)[None]
         return realisation((A, B, row, np.zeros((1, 1))), PERIOD)
 
     @property
     def residual(self) -> float:
-        """Relative residual of the gain's Riccati equation, its cost by the closed loop's sum."""
+        """Relative residual of the gain's Riccati equation; its cost is the closed loop's sum."""
         A, B, C = self._deviations
         k = (self.gain * self.scale)[None]
         closed, cost = A - B @ k, C.T @ C + self.weight * k.T @ k
@@ -92,7 +92,9 @@ class StateFeedback:
 
     @property
     def scale(self) -> RealArray:
-        """Sizes of the states: of their responses to a command, so that entries are about 1."""
+        """Scales of the states, from their responses to a command, so that matrix entries are about
+        1.
+        """
         plant = self.estimator.model.plant
         column, size = plant.B[:, :1], np.zeros(plant.nstates)
         for _ in range(2000):
@@ -112,7 +114,7 @@ class StateFeedback:
         return A * scale / scale[:, None], B / scale[:, None], C * scale
 
     def cascade(self, strategies: Strategies) -> Cascade:
-        """The strategy: detector and filter as in B, then the state feedback at all times."""
+        """The strategy: detector and filter as in B, then the state feedback, also in defects."""
         estimator = self.estimator
         n = estimator.model.plant.nstates
         states = [f"state_{k}" for k in range(n)]
@@ -133,23 +135,23 @@ class StateFeedback:
 
     @property
     def controller(self) -> StateSpace:
-        """f_en -> u at quality 1, the filter settled."""
+        """f_en -> u at quality 1, with the filter in steady state."""
         n = self.estimator.model.plant.nstates
         return estimating(self.estimator, np.append(-self.gain[:n], 1.0 + self.gain[n]), None)
 
 
 def estimated(axis: Axis, rotation: float, K: StateSpace) -> StateSpace:
-    """f_en -> u of strategy B at quality 1, the filter settled: K f_en + u_p."""
+    """f_en -> u of strategy B at quality 1, with the filter in steady state: K f_en + u_p."""
     filter_ = kalman(axis, Rotation(rotation))
     row = np.append(np.zeros(filter_.model.plant.nstates), 1.0)
     return estimating(filter_, row, in_discrete_time(K, PERIOD))
 
 
 def estimating(filter_: KalmanEstimator, row: RealArray, K: StateSpace | None) -> StateSpace:
-    """f_en -> u = row (x, u_p) - (sum of what u_last must not count) + K f_en, the filter settled.
+    """f_en -> u at quality 1, with the filter in steady state: gains on the estimates, plus K f_en.
 
-    row: gains of the estimated states and of u_p; u_last counts with 1 - the latter, so that at
-    u = u_p nothing is left of it. K: discrete, or None.
+    row: gains of the estimated states and of u_p. The gain of u_last is 1 minus that of u_p, so
+    that the sum is zero at u = u_p. K: discrete, or None.
     """
     settled = filter_.settled
     model, n = settled.model, settled.model.seen
@@ -173,12 +175,12 @@ def estimating(filter_: KalmanEstimator, row: RealArray, K: StateSpace | None) -
 
 
 def loop(bench: Laboratory, controller: StateSpace) -> StateSpace:
-    """Open loop of a drive, broken at its command, closed with negative feedback."""
+    """Open loop of a drive, broken at its command, for negative feedback."""
     return -bench.sampled_error() * controller
 
 
 def crossover(open_loop: StateSpace) -> float:
-    """Highest frequency [Hz] at which a loop has gain 1. Raises SolverError where it has none."""
+    """Highest frequency [Hz] at which a loop has gain 1. Raises SolverError if there is none."""
     size = abs(loop_response(open_loop, FREQUENCY))
     above = np.flatnonzero(size >= 1.0)
     if not len(above) or above[-1] == len(size) - 1:
@@ -192,9 +194,10 @@ def crossover(open_loop: StateSpace) -> float:
 
 
 def matched(axis: Axis, rotation: float, frequency: float) -> StateFeedback:
-    """The law whose loop of known states crosses over at a frequency [Hz], nominal drive.
+    """The law whose loop with known states crosses over at this frequency [Hz], for the nominal
+    drive.
 
-    Raises SolverError where no weight gives that.
+    Raises SolverError if no weight gives this.
     """
 
     def excess(log_weight: float) -> float:

@@ -1,4 +1,4 @@
-"""State feedback on strategy B's estimates, in place of its controller and switch (section 8.4).
+"""State feedback from strategy B's estimates, in place of its controller and switch (section 8.4).
 
 Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -56,22 +56,26 @@ from .law import StateFeedback, crossover, estimated, loop, matched
 
 FEEDBACK = "state feedback"
 CASES = ("reference", "B", FEEDBACK)
-"""The reference strategy, strategy B, and the state feedback on B's estimates."""
+"""The reference strategy, strategy B, and the state feedback from B's estimates."""
 LOOPS = ("K", "B", FEEDBACK)
-"""Loops while nothing is wrong; that of the reference strategy is K's."""
+"""Loops on a clean disc; that of the reference strategy is the loop of K."""
 LENGTHS = (1.2e-3, 2.5e-3)
-"""Lengths of scratches [m]: that of section 8.6, and the longest that is repaired."""
+"""Lengths of scratches [m]: that of section 8.6, and the longest that the error correction repairs.
+"""
 SHADES = {"reference": COLOURS["reference"], "B": COLOURS["B"], FEEDBACK: figures.SKY}
 """Colours of the cases."""
 FREQUENCY = np.geomspace(10.0, 17e3, 300)
 """Frequencies [Hz] at which the nominal loops are shown."""
 HANDED_OVER = 1.0
-"""Revolutions after which the state feedback takes over from B. Without B before it the filter has
-no estimate to begin with, and focus is lost on a disc that moves by half a millimetre."""
+"""Number of revolutions after which the state feedback takes over from B. Without B before it the
+filter would have no initial estimate, and focus would be lost on a disc that moves by half a
+millimetre.
+"""
 RICCATI_RESIDUAL = 1e-9
-"""Largest relative difference of the gain from that of its own closed loop's cost."""
+"""Largest difference of the gain from that of its own closed loop's cost, relative."""
 SAME_CROSSOVER = 1e-3
-"""Largest relative difference of the crossover with known states from the reference loop's."""
+"""Largest difference of the crossover with known states from that of the reference loop, relative.
+"""
 
 
 @problem(
@@ -87,16 +91,15 @@ def state_feedback(
 ) -> StateFeedbackStudy:
     """State feedback on strategy B's estimates, in place of its controller and switch (8.4).
 
-    The command is u_p, which moves the lens as the disc moves, less a gain on the states that B's
-    Kalman filter estimates, in a defect as on a clean disc. The gain minimises the squared error
-    and the squared command beside u_p; the command's weight is that with which the loop of known
-    states crosses over where the reference loop does. It takes over from B, and stands beside B
-    and the reference strategy in the experiment of `cd/<axis>/strategies`, with scratches
-    of 1.2 and 2.5 mm, in the
-    same draws, and with its margins on each drive.
+    The command is u_p, which moves the lens as the disc moves, minus a gain on the states that B's
+    Kalman filter estimates; this holds in a defect and on a clean disc alike. The gain minimises a
+    weighted sum of the squared error and of (u - u_p)^2. The weight is chosen so that the loop with
+    known states has the same crossover as the reference loop. The state feedback takes over from B.
+    It is compared with B and the reference strategy in the experiment of `cd/<axis>/strategies`,
+    with scratches of 1.2 and 2.5 mm, in the same draws, and by its margins on each drive.
 
-    drive_count: how many of the twelve drives. draws: on each drive, of noise, angle, sign and edge
-    of the scratch.
+    drive_count: how many of the twelve drives. draws: number of draws on each drive, of noise,
+    angle, sign and edge of the scratch.
     """
     return StateFeedbackStudy(axis, drive_count, draws)
 
@@ -166,7 +169,7 @@ class StateFeedbackStudy(Study):
 
     @arrays((loop_of, drive), gain_margin="dB", phase_margin="deg", growth="1/s", crossover="Hz")
     def judged(self, loops: list[list[StateSpace]]) -> dict[str, Any]:
-        """Margins, rate of the slowest motion, crossover."""
+        """Margins, decay rate of the slowest mode, and crossover."""
         every = [[nearest_margins(one) for one in row] for row in loops]
         return {
             "gain_margin": [[one.gain_db for one in row] for row in every],
@@ -193,7 +196,7 @@ class StateFeedbackStudy(Study):
         return independent_seeds(context.rng, len(self.names), self.draws)
 
     def played(self, one: Scenario, law: StateFeedback) -> Record:
-        """A scenario in which the state feedback takes over from B, whose filter has settled."""
+        """A scenario in which the state feedback takes over from B, once B's filter has settled."""
         made = one.strategies()
         return one.bench.closed_loop(
             [
@@ -220,7 +223,7 @@ class StateFeedbackStudy(Study):
     @part
     def met(self, law: StateFeedback, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (drives, draws, lengths, cases, 4)."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         cells = [
             (name, one)
             for name, row in zip(self.names, seed.values.tolist(), strict=True)
@@ -268,13 +271,15 @@ class StateFeedbackStudy(Study):
     # --- what is told -------------------------------------------------------------------------
 
     def below(self, answer: Dataset, name: str, other: str) -> DataArray:
-        """Share of draws in which an excursion is below that of another case, by length."""
+        """Share of draws in which an excursion is smaller than in another case, by length."""
         one, two = (answer["excursion"].sel(case=each) for each in (name, other))
         return share_of_draws(one < two, "length")
 
     @metric
     def told(self, answer: Dataset) -> dict[str, float]:
-        """Margins of the worst drive, excursions, and what is below what."""
+        """Margins of the worst drive, excursions, and shares of draws with the smaller
+        excursion.
+        """
         found = {"weight": float(answer["weight"])}
         for name in LOOPS:
             one, key = answer.sel(loop_of=name), name.replace(" ", "_")
@@ -339,7 +344,7 @@ _MARGINS = ("gain_margin", "phase_margin")
 
 
 def _growth(open_loop: StateSpace) -> float:
-    """Rate [1/s] of the slowest motion of a loop that is closed with negative feedback."""
+    """Growth rate [1/s] of the slowest mode of a loop closed with negative feedback."""
     back = 1.0 + open_loop.D[0, 0]
     closed = open_loop.A - open_loop.B @ open_loop.C / back
     return float(np.log(abs(np.linalg.eigvals(closed)).max()) / PERIOD)

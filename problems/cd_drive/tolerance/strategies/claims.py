@@ -1,4 +1,4 @@
-"""What may be claimed of the strategies after many draws, and their errors in tables."""
+"""Statements about the strategies over many draws, and tables of their errors."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from ..strategy_looks import titled
 from ..tactics import STRATEGIES
 
 LEVELS = (1 / 2, 2 / 3, 1.0)
-"""Shares of the reference strategy's excursion that a strategy may stay below."""
+"""Fractions of the reference strategy's excursion below which a strategy may stay."""
 CLAIMED = {"A": 1 / 2, "B": 1 / 2, "C": 1.0, "K_prime": 1.0}
-"""The share that each strategy stays below, wherever the reference strategy's error is too large to
-be read. For C and K' 2/3 is what one draw suggests, and undecided over many."""
+"""The fraction below which each strategy stays, whenever the reference strategy's error is too
+large to read. For C and K', one draw suggests 2/3, but many draws leave it undecided.
+"""
 
 
 def over_reference(values: DataArray) -> DataArray:
-    """Values of every strategy over those of the reference strategy in the same draw."""
+    """Values of every strategy, divided by those of the reference strategy in the same draw."""
     return values / values.sel(strategy="reference")
 
 
 def unmet(reduced: DataArray) -> DataArray:
-    """Share of the draws in which a strategy of `CLAIMED` is above its level; 0 of no draw."""
+    """Share of the draws in which a strategy of `CLAIMED` is above its level; 0 without draws."""
     import xarray as xr
 
     every = [reduced.sel(strategy=name, level=level) for name, level in CLAIMED.items()]
@@ -33,7 +34,7 @@ def unmet(reduced: DataArray) -> DataArray:
 
 
 def claims_table(answer: Dataset) -> str:
-    """What holds in 95 % of the draws, and what is undecided."""
+    """Statements that hold in 95 % of the draws, and statements that are undecided."""
     below = "at most {:.2g} of the reference strategy's, where that cannot be read"
     rows = [
         (name, below.format(level), answer["reduced"].sel(strategy=name, level=level))

@@ -20,11 +20,11 @@ from .runs import ENGAGED
 
 STEMS = {"A": "figure-8-7", "B": "figure-8-8", "C": "figure-8-9", "K_prime": "figure-8-6"}
 SIMULATED = {"A": ("A.1", "A.4"), "B": ("A.2", "A.5"), "C": ("A.3", "A.6"), "K_prime": ()}
-"""Figures of the appendix that show the same by simulation, signals and true error."""
+"""Figures of the appendix that show the same by simulation: signals and true error."""
 
 
 def strategy_figures(answer: Dataset, axis: Axis) -> dict[str, Figure]:
-    """A figure of each strategy beside the reference strategy, and one of all drives, by name."""
+    """A figure of each strategy with the reference strategy, and one of all drives, by name."""
     found = {stem: _against(answer, name, axis) for name, stem in STEMS.items()}
     return found | {"drives": _drives(answer, axis)}
 

@@ -50,22 +50,23 @@ from .runs import Experiment, StrategyOutcome, envelope
 from .stability import estimated_decay, repetitive_level
 
 SHOWN = ("u", "f_en", "error", "w_Q")
-"""Signals that are stored about a scratch."""
+"""Signals that are stored around a scratch."""
 WIDE = ("u", "f_en")
 """Signals that are stored over a whole run."""
 PERIODIC_SHARE = 0.1
-"""Largest periodic error of strategies A and B, as a share of the reference strategy's."""
+"""Largest accepted periodic error of strategies A and B, over that of the reference strategy."""
 PERIODIC_DIFFERENCE = 0.1
-"""Largest relative difference of strategy C's periodic error from the reference strategy's, whose
-open loop is the same (section 8.6)."""
+"""Largest accepted difference between the periodic errors of strategy C and of the reference
+strategy, relative; their open loops are the same (section 8.6).
+"""
 HALF_STEP_CHANGE = 0.05
-"""Largest relative change of an excursion when the simulation's step is halved."""
+"""Largest accepted change of an excursion when the step of the simulation is halved, relative."""
 
 Filter = Literal["high-pass", "robust"]
 
 
 def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, Any]:
-    """K', and the designed fault filter where it is asked for."""
+    """References to K', and to the designed fault filter if it is asked for."""
     found: dict[str, Any] = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
     if fault_filter == "robust":
         found["designed"] = ref(f"cd/{axis}/fault-filter")
@@ -92,13 +93,14 @@ def strategies(
     """Strategies against surface defects (figures 8.7-8.9, A.1-A.6).
 
     A disc of the largest deviation, 500 um in focus and 70 um radially, turns at 5.5 Hz with a
-    scratch of 1.2 mm, a minor one and a false detection. For a second the reference strategy is in
-    charge, which zeroes the error by the quality signal; then A (repetitive control beside it), B
-    (position and disturbance estimators take over), C (the estimated defect is removed) or K' (one
-    controller of lower bandwidth). The true error is known here: its excursion within 5 ms after
-    the scratch, and its amplitude at the rotation frequency, for the nominal drive and all twelve.
-    Each is a distribution over draws of the noise, the scratch's angle, its edge and the sign of
-    its displacement; strategies are compared in the same draw.
+    scratch of 1.2 mm, a minor scratch and a false detection. For a second the reference strategy is
+    in charge, which sets the error to zero by the quality signal. Then another strategy takes over:
+    A (repetitive control added), B (position and disturbance estimators take over), C (the
+    estimated defect is subtracted) or K' (a single controller of lower bandwidth). The true error
+    is known here: its excursion within 5 ms after the scratch, and its amplitude at the rotation
+    frequency, for the nominal drive and all twelve. Each is a distribution over draws of the noise,
+    the scratch's angle, its edge and the sign of its displacement; strategies are compared in the
+    same draw.
 
     depth, displacement: of the scratches, the latter in errors that can be read (2 um in focus,
     0.2 um radially). drive_count: how many of the twelve drives. draws: on each drive. values: of
@@ -119,7 +121,7 @@ def strategies(
 
 @dataclass(frozen=True, eq=False)
 class StrategiesStudy(Study):
-    """All strategies on the nominal drive and on others, each draw the same for all strategies."""
+    """All strategies on the nominal drive and on others, with the same draws for all strategies."""
 
     experiment: Experiment
     drive_count: int
@@ -182,7 +184,7 @@ class StrategiesStudy(Study):
         cells = [
             (drive, one) for drive, row in zip(self.names, scratches, strict=True) for one in row
         ]
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         found = context.spread(lambda cell: self.outcomes(*cell), cells, "drives and draws")
         return np.reshape(found, (-1, self.draws, len(STRATEGIES), 4))
 
@@ -212,7 +214,7 @@ class StrategiesStudy(Study):
 
     @part
     def finer(self, printed: ScratchDraw) -> list[Record]:
-        """The same records at half the step."""
+        """The same records with half the step of the simulation."""
         return [self.played("nominal", name, printed, refine=2) for name in STRATEGIES]
 
     def excursions(self, records: list[Record], printed: ScratchDraw) -> list[float]:
@@ -265,7 +267,7 @@ class StrategiesStudy(Study):
 
     @array(dims=(strategy, stage, signal, zoomed), meaning="u [V], f_en [1], error [m], w_Q [1]")
     def zoom(self, nominal: list[Record]) -> Any:
-        """Signals about a scratch before and after the strategy is engaged."""
+        """Signals around a scratch, before and after the strategy takes over."""
         windows, runs = self.experiment.windows().values(), map(_signals, nominal)
         return np.array(
             [[[run[name][window] for name in SHOWN] for window in windows] for run in runs],

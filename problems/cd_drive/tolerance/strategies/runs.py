@@ -1,4 +1,4 @@
-"""The experiment of section 8.6 and appendix A.3, and what is read off it.
+"""The experiment of section 8.6 and appendix A.3, and the values read from it.
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -27,28 +27,29 @@ from ..scenario import Scenario, Stage
 ENGAGED = 1.0
 """Time [s] at which the other strategy takes over from the reference strategy (appendix A.3)."""
 AFTER = 5e-3
-"""Time [s] after the scratch during which the largest error is the excursion."""
+"""Time [s] after the scratch in which the largest error is the excursion."""
 ANGLE = {"focus": 0.0, "radial": 0.2}
 """Angle [revolutions] at which the 1.2 mm scratch starts. In focus the disc is fastest there, so
-that eq. 8.1 is near its worst. The radial loop would lose the track there with the reference
-strategy."""
+eq. 8.1 is close to its worst case. In the radial loop the reference strategy would lose the track
+at such an angle.
+"""
 LENGTH, MINOR = 1.2e-3, 0.4e-3
 """Lengths of the two scratches along the track [m]; the minor one is on the disc's other side."""
 SCRATCHED = 0.3
-"""Time [s] from which on the scratches are present."""
+"""Time [s] from which the scratches are present."""
 FALSE = 0.6, 1e-3
 """Start and duration [s] of the first false detection; the second comes at the same angle."""
 SCRATCH_WINDOW = (-1.5e-3, 6.5e-3)
 """Times [s] between which signals are shown, from the start of the 1.2 mm scratch."""
 BINS = 500
-"""Stretches into which a whole run is cut; of each the least and the largest value are shown."""
+"""Number of stretches of a whole run; the least and the largest value of each are shown."""
 
 
 class StrategyOutcome(NamedTuple):
     """Excursion and periodic error [m]; how often focus or track was lost or regained.
 
-    events: once the strategy has settled. early_events: before that, most of them while it takes
-    over from the reference strategy.
+    events: after the strategy has settled. early_events: before that, mostly while it takes over
+    from the reference strategy.
     """
 
     excursion: float
@@ -61,9 +62,10 @@ class StrategyOutcome(NamedTuple):
 class Experiment:
     """The experiment on one drive: first the reference strategy, then another.
 
-    depth, displacement: of both scratches; the displacement in errors that can be read.
-    settling: revolutions in which the other strategy settles. revolutions: those after it, whose
-    scratches are evaluated. length: of the larger scratch along the track [m].
+    depth, displacement: of both scratches; the displacement is over the largest error that can be
+    read. settling: number of revolutions in which the other strategy settles. revolutions: number
+    of those after it, whose scratches are evaluated. length: of the larger scratch along the track
+    [m].
     """
 
     axis: Axis
@@ -88,13 +90,13 @@ class Experiment:
         return Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
 
     def printed(self, seed: int) -> ScratchDraw:
-        """The scratch of section 8.6, where eq. 8.1 is near its worst."""
+        """The scratch of section 8.6, at which eq. 8.1 is close to its worst case."""
         return ScratchDraw(seed, ANGLE[self.axis])
 
     def scenario(
         self, drive: str, strategy: str, scratch: ScratchDraw, refine: int = 1, noisy: bool = True
     ) -> Scenario:
-        """The experiment as a scenario; ``noisy``: with noise of the diodes and electronics."""
+        """The experiment as a scenario; ``noisy``: with noise of diodes and electronics."""
         swing = scratch.sign * self.displacement * ACCEPTABLE_ERROR[self.axis]
         start, lasts = FALSE
         again = start + np.ceil((self.first - start) * ROTATION) / ROTATION
@@ -139,13 +141,13 @@ class Experiment:
         return self.first + self.revolutions / ROTATION
 
     def starts(self, angle: float) -> Any:
-        """Times [s] at which the larger scratch is met, as long as `AFTER` is within the record."""
+        """Times [s] at which the larger scratch begins, if `AFTER` ends within the record."""
         times = (np.arange(np.ceil(self.duration * ROTATION)) + angle) / ROTATION
         late = self.duration - self.length / VELOCITY - 2 * AFTER
         return times[(times > SCRATCHED) & (times < late)]
 
     def windows(self) -> dict[str, slice]:
-        """Samples about the printed scratch before and after the other strategy is engaged."""
+        """Samples around the printed scratch, before and after the other strategy takes over."""
         starts = self.starts(ANGLE[self.axis])
         chosen = {"before": starts[starts < ENGAGED][-1], "after": starts[starts > self.first][0]}
         return {
@@ -157,13 +159,15 @@ class Experiment:
 
     @property
     def window_times(self) -> RealArray:
-        """Times [ms] of a window, from the start of the scratch on."""
+        """Times [ms] of a window, from the start of the scratch."""
         window = next(iter(self.windows().values()))
         return 1e3 * (SCRATCH_WINDOW[0] + np.arange(window.stop - window.start) / RATE)
 
 
 def envelope(values: RealArray) -> tuple[RealArray, RealArray]:
-    """Least and largest values (2, BINS) of BINS stretches of (N,), and the ends [s] of these."""
+    """Least and largest values (2, BINS) of BINS stretches of (N,), and the ends [s] of the
+    stretches.
+    """
     edges = np.linspace(0, len(values), BINS + 1).astype(int)
     found = np.array(
         [np.minimum.reduceat(values, edges[:-1]), np.maximum.reduceat(values, edges[:-1])]

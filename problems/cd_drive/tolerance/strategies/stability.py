@@ -17,19 +17,19 @@ from ..tactics import Strategies
 def repetitive_level(strategies: Strategies, bench: Laboratory) -> float:
     """Largest |Q (1 - g T)| of strategy A on a drive; below 1 it is stable, see `Repetitive`.
 
-    Certified between grid points, by the Hamiltonians of the continuous system of the same norm:
-    SLICOT's norm of this discrete one is 4 % too small. Raises InputError when K alone does not
-    stabilise the drive.
+    It is certified between grid points by the Hamiltonians of the continuous system of the same
+    norm, since SLICOT's norm of this discrete system is 4 % too small. Raises InputError if K alone
+    does not stabilise the drive.
     """
     loop = -bench.sampled_error() * in_discrete_time(strategies.controller, PERIOD)
     return certified_norm(continued(strategies.repetitive.contraction(loop)))
 
 
 def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:
-    """Rate [1/s] at which the slowest mode of strategy B decays on a drive; below 0 it grows.
+    """Decay rate [1/s] of the slowest mode of strategy B on a drive; negative if it grows.
 
-    The loop is closed at quality 1. It has the drive with its delay, K, and the settled Kalman
-    filter, which gets the command of the sample before and whose u_p is added to K's command.
+    The loop is closed at quality 1. It has the drive with its delay, K, and the Kalman filter in
+    steady state, which gets the previous command and whose u_p is added to K's command.
     """
     drive = bench.sampled_error()
     K = in_discrete_time(strategies.controller, PERIOD)

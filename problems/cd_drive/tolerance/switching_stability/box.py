@@ -1,7 +1,8 @@
-"""The parametric set as a box of plants between whose controllers surface defects switch.
+"""The parametric set as a box of plants; surface defects switch their controllers.
 
 The actuator is affine in g = 1 / (R + r), k1 and k2, which follow from the parameters of Table 5.3:
-R enters only by the coil's force Bl g u and by the damping Bl^2 g. The loop is a sample late.
+R enters only through the coil's force Bl g u and the damping Bl^2 g. The loop has a delay of one
+sample.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ NAMES = ("R", "k1", "k2")
 LABEL = "g [1/ohm], k1 and k2 [N/m]"
 """The box's parameters and their units."""
 FIRST_CELLS = (1, 1, 8)
-"""Numbers of cells along g, k1 and k2 into which the whole box is cut at the start."""
+"""Numbers of cells along g, k1 and k2 into which the whole box is divided at the start."""
 HALVED = (2, 0, 2)
-"""Parameters along which a cell is halved, one after the other, before it is given up."""
+"""Parameters along which a cell is halved, in this order, before it counts as unproven."""
 DWELLS = (1, 10, 30)
-"""Dwells [samples] in the clean mode that are tried; a dwell of 1 allows any switching."""
+"""Least stays [samples] in the clean mode that are tried; 1 allows any switching."""
 UNITS = np.array([1 / MICRO, 1 / MICRO, PERIOD / MICRO, PERIOD / MICRO, 1.0, 1.0])
 """Units of the states (positions, speeds, filter and command) over SI units."""
 
@@ -40,7 +41,8 @@ def parametric_box(
 ) -> SwitchedBox:
     """Smallest box of g [1/ohm], k1 and k2 [N/m] that contains a multiple of an axis' set.
 
-    Raises InputError for a share that is not positive, or at which a spring has no stiffness.
+    Raises InputError for a share that is not positive, or at which a spring would have no
+    stiffness.
     """
     widest = 1 / max(p.tolerance for p in uncertain_parameters(axis))
     if not 0.0 < share < widest:
@@ -70,7 +72,7 @@ def parametric_box(
 def _continuous(axis: Axis, parameters: RealArray) -> RealArray:
     """[A B; 0 0] (6, 6) of actuator and filter, affine in g, k1, k2.
 
-    Positions are in um and speeds in um a sample, so that a sample's entries are about 1.
+    Positions are in um and speeds in um per sample, so that the entries are about 1.
     """
     g, k1, k2 = parameters
     values = {name: entry.nominal for name, entry in nominal_table(axis).items()}

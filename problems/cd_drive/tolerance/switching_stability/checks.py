@@ -1,4 +1,4 @@
-"""Checks of the switched loops: their results recomputed in other ways."""
+"""Checks of the switched loops: their results computed again in other ways."""
 
 from __future__ import annotations
 
@@ -25,15 +25,17 @@ PARAMETRIC_PLANTS = 200
 DEFECT_LENGTHS = (1, 2, 5, 20, 100)
 """Lengths [samples] of the defects with which random plants are checked."""
 PRINTED = {"gain_margin": (3.0, 1.0), "phase_margin": (8.0, 2.0)}
-"""Margins of K (1 - F) in figure 8.10, and the largest distance from them: dB and degrees."""
+"""Margins of K (1 - F) in figure 8.10, and the largest accepted differences from them: dB and
+degrees.
+"""
 POLE_TOLERANCE = 1e-6
-"""Largest distance of two computations of a pole."""
+"""Largest accepted difference between two computations of a pole."""
 OPTICS_TOLERANCE = 0.01
-"""Relative change of a tenth of the largest error by the optics' nonlinearity."""
+"""Accepted change, relative, of a tenth of the largest error by the optics' nonlinearity."""
 MORE_FREQUENCIES = 131
 """Number of frequencies at which the error of one defect is computed again."""
 FREQUENCY_TOLERANCE = 0.02
-"""Largest relative amount by which an error may exceed that at the stored frequencies."""
+"""Largest accepted relative excess of an error over that at the stored frequencies."""
 
 
 def switching_checks(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
@@ -66,7 +68,7 @@ def _sorted(poles: Any) -> Any:
 
 
 def _functions(drives: SwitchedDrives, answer: Dataset, strategy: str) -> Check:
-    """Check by generalised eigenvalues that V falls over every stay that is allowed."""
+    """Check by generalised eigenvalues that V decreases over every allowed stay."""
     worst, where = 0.0, ""
     one = answer.sel(strategy=strategy)
     loops = drives.loops(strategy)
@@ -108,7 +110,7 @@ def _ratio(A: RealArray, after: RealArray, before: RealArray) -> float:
 
 
 def _ordered(answer: Dataset) -> Check:
-    """Check that no distance is proven that a periodic switching makes unstable."""
+    """Check that no distance is proven that a periodic switching sequence makes unstable."""
     less = (answer["unstable"] + 1 - answer["dwell"]).max()
     statement = "largest distance that periodic defects make unstable, and one, less the proven one"
     return Check("dwell", statement, float(less), 0.0)
@@ -122,7 +124,9 @@ def _bounded(answer: Dataset) -> Check:
 
 
 def _in_laboratory(answer: Dataset) -> Check:
-    """Compare with the laboratory, for a disc so small that the optics are linear."""
+    """Compare with the laboratory, for a disc with so small a deviation that the optics
+    are linear.
+    """
     bound = answer["bound"].sel(case="rotation", length=answer["tested"].values).isel(distance=-1)
     small = answer["laboratory"].isel(size=0).max("drive")
     over = small.values / float(small["size"]) / bound.values
@@ -131,7 +135,7 @@ def _in_laboratory(answer: Dataset) -> Check:
 
 
 def _replayed(drives: SwitchedDrives, answer: Dataset) -> Check:
-    """Simulate six defects again, sample by sample and at many phases."""
+    """Simulate six defects again, sample by sample and for many phases."""
     off, where = 0.0, ""
     distances = answer["spaced"].values
     for strategy in answer["strategy"].values:
@@ -148,7 +152,7 @@ def _replayed(drives: SwitchedDrives, answer: Dataset) -> Check:
 def _played(
     drives: SwitchedDrives, loop: SwitchedLoop, case: str, samples: int, distance: int
 ) -> float:
-    """Largest |w - lens x| of discs at 64 phases, which start in the loop's steady motion."""
+    """Largest |w - lens x| for discs at 64 phases, beginning in the steady motion of the loop."""
     amplitude, omega = drives.disc(case)
     worst = 0.0
     for a, w in zip(amplitude, omega, strict=True):
@@ -156,7 +160,7 @@ def _played(
         lag = np.arctan2(w, ANTIALIASING)
         phase = 2 * np.pi * np.arange(64) / 64
         (A, B), n = loop.clean, len(loop.clean[0])
-        # The steady motion: c cos + s sin solves a real system of twice the size.
+        # The steady motion c cos + s sin solves a real system of twice the size.
         cosine, sine = np.cos(w * PERIOD) * np.eye(n) - A, np.sin(w * PERIOD) * np.eye(n)
         big = np.block([[cosine, -sine], [sine, cosine]])
         side = a * filtered * np.concatenate([B[:, 0] * np.cos(lag), -B[:, 0] * np.sin(lag)])
@@ -197,7 +201,7 @@ def _between(drives: SwitchedDrives, answer: Dataset) -> Check:
 def _cells(drives: SwitchedDrives, answer: Dataset) -> Check:
     """Check that the cells lie in the box, do not overlap, and fill the stored share of it."""
     low, high = drives.box(float(answer["box_of_cells"])).ends
-    # Relative to the box, which is then 0 to 1.
+    # coordinates in which the box is from 0 to 1
     a, b = ((answer[f"cell_{end}"].values - low) / (high - low) for end in ("low", "high"))
     beyond = max((-a).max(initial=0.0), (b - 1.0).max(initial=0.0))
     shared = np.minimum(b[:, None], b) - np.maximum(a[:, None], a)
@@ -209,13 +213,13 @@ def _cells(drives: SwitchedDrives, answer: Dataset) -> Check:
 
 
 def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
-    """Check that V falls from defect to defect at random plants of the set."""
+    """Check that V decreases from defect to defect at random plants of the set."""
     box = drives.box(float(answer["box_of_cells"]))
     low, high = box.ends
     rng = np.random.default_rng(0)
     worst, where = 0.0, ""
     whole = float(answer["box_volume"].sel(box_share=float(answer["box_of_cells"]))) > 1.0 - 1e-9
-    missing = np.inf if whole else 0.0  # of a set of which all is proven, no plant may be missing
+    missing = np.inf if whole else 0.0  # if the whole set is proven, no plant may be missing
     cells = list(zip(answer["cell_low"].values, answer["cell_high"].values, strict=True))
     for point in rng.uniform(low, high, (PARAMETRIC_PLANTS, 3)):
         inside = [i for i, (a, b) in enumerate(cells) if (a <= point).all() and (point <= b).all()]
@@ -231,7 +235,7 @@ def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
 
 
 def _cycle(A_c: RealArray, A_o: RealArray, P: RealArray, dwell: int) -> float:
-    """Largest V of either mode after a sample, or after a defect and a dwell, over V before."""
+    """Largest V of either mode after a sample, or after a defect and a stay, over V before."""
     longer = [_ratio(np.linalg.matrix_power(A_o, n), P[0], P[1]) for n in DEFECT_LENGTHS]
     back = _ratio(np.linalg.matrix_power(A_c, dwell), P[1], P[0])
     return max(_ratio(A_c, P[0], P[0]), _ratio(A_o, P[1], P[1]), back * max(longer))

@@ -1,4 +1,4 @@
-"""Each loop of the switched one alone: margins, decay and robust stability (figure 8.10).
+"""Each single loop of the switched one: margins, decay and robust stability (figure 8.10).
 
 Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -24,16 +24,17 @@ from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 
 CONTROLLERS = ("K", "K (1 - F)", "K'")
-"""Controllers of the loops: the reference one, that of strategy C, and K' by mu synthesis."""
+"""Controllers of the loops: the reference controller, that of strategy C, and K' by mu synthesis.
+"""
 FREQUENCY = np.union1d(np.geomspace(1.0, 17.4e3, 250), np.geomspace(400.0, 1100.0, 250))
 """Frequencies [Hz] at which L is shown, closely spaced about the parasitic resonances."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoopsAlone:
-    """Loops of K, K (1 - F) and K' with plants u -> f_en by name, "nominal" one of them.
+    """Loops of K, K (1 - F) and K' with plants u -> f_en by name, including "nominal".
 
-    delay: turn-around of the computer [samples]. length: that of the longest defect [m].
+    delay: of the computer [samples]. length: of the longest defect [m].
     """
 
     axis: Axis

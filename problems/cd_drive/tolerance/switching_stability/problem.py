@@ -36,9 +36,9 @@ def switching_stability(
 ) -> SwitchingStability:
     """Whether the loop stays stable while surface defects switch its controller (figure 8.10).
 
-    In clean parts K (eq. 6.12) is in the loop; while a defect passes there is nothing (the
-    reference strategy), K (1 - F) with F a first-order high-pass of 450 Hz (strategy C, figure
-    8.6), or K' of `cd/<axis>/lower-bandwidth`; the integrator is handed over.
+    In clean parts K (eq. 6.12) is in the loop. While a defect passes it is replaced by nothing (the
+    reference strategy), by K (1 - F) with F a first-order high-pass of 450 Hz (strategy C, figure
+    8.6), or by K' of `cd/<axis>/lower-bandwidth`; the integrator is shared.
 
     - Margins of K, K (1 - F) and K', and the share of the parametric set that each tolerates.
     - Dwell times by LMIs: the shortest distance between defects for which any sequence of defects
@@ -51,9 +51,10 @@ def switching_stability(
       strategies in the virtual laboratory beside it, at 9 Hz.
 
     defect_mm: longest defect [mm]; 2.5 is what the error correction repairs. delay: of the computer
-    [samples]; the parametric set has 1 always. displacement: largest false displacement of defects,
-    in acceptable errors. gain: of the twelve loops. common: one set of functions for all drives as
-    well, in the coordinates of each drive's resonances (minutes).
+    [samples]; with the parametric set it is always 1. displacement: largest false displacement by
+    defects, over the acceptable error. gain: of the twelve loops. common: whether one set of
+    functions for all drives is searched, too, in the coordinates of each drive's resonances (takes
+    minutes).
     """
     K = lower.answer.K
     return SwitchingStability(axis, K, defect_mm / 1e3, delay, displacement, gain, common)

@@ -30,7 +30,7 @@ WORDS = {
 }
 COLOURS = {"open": figures.BLUE, "filter": figures.ORANGE, "lower": figures.GREEN}
 MM = 1e3 * PERIOD * VELOCITY
-"""Length [mm] of track that passes in a sample."""
+"""Length [mm] of track that passes per sample."""
 
 
 def switching_tables(axis: Axis, answer: Dataset) -> dict[str, str]:
@@ -76,7 +76,7 @@ def _loops(answer: Dataset) -> str:
 
 
 def _dwell(answer: Dataset) -> str:
-    """Shortest distances between defects [samples]: proven, and made unstable."""
+    """Shortest distances between defects [samples]: proven stable, and shown unstable."""
     longest = answer.sizes["length"]
     heads = ["drive"]
     for strategy in answer["strategy"].values.tolist():
@@ -107,7 +107,9 @@ def _dwell(answer: Dataset) -> str:
 
 
 def _errors(axis: Axis, answer: Dataset) -> str:
-    """Largest errors of all drives: after the longest defect, and how long a defect may be."""
+    """Largest errors over all drives after the longest defect, and the longest defect that is
+    allowed.
+    """
     unit, far = ACCEPTABLE_ERROR[axis] * 1e6, int(answer["distance"][-1])
     heads = [
         "disc", "strategy", "bound at the longest defect [um]", "simulated [um]",
@@ -135,7 +137,7 @@ def _errors(axis: Axis, answer: Dataset) -> str:
 
 
 def _laboratory(answer: Dataset) -> str:
-    """Bounds beside what the strategies do in the virtual laboratory."""
+    """Bounds, compared with the errors of the strategies in the virtual laboratory."""
     heads = ["strategy", "longest defect [mm]", "bound [um]"]
     heads += [f"{float(size):g} of the disc [um]" for size in answer["size"].values]
     rows = []
@@ -252,16 +254,18 @@ def _region(axis: Axis, answer: Dataset) -> Figure:
 
 
 def proven(bound: np.ndarray, limit: float) -> np.ndarray:
-    """Length [mm] up to which bounds (lengths, distances), from one sample on, keep a limit."""
+    """Length [mm] up to which bounds (lengths, distances), beginning at one sample,
+    keep a limit.
+    """
     inside = bound <= limit
     held: np.ndarray = np.where(inside.all(axis=0), len(inside), np.argmin(inside, axis=0))
     return MM * held
 
 
 def _crossed(error: np.ndarray, answer: Dataset, limit: float) -> np.ndarray:
-    """Length [mm] at which simulated errors (played, distances) first pass a limit.
+    """Length [mm] at which simulated errors (lengths, distances) first exceed a limit.
 
-    Linearly between the lengths that were played; 0 where the shortest of them passes it.
+    It is interpolated linearly between the simulated lengths; 0 if the shortest exceeds the limit.
     """
     played = answer["played"].values.astype(float)
     found = np.zeros(error.shape[1])

@@ -34,7 +34,7 @@ from .switched_drives import DEFECTS, ROTATIONS, SwitchedDrives
 STRATEGIES = ("open", "filter", "lower")
 """Strategies that are studied, see `switched_loop`."""
 MULTIPLES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 2.0), "radial": (1.0,)}
-"""Multiples of the parametric set that are tried, up to the first that is not proven."""
+"""Multiples of the parametric set that are tried, up to the first that cannot be proven."""
 CASES = ("rotation", "envelope")
 """Discs, see `SwitchedDrives.disc`."""
 DISTANCES = np.unique(np.geomspace(30, 4000, 12).round().astype(np.int64))
@@ -42,12 +42,13 @@ DISTANCES = np.unique(np.geomspace(30, 4000, 12).round().astype(np.int64))
 LENGTHS = 12
 """Number of lengths of simulated defects, up to the longest."""
 SIZES = (0.1, 1.0)
-"""Sizes of the disc in the laboratory over the largest deviation; for the first the optics are
-linear."""
+"""Sizes of the disc's deviation in the laboratory over the largest one; at the first the optics are
+linear.
+"""
 
 
 class Functions(NamedTuple):
-    """A proven dwell time, a longer one that is unstable [samples], and the functions P."""
+    """A proven dwell time, the longest one found unstable [samples], and the functions P."""
 
     dwell: float
     unstable: int
@@ -55,7 +56,7 @@ class Functions(NamedTuple):
 
 
 def _proof(program: SwitchedStability) -> Functions:
-    """The least dwell time that is found. Raises SolverError where none is proven."""
+    """The least dwell time found. Raises SolverError if none is proven."""
     found = solve(program)
     if found.answer is None or not (found.certificate and found.certificate.valid):
         raise SolverError(f"no dwell time is proven: {found.message}")
@@ -63,7 +64,7 @@ def _proof(program: SwitchedStability) -> Functions:
 
 
 def _each_drive(strategy: str) -> Any:
-    """Declare the functions of a strategy, drive by drive."""
+    """Declare the functions of a strategy for each drive."""
     state = f"state_{strategy}"
     meaning = f"functions of {strategy}, V = x' P x at each mode's entry"
     over = ("drive", "mode", state, f"{state}_")
@@ -151,7 +152,7 @@ class SwitchingStability(SwitchedDrives, Study):
 
     @part
     def proofs(self, switched: Any, context: Context) -> dict[str, list[Functions]]:
-        """Dwell times of every drive by strategy."""
+        """Dwell times of every drive, by strategy."""
         return {
             name: [
                 _proof(self.program([loop]))
@@ -162,7 +163,7 @@ class SwitchingStability(SwitchedDrives, Study):
 
     @part
     def together(self, switched: Any, context: Context) -> dict[str, Functions]:
-        """Dwell times with one set of functions for all drives, by strategy, if wanted."""
+        """Dwell times with one set of functions for all drives, by strategy, if asked for."""
         wanted = STRATEGIES if self.common else ()
         tracked = context.track(list(wanted), "dwell times of all drives at once")
         return {name: _proof(self.program(switched[name])) for name in tracked}
@@ -246,7 +247,7 @@ class SwitchingStability(SwitchedDrives, Study):
 
     @arrays((case, drive), alone=("um", "no switching"))
     def unswitched(self) -> dict[str, Any]:
-        """Largest errors of the loops that never switch."""
+        """Largest errors of the loops without switching."""
         loops = self.loops("none")
         errors = [[self.deviations(loop, case).steady_error for loop in loops] for case in CASES]
         return {"alone": [[abs(one).max() for one in each] for each in errors]}
@@ -257,9 +258,9 @@ class SwitchingStability(SwitchedDrives, Study):
         meaning="largest true error in the virtual laboratory",
     )
     def laboratory(self, drive: DataArray, tested: DataArray, context: Context) -> RealArray:
-        """Errors at the fastest rotation.
+        """Errors at the highest rotation frequency.
 
-        Defects last a sample longer there, that in which the light comes back.
+        There defects last one sample longer, in which the light returns.
         """
         found = np.zeros((len(SIZES), len(STRATEGIES), drive.size, tested.size))
         false = self.false * MICRO

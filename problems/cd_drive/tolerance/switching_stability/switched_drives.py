@@ -1,4 +1,4 @@
-"""The loops of the twelve drives of an axis, whose controller is switched by defects."""
+"""The loops of the twelve drives of an axis, whose controllers are switched by defects."""
 
 from __future__ import annotations
 
@@ -32,16 +32,17 @@ from .box import parametric_box
 from .margins import LoopsAlone
 
 ROTATIONS = np.linspace(3.0, 9.0, 4)
-"""Rotation frequencies [Hz] of a disc of the largest deviation."""
+"""Rotation frequencies [Hz] of a disc with the largest deviation."""
 ENVELOPE_FREQUENCIES = np.geomspace(1.0, 500.0, 27)
-"""Frequencies [Hz] at which the Red Book's envelope is met, its lower corner among them."""
+"""Frequencies [Hz] at which the disc follows the Red Book's envelope, including its lower corner.
+"""
 DEFECTS = 6
-"""Number of equal defects in a row in a simulation."""
+"""Number of equal defects in sequence in a simulation."""
 
 
 @dataclass(frozen=True, eq=False)
 class SwitchedDrives:
-    """An axis whose loops switch from its controller to another one while a defect passes.
+    """An axis whose loops switch from its controller to another while a defect passes.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ class SwitchedDrives:
 
     @cached_property
     def longest(self) -> int:
-        """Samples of the longest defect."""
+        """Length of the longest defect [samples]."""
         return max(1, math.ceil(self.defect_length / VELOCITY * RATE))
 
     @cached_property
@@ -79,7 +80,7 @@ class SwitchedDrives:
 
     @cached_property
     def alone(self) -> LoopsAlone:
-        """Loops of one controller each, with the twelve drives and the nominal one."""
+        """Loops with one controller each, for the twelve drives and the nominal one."""
         systems = plants(self.axis, self.gain, "printed")
         return LoopsAlone(
             self.axis, self.reference, self.lower, systems, self.delay, self.defect_length
@@ -102,7 +103,9 @@ class SwitchedDrives:
         return [switched_loop(lens, modes) for lens in self.lenses]
 
     def program(self, loops: list[SwitchedLoop]) -> SwitchedStability:
-        """The search for the least dwell in clean parts, stable for defects up to the longest."""
+        """The search for the least stay in clean parts for which defects up to the longest keep
+        stability.
+        """
         clean, defect = (
             np.stack([getattr(loop, mode)[0] for loop in loops]) for mode in ("clean", "defect")
         )
@@ -128,7 +131,7 @@ class SwitchedDrives:
         return self.displacement * ACCEPTABLE_ERROR[self.axis] / MICRO
 
     def deviations(self, loop: SwitchedLoop, case: str) -> Deviations:
-        """The errors of a loop on the disc of a case."""
+        """The errors of a loop with the disc of a case."""
         return Deviations(loop, *self.disc(case), self.longest, self.false)
 
     def box(self, share: float) -> SwitchedBox:

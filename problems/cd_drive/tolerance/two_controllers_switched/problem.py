@@ -1,4 +1,4 @@
-"""A fast and a slow controller switched by the quality signal, against each of them alone.
+"""A fast and a slow controller, switched by the quality signal, against each of them alone.
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -67,11 +67,13 @@ def two_controllers_switched(
 
     A high bandwidth resists shocks, a low one surface defects (section 2.5.1). The fast controller
     is the reference one with another gain, the slow one K' of `cd/<axis>/lower-bandwidth`. Alone,
-    each sees what the diodes say; switched, the slow one has the command while the quality is bad,
-    and each follows the other's while it has none. The ensemble is that of `cd/playability`.
+    each gets the measured error of the diodes. Switched, the slow one gives the command while the
+    quality is bad, and each follows the other's command while it is not in charge. The ensemble is
+    that of `cd/playability`.
 
-    fast_db: gain over the reference controller's [dB]. scenarios: circumstances, 7 kinds in turn.
-    drives: how many of the twelve. workers: threads; the answer is the same with any.
+    fast_db: gain over the reference controller's [dB]. scenarios: number of circumstances, 7 kinds
+    in turn. drives: how many of the twelve. workers: number of threads; the answer does not depend
+    on it.
     """
     slow = discretised(lower.answer.K, PERIOD)
     return SwitchedPair(axis, fast_db, slow, scenarios, chosen(drives), workers)
@@ -79,7 +81,7 @@ def two_controllers_switched(
 
 @dataclass(frozen=True, eq=False)
 class ControllerPair:
-    """Three ways to use two controllers, on several drives: a task for an executor."""
+    """Three ways to use two controllers on several drives, as a task for an executor."""
 
     fast: StateSpace
     slow: StateSpace
@@ -96,7 +98,7 @@ class ControllerPair:
         return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], tells=["u"])])
 
     def error(self, case: str, one: Circumstance, drive: str, refine: int = 1) -> RealArray:
-        """True error [m] (N,) of the part of a run that is scored."""
+        """True error [m] (N,) in the scored part of a run."""
         bench = Laboratory(one.axis, drive, refine=refine)
         record = bench.closed_loop(
             self.cascade(case, one, clean_level(bench, one.disc.reflectivity)),
@@ -119,7 +121,7 @@ class ControllerPair:
 
 @dataclass(frozen=True, eq=False)
 class SwitchedPair(Study):
-    """Each controller alone and both switched, through the same circumstances."""
+    """Each controller alone and both switched, in the same circumstances."""
 
     axis: Axis
     fast_db: float
@@ -139,7 +141,7 @@ class SwitchedPair(Study):
         return ControllerPair(sampled_controller(self.axis, self.fast_db), self.slow, self.drives)
 
     def drawn(self, seed: int) -> list[Circumstance]:
-        """The circumstances of a seed."""
+        """The circumstances drawn with a seed."""
         rng = np.random.default_rng([seed, 0])
         return circumstances(self.axis, self.scenarios, self.pair.duration, rng)
 
@@ -232,7 +234,7 @@ class SwitchedPair(Study):
 
     @table
     def switched(self, answer: Dataset) -> Any:
-        """Scores of each case, and what switching gains over it."""
+        """Scores of each case, and the improvement of switching over it."""
         numbers, rows = self.metrics(answer), []
         for case in CASES:
             shares = f"{numbers[f'in_spec_{case}']:.2%}", f"{numbers[f'lost_{case}']:.1%}"
@@ -244,7 +246,7 @@ class SwitchedPair(Study):
 
     @figure
     def out_of_spec(self, arm: DataArray, arm_interval: DataArray) -> dict[str, Figure]:
-        """Time out of spec of each case, cause by cause."""
+        """Time out of spec of each case, by cause."""
         drawn, (panel,) = figures.axes(size=(8.0, 4.4))
         place = np.arange(len(GROUPS))
         for n, case in enumerate(CASES):

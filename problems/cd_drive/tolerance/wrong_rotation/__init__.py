@@ -1,1 +1,1 @@
-"""Strategies that have to know the disc's rotation, and are told a wrong one (section 8.7)."""
+"""Strategies that need the disc's rotation frequency, with a wrong value of it (section 8.7)."""

@@ -43,9 +43,9 @@ from ..strategies.runs import Experiment, StrategyOutcome
 from ..strategy_looks import titled
 
 WRONG = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
-"""Relative errors of the rotation frequency that the strategies are told."""
+"""Relative errors of the rotation frequency that the strategies are given."""
 TOLD = ("A", "B")
-"""The strategies that have to know it."""
+"""The strategies that need the rotation frequency."""
 
 
 @problem("cd/{axis}/wrong-rotation", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
@@ -54,18 +54,21 @@ def wrong_rotation(
 ) -> WrongRotation:
     """Strategies A and B with a wrong rotation frequency, beside the reference strategy (8.7).
 
-    The experiment of `cd/<axis>/strategies`, with the repetitive control and the estimators set to
-    a rotation that is up to half too fast. The excursion is the largest true error within 5 ms
-    after the scratch, in the same draw for all.
+    The experiment of `cd/<axis>/strategies` is run with the repetitive control and the estimators
+    set to a rotation frequency that is up to one half too high. The excursion is the largest true
+    error within 5 ms after the scratch, in the same draws for all.
 
-    drive: "CD1" to "CD12", or "nominal". draws: of noise, place, sign and edge of the scratch.
+    drive: "CD1" to "CD12", or "nominal". draws: number of draws of noise, place, sign and edge of
+    the scratch.
     """
     return WrongRotation(Experiment(axis), drive, draws)
 
 
 @dataclass(frozen=True, eq=False)
 class WrongRotation(Study):
-    """Both strategies at every error, and the reference strategy, which knows of no rotation."""
+    """Both strategies at every error of the rotation, and the reference strategy, which does not
+    use it.
+    """
 
     experiment: Experiment
     drive: str
@@ -86,7 +89,7 @@ class WrongRotation(Study):
         return independent_seeds(context.rng, self.draws)
 
     def outcome(self, strategy: str, wrong: float, scratch: ScratchDraw) -> StrategyOutcome:
-        """What a strategy makes of a scratch where it is told a wrong rotation."""
+        """Outcome of a strategy for a scratch, if it is given a wrong rotation frequency."""
         true = self.experiment.scenario(self.drive, strategy, scratch)
         told = replace(true, rotation=ROTATION * (1.0 + wrong))
         return self.experiment.outcome(told.run(), scratch.angle)
@@ -94,7 +97,7 @@ class WrongRotation(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Outcomes (draws, 1 + strategies x errors, 4), those of the reference strategy first."""
-        machine()  # threads that meet it at one time would each compile it
+        machine()  # otherwise threads that need it at the same time would each compile it
         cases = [("reference", 0.0), *((name, wrong) for name in TOLD for wrong in WRONG)]
 
         def outcomes(place: int) -> list[StrategyOutcome]:
@@ -112,7 +115,7 @@ class WrongRotation(Study):
 
     @arrays(draw, reference_excursion="m", reference_periodic="m")
     def untold(self, met: RealArray) -> dict[str, RealArray]:
-        """The same of the reference strategy."""
+        """The same for the reference strategy."""
         return {"reference_excursion": met[:, 0, 0], "reference_periodic": met[:, 0, 1]}
 
     # --- checks -------------------------------------------------------------------------------
@@ -137,7 +140,9 @@ class WrongRotation(Study):
 
     @metric
     def excursions(self, answer: Dataset) -> dict[str, float]:
-        """Excursions [um], over the reference strategy's, and share of draws below it."""
+        """Excursions [um], absolute and over the reference strategy's, and share of draws
+        below it.
+        """
         below, numbers = self.below(answer), {}
         ratio = answer["excursion"] / answer["reference_excursion"]
         kinds = {"excursion_{}_um": 1e6 * answer["excursion"], "over_reference_{}": ratio}
@@ -155,7 +160,7 @@ class WrongRotation(Study):
 
     @table
     def rotations(self, answer: Dataset) -> dict[str, str]:
-        """Each strategy at each error: mean, and 90 % of the draws."""
+        """Each strategy at each error: mean, and 90 % range of the draws."""
         below, reference = self.below(answer), over_draws(1e6 * answer["reference_excursion"])
         rows = [["reference", "", with_interval(reference), "", "", ""]]
         for name in TOLD:
@@ -172,7 +177,7 @@ class WrongRotation(Study):
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:
-        """Excursion over the error of the rotation."""
+        """Excursion over the error of the rotation frequency."""
         drawn, (panel,) = figures.axes(size=(7.0, 4.4))
         off, axis = 100 * answer["wrong"].values, self.experiment.axis
         mean, low, high = (1e6 * over_draws(answer["reference_excursion"])).values

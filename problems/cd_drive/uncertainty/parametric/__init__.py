@@ -1,1 +1,1 @@
-"""How far plants of the parametric uncertainty deviate from the nominal."""
+"""Deviation of the plants of the parametric uncertainty from the nominal plant."""

@@ -20,13 +20,13 @@ from ..parametric_model import COPIES, UNITS, parametric_plant, uncertain_parame
 
 MODELS = ("nine", "reduced")
 PLANT_RESPONSE_ROUNDING = 1e-9
-"""Largest relative distance of two responses that rounding explains."""
+"""Largest relative difference of two responses that rounding can explain."""
 CHECK_STRIDE = 20
-"""Slow checks look at every STRIDE-th frequency."""
+"""Slow checks use every CHECK_STRIDE-th frequency."""
 
 
 def pulled_out(axis: Axis) -> dict[str, ParametricModel]:
-    """The parametric models by name."""
+    """The parametric models, by name of the set."""
     return {name: parametric_plant(axis, reduced=name == "reduced") for name in MODELS}
 
 
@@ -39,7 +39,9 @@ def boxes(axis: Axis) -> dict[str, tuple[Parameter, ...]]:
 def plants(
     axis: Axis, deltas: RealArray, box: Sequence[Parameter], frequency: RealArray
 ) -> ComplexArray:
-    """Responses f_en / u [units/V] (N, F) at deltas (N, P) of a set, without the filter."""
+    """Responses f_en / u [units/V] (N, F) at deltas (N, P) of a set, without the anti-aliasing
+    filter.
+    """
     table = {name: entry.nominal for name, entry in nominal_table(axis).items()}
     gains, actuators = [], []
     for row in deltas:
@@ -50,7 +52,9 @@ def plants(
 
 
 def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
-    """Checks that the models are the actuator and that the deviations are the largest."""
+    """Checks that the models agree with the actuator, and that the deviations found are the
+    largest.
+    """
     hertz, models = answer["frequency"].values, pulled_out(axis)
     copies = answer["copies"].sel(stage="after reduction").values
     wanted = [[COPIES[n] * (n in m.repetitions) for n in UNITS] for m in models.values()]
@@ -96,7 +100,7 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
 
 
 def _disagreement(axis: Axis, model: ParametricModel, hertz: RealArray) -> float:
-    """Largest relative distance of a model from the actuator's equations at random deltas."""
+    """Largest relative difference between a model and the actuator's equations at random deltas."""
     deltas = samples(model.parameters, 20, np.random.default_rng(1))
     found = model.response(2 * np.pi * hertz, deltas)[..., 0, 0]
     return float(abs(found / plants(axis, deltas, model.parameters, hertz) - 1).max())
@@ -111,7 +115,9 @@ def _least_determinant(model: ParametricModel) -> float:
 
 
 def _claims(axis: Axis, answer: Dataset) -> RealArray:
-    """Distance (4, F) of each largest deviation from that of the plant said to have it."""
+    """Difference (4, F) between each largest deviation and that of the plant which
+    should have it.
+    """
     hertz, nominal = answer["frequency"].values, answer["nominal"].values
     sets = boxes(axis)
     claims = [(sets[n], answer["delta"].sel(set=n), answer["deviation"].sel(set=n)) for n in sets]
@@ -127,7 +133,7 @@ def _claims(axis: Axis, answer: Dataset) -> RealArray:
 
 
 def _missed(axis: Axis, answer: Dataset) -> RealArray:
-    """Excess (3, F) of the vertices' largest deviation over the one that was found."""
+    """Excess (3, F) of the largest deviation over the vertices above the one that was found."""
     hertz = answer["frequency"].values
     nominal = nominal_response(axis, hertz, antialiasing=False)
     corners = [plants(axis, vertices(box), box, hertz) for box in boxes(axis).values()]

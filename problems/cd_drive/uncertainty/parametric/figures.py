@@ -38,7 +38,7 @@ def deviation_figure(answer: Dataset) -> Figure:
 
 
 def bode_figure(answer: Dataset) -> Figure:
-    """Magnitude of the nominal within the band that each set fills."""
+    """Magnitude of the nominal plant, with the band of each set."""
     drawn, (panel,) = figures.axes()
     hertz = answer["frequency"].values
     for name, alpha in (("nine", 0.25), ("reduced", 0.45)):

@@ -33,9 +33,9 @@ from .search import climbed
 
 GAINS: Any = ("own", "agc")
 FREQUENCIES_AT_ONCE = 8
-"""Frequencies whose responses are in memory together, each with those of all 19683 plants."""
+"""Number of frequencies whose responses of all 19683 plants are in memory together."""
 SUFFIXES = {"nine": "", "without gain": "_no_gain", "reduced": "_reduced"}
-"""Ends of the metrics' names for each set of plants."""
+"""Suffixes of the metrics' names for each set of plants."""
 
 
 @problem(
@@ -54,17 +54,16 @@ def parametric_spread(
 ) -> ParametricSpread:
     """Parametric uncertainty and how far its plants deviate (Tables 5.2, 5.3, figure 5.16).
 
-    The nine parameters are pulled out of the model as real perturbations. The largest relative
-    deviation |G_p / G - 1| is computed over all combinations of their minimum, nominal and maximum;
-    then without the total gain, which the automatic gain control removes; then with the three
-    parameters that stand for all. Beside them stand the twelve drives.
+    The model's nine parameters become real perturbations. The largest relative deviation |G_p / G -
+    1| is computed over all combinations of their minimum, nominal and maximum; then without the
+    total gain, which the automatic gain control removes; then with the three parameters that
+    represent all. The twelve drives are shown besides.
 
-    Plants in the interior of the tolerances may exceed those combinations. By how much is found for
-    the nine parameters by a search that starts from the worst combination, and for the three by a
-    dense grid.
+    Plants in the interior of the tolerances may exceed these combinations. For the nine parameters
+    the excess is found by a search from the worst combination, for the three by a dense grid.
 
-    frequencies: how many, logarithmically spaced from lowest to highest [Hz]. between: number
-    of values of the three parameters that are tried between minimum and nominal, and between
+    frequencies: number of frequencies, logarithmically spaced from lowest to highest [Hz]. between:
+    number of values of the three parameters that are tried between minimum and nominal, and between
     nominal and maximum. drawn: number of random combinations of the nine. values: tables of the
     drives, "printed" or "corrected".
     """
@@ -163,7 +162,7 @@ class ParametricSpread(Study):
 
     @array(dims=(drive, parameter), unit="1", meaning="of the drives")
     def drive_delta(self) -> RealArray:
-        """Deltas of the drives (12, 9), their gains in proportion to K_optn."""
+        """Deltas of the drives (12, 9), with gains in proportion to K_optn."""
         twelve = drives(self.axis, self.values)
         gain = np.array([drive.K_optn for drive in twelve])
         table = nominal_table(self.axis)
@@ -208,7 +207,7 @@ class ParametricSpread(Study):
 
     @metric
     def drives_beyond(self, answer: Dataset) -> dict[str, DataArray]:
-        """Share of frequencies and drives that deviate more than a set does."""
+        """Share of frequencies and drives with a larger deviation than that of a set."""
         beyond = (_away(answer) > answer["deviation"]).mean(("drive", "frequency"))
         return {
             f"drives_{gain}_beyond{suffix or '_nine'}": beyond.sel(gain=gain, set=name)
@@ -257,7 +256,7 @@ class ParametricSpread(Study):
 def _levels(models: dict[str, ParametricModel], omega: RealArray) -> list[ComplexArray]:
     """Responses of all combinations of minimum, nominal and maximum, for each set of plants.
 
-    "without gain" is the part of the nine where K_total, the first of them, is nominal.
+    "without gain" is the part of the nine in which K_total, the first parameter, is nominal.
     """
     three = np.array([-1.0, 0.0, 1.0])
     nine, reduced = (factorial_response(model, omega, three) for model in models.values())
@@ -274,7 +273,7 @@ def _extremes(
 
 
 def _placed(values: Any, box: Sequence[Parameter]) -> RealArray:
-    """Values (..., P) of a set's parameters placed among all nine (..., 9); zero for the others."""
+    """Values (..., P) of a set's parameters, put among all nine (..., 9); the others are zero."""
     array = np.asarray(values, dtype=float)
     result = np.zeros((*array.shape[:-1], len(UNITS)))
     result[..., [list(UNITS).index(p.name) for p in box]] = array

@@ -24,11 +24,11 @@ narrow ridge, which is climbed in many small steps."""
 def climbed(
     axis: Axis, box: Sequence[Parameter], frequency: RealArray, start: RealArray
 ) -> tuple[RealArray, RealArray]:
-    """Relative deviations (F,) from the nominal, no less than at `start`, and their deltas (F, P).
+    """Relative deviations (F,) from the nominal, not less than at `start`, and their deltas (F, P).
 
-    At each frequency one delta after the other is moved to the best of 41 values while the others
-    stay, until none moves. Each result is a plant of the set, so the largest deviation of the set
-    may be still larger.
+    At each frequency one delta after the other is set to the best of 41 values while the others
+    stay fixed, until none changes. Each result is a plant of the set, so the true largest deviation
+    of the set may be still larger.
     """
     nominal = nominal_response(axis, frequency, antialiasing=False)[:, None]
     delta, rows = start, np.arange(len(frequency))
@@ -37,7 +37,9 @@ def climbed(
         before = deviation
         for place in range(len(box)):
             trial = np.repeat(delta[:, None], len(TRIED_DELTAS) + 1, axis=1)
-            trial[:, 1:, place] = TRIED_DELTAS  # the first stays, so that no deviation falls
+            trial[:, 1:, place] = (
+                TRIED_DELTAS  # the first value is the present one, so no deviation decreases
+            )
             away = abs(_plants(axis, box, frequency[:, None], trial) / nominal - 1)
             best = away.argmax(axis=1)
             delta, deviation = trial[rows, best], away[rows, best]

@@ -48,7 +48,9 @@ def test_a_third_order_controller_holds_parametric_uncertainty(axis):
 
 
 def test_an_order_without_a_controller_to_reduce_is_named():
-    with pytest.raises(InputError, match="order = 3 reduces a controller: say after which"):
+    with pytest.raises(
+        InputError, match="order = 3 reduces the controller of an earlier method: name it by after"
+    ):
         controller_problem("focus", after="", order=3)
 
 

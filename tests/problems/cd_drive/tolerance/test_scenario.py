@@ -85,9 +85,9 @@ def test_a_disc_that_slows_down():
     steady = Disc(rotation=6.0, phase=0.1, speed=((0.0, 1.0),)).turned(time)[0]
     np.testing.assert_allclose(steady, Disc(rotation=6.0, phase=0.1).turned(time)[0], atol=1e-12)
     for wrong in (((1.0, 1.0), (0.5, 1.0)), ((-1.0, 1.0),), ((0.0, np.nan),)):
-        with pytest.raises(InputError, match="times must rise"):
+        with pytest.raises(InputError, match="times must increase"):
             Disc(speed=wrong)
-    with pytest.raises(InputError, match="does not turn back"):
+    with pytest.raises(InputError, match="factors must not be negative"):
         Disc(speed=((0.0, -1.0),))
 
 
