@@ -128,13 +128,7 @@ def _together(judged: Judged, found: Lookup) -> list[str]:
 
 
 def _changes(row: Together) -> str:
-<<<<<<< ours
     """Where a reading is not the natural one, as a list."""
-||||||| base
-    """Where a reading is not the natural one, in words."""
-=======
-    """Description of the differences between a reading and the natural one."""
->>>>>>> theirs
     changed = [
         f"- {one.question} Answer: {one.values[row.reading[name]]}."
         for name, one in variables().items()
