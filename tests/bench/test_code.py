@@ -107,7 +107,9 @@ def test_versions_count_of_the_solvers_that_are_imported(
     monkeypatch.setattr(
         code,
         "versions",
-        lambda names: {n: v + "x" * (n == package_name) for n, v in real(packages=names).items()},
+        lambda packages: {
+            n: v + "x" * (n == package_name) for n, v in real(packages=packages).items()
+        },
     )
     assert (code_hash(["pkg.problem"]) != before) is counts
 

@@ -204,7 +204,7 @@ def test_an_answer_that_differs_under_other_code_is_told(project):
 
 def test_other_versions_answer_anew_under_the_same_key(project, monkeypatch):
     before = wb.run("toy/root")
-    monkeypatch.setattr("workbench.bench.code.versions", lambda names: {"clarabel": "99"})
+    monkeypatch.setattr("workbench.bench.code.versions", lambda packages: {"clarabel": "99"})
     after = wb.run("toy/root")
     assert after.key == before.key and not after.reused
 

@@ -531,7 +531,7 @@ from workbench.study import array, check
 class Gaps(Study):
     relative_metrics: ClassVar[tuple[str, ...]] = ("gap",)
 
-    number = array("number", "1", "some", lambda self: [1.0])
+    number = array(dims="number", unit="1", meaning="some", value=lambda self: [1.0])
     small = check("small", "the number", lambda number: number, at_most=2.0)
 
     def metrics(self, answer):
