@@ -196,7 +196,7 @@ class Deviations:
         distances.
 
         P (2, n, n) are the matrices of the clean and the defect mode, as `SwitchedStability` gives
-        them; ``distances_samples`` are counted [samples]. The bound is infinite where P do not
+        them; ``distances_samples`` [samples] are lengths. The bound is infinite where P do not
         bound the error.
         """
         root_c, root_o = (np.linalg.cholesky(each) for each in P)
