@@ -88,7 +88,7 @@ class Disc:
                   harmonics; Table 2.3 allows 500 um;
     eccentricity  the same for the radial deviation; Table 2.4 allows 70 um;
     rotation      frequency [Hz], 3 to 9 at normal speed; 0 for a disc at rest;
-    speed         profile of the rotation: times [s] and what the frequency is multiplied by there,
+    speed         profile of the rotation: times [s] and factors on the frequency there,
                   linear between them, constant before and after; 1 throughout when left out;
     phase         angle of the rotation at the start [revolutions];
     offset        constant deviation of the axis in use [m];

@@ -37,25 +37,27 @@ Range = tuple[float, float]
 class Spread:
     """Distributions of the circumstances; a range (from, to) is uniform.
 
-    rotation      [Hz]: a disc of constant linear velocity, 9 inside to 3 outside (section 2.5.3);
+    rotation      [Hz]: at constant linear velocity, from 9 inside to 3 outside (section 2.5.3);
     deviation     amplitude at the rotation frequency over the Red Book's 500 um or 70 um: not all
                   discs meet it (Tables 2.3, 2.4, section 2.6);
-    harmonics     amplitudes of the second and third harmonic over the first's: an assumption, a
-                  hundredth of a warp is bent;
-    reflectivity  of the layer over the reference disc's: the Red Book allows 0.7 and more of the
-                  light to come back, most discs give 0.8 of it; the player knows the clean level;
-    gain_db       standard deviation of the loop's gain [dB] beside the twelve drives' own optical
-                  gains: what the automatic gain control leaves (section 4.4; an assumption);
-    rotation_error  standard deviation of what strategies believe of the rotation, relative: they
-                  take it from the disc servo (section 8.6 warns of it; the size is assumed);
-    shocks        of the chassis per second, Poisson: a portable player (section 2.5.1; assumed);
-    shock         peak of one over the 10 and 1 m/s^2 that take the error near the acceptable one;
+    harmonics     amplitudes of the second and third harmonic over that of the first: assumed, as
+                  if a hundredth of a warp were bent;
+    reflectivity  of the layer over that of the reference disc. The Red Book asks for at least 0.7
+                  of the light, and most discs reflect 0.8; the player knows the clean level;
+    gain_db       standard deviation of the loop gain [dB], in addition to the drives' own optical
+                  gains: the error of the automatic gain control (section 4.4; assumed);
+    rotation_error  relative standard deviation of the rotation frequency that strategies assume:
+                  they get it from the disc servo (section 8.6 warns of it; the size is assumed);
+    shocks        number of shocks of the chassis per second, Poisson distributed: a portable
+                  player (section 2.5.1; assumed);
+    shock         peak of a shock over the 10 or 1 m/s^2 that bring the error close to the
+                  acceptable one;
     shock_time    duration of the half sine [s]: its spectrum reaches to 1.5 / duration (assumed);
-    defects       per revolution, Poisson, one at least; each drawn from its kind's ranges, see
+    defects       number per revolution, Poisson distributed, at least one; see the kinds' ranges in
                   `defect_kinds` (sections 2.5, 7.1);
-    size          of a defect: what the length of one of its kind is multiplied by (assumed);
-    refraction    the same of its false displacement: at 1 no defect shifts the error by more than
-                  is acceptable, yet defects do drive the focus point away (section 2.5.1; assumed).
+    size          factor on the length of a defect of its kind (assumed);
+    refraction    factor on its false displacement. At 1 no defect shifts the error by more than is
+                  acceptable, but real defects do move the focus point (section 2.5.1; assumed).
 
     Raises InputError for spreads that are negative, not finite, or out of order.
     """

@@ -59,7 +59,7 @@ def lower_bandwidth(
     - W_p / relaxed of S, eq. 6.11, relaxed = capture range over acceptable error (3 in focus):
       while a defect passes the error may reach the ends of the s-curve, not only 2 um;
     - share W_sd of T, W_sd = (s / (s + w_d))^3, w_d = 2 pi v / length: the lens may follow at most
-      1 / share of what a defect of that length seems to displace;
+      1 / share of the false displacement by a defect of that length;
     - W_u of K' S, 1 / (100 K_optn) as section 6.3 up to 2 kHz and rising in proportion beyond, so
       that K' falls off well below half the sampling frequency of 35 kHz.
 

@@ -77,7 +77,7 @@ def regulators(
 ) -> tuple[ControllerMode, ControllerMode]:
     """Controllers in clean parts and during defects, from continuous K and, for "lower", K'.
 
-    Raises InputError for another strategy, a missing K', and one with another slow pole than K.
+    Raises InputError for an unknown strategy, a missing K', and a K' with another slow pole than K.
     """
     sampled_K = discretised(K, PERIOD)
     if strategy == "none":

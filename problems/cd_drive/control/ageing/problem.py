@@ -115,7 +115,7 @@ class Ageing(Study):
 
     @array(dims=(softening, parameter))
     def truth(self) -> list[list[float]]:
-        """True values of the nominal drive at the end of its life."""
+        """Of the nominal drive at the end of its life."""
         benches = [Laboratory(self.axis, "nominal", suspension=one) for one in SOFTENINGS]
         return [[getattr(one.parameters, name) for name in AGEING] for one in benches]
 

@@ -106,8 +106,9 @@ def strategies(
     0.2 um radially). drive_count: how many of the twelve drives. draws: on each drive. values: of
     the drives.
     fault_filter: of C, the "high-pass" with the margins of figure 8.10, or the "robust" one of
-    `cd/<axis>/fault-filter`: made for an estimate beside the loop, it leaves C's loop unstable
-    while a defect lasts. `cd/<axis>/designed-filter` compares both with one that has margins.
+    `cd/<axis>/fault-filter`. The latter is designed for an estimate outside the loop, so C's loop
+    is unstable with it while a defect lasts. `cd/<axis>/designed-filter` compares both with a
+    filter that has margins.
     """
     F = stand_in_filter()
     if fault_filter == "robust":

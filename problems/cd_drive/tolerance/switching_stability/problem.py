@@ -41,14 +41,15 @@ def switching_stability(
     8.6), or by K' of `cd/<axis>/lower-bandwidth`; the integrator is shared.
 
     - Margins of K, K (1 - F) and K', and the share of the parametric set that each tolerates.
-    - Dwell times by LMIs: the shortest distance between defects for which any sequence of defects
-      up to the longest is stable, of each drive, beside the longest that a periodic switching
-      makes unstable, found among all pairs of stays: one less than what is proven where the proof
-      is tight; from K to K' and back over all of the parametric set, cell by cell: at any
-      time in focus, even over twice its extent, with a millimetre between defects radially.
-    - The true error at sampling instants, bounded for every sequence of defects by these functions
-      and simulated, for a disc that moves in one harmonic of the Red Book's envelope at a time; the
-      strategies in the virtual laboratory beside it, at 9 Hz.
+    - Dwell times by LMIs, for each drive: the shortest distance between defects at which any
+      sequence of defects up to the longest is proven stable, and the longest distance that a
+      periodic switching makes unstable, searched among all pairs of stays. If the proof is tight,
+      the second is one sample less than the first. Switching from K to K' and back is proven for
+      the whole parametric set, cell by cell: at any time in focus, even for twice the set's
+      extent; radially with a millimetre between defects.
+    - The true error at sampling instants, for a disc that moves in one harmonic of the Red Book's
+      envelope at a time: bounded by the functions of the proofs for every sequence of defects, and
+      simulated. It is compared with the strategies in the virtual laboratory at 9 Hz.
 
     defect_mm: longest defect [mm]; 2.5 is what the error correction repairs. delay: of the computer
     [samples]; with the parametric set it is always 1. displacement: largest false displacement by
