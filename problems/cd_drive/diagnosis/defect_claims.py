@@ -8,7 +8,7 @@ from typing import NamedTuple
 from workbench import Check
 from workbench._core.heavy_types import DataArray
 from workbench._core.tables import markdown
-from workbench.study import claim_of, share_of_draws
+from workbench.study import share_of_draws, verdict_of_share
 from workbench.study.draws import SURE
 
 
@@ -39,5 +39,5 @@ def claim_checks(claims: Sequence[Claim], made: Collection[str]) -> list[Check]:
 
 def claims_in_words(claims: Sequence[Claim]) -> str:
     """A table of what holds in 95 % of the draws, what fails in as many, and what is undecided."""
-    rows = [[one.words, f"{one.share:.1%}", claim_of(one.share)] for one in claims]
+    rows = [[one.words, f"{one.share:.1%}", verdict_of_share(one.share)] for one in claims]
     return markdown(["statement", "holds in, of the draws", "claim"], rows)

@@ -7,16 +7,16 @@ from typing import Any
 from workbench import Check
 from workbench._core.heavy_types import Dataset
 from workbench.certificate import EVERY_PERTURBATION
-from workbench.diagnosis import Reached
+from workbench.diagnosis import DemandReached
 
 LIMITS_AGREE = 1e-12
 """Relative amount by which stored limits may differ, by rounding, from the factor times those
 asked."""
 
 
-def reached_of(answer: Dataset) -> Reached:
+def reached_of(answer: Dataset) -> DemandReached:
     """What a stored answer reaches of the demand."""
-    return Reached(float(answer["set_share"]), float(answer["demand_factor"]))
+    return DemandReached(float(answer["set_share"]), float(answer["demand_factor"]))
 
 
 def demand_check(answer: Dataset, limits: tuple[float, float]) -> Check:
@@ -27,14 +27,14 @@ def demand_check(answer: Dataset, limits: tuple[float, float]) -> Check:
     return Check("demand", statement, off, LIMITS_AGREE)
 
 
-def plants_of(reached: Reached) -> str:
+def plants_of(reached: DemandReached) -> str:
     """The plants for which requirements are certified, in words."""
     if reached.share >= 1.0:
         return EVERY_PERTURBATION
     return f"{EVERY_PERTURBATION} up to {reached.share:.4g} of the set"
 
 
-def limits_of(reached: Reached) -> str:
+def limits_of(reached: DemandReached) -> str:
     """What a certified supremum is over, in words; nothing where it is the limit asked."""
     return f", limits {reached.factor:.4g} times those asked" if reached.factor > 1.0 else ""
 

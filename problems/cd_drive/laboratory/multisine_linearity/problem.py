@@ -18,20 +18,20 @@ from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import LineDistortion
 from workbench.simulation import bootstrap_weights, percentile_interval
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     table,
-    with_interval,
 )
 
 from ...drive.shared_parameters import TABLES
@@ -110,7 +110,7 @@ class MultisineLinearity(Study):
     @part
     def played(self, seed: DataArray, context: Context) -> list[Any]:
         """Distortions of each draw: by the multisine, without noise, by the sines."""
-        machine()  # threads that meet it at one time would each compile it
+        compiled_loop()  # threads that meet it at one time would each compile it
         self.tests.sweeps  # noqa: B018  (made once, before threads ask for it)
 
         def one(seeds: list[int]) -> tuple[Any, Any, Any]:
@@ -243,7 +243,8 @@ class MultisineLinearity(Study):
 
     def _told(self, squares: DataArray, p: DataArray) -> list[str]:
         cells = [
-            with_interval(over_draws(1e4 * squares.sel(kind=kind)), form="{:.2f}") for kind in KINDS
+            interval_text(draws_summary(1e4 * squares.sel(kind=kind)), form="{:.2f}")
+            for kind in KINDS
         ]
         return [*cells, f"{float((p.sel(kind='odd') < LEVEL).mean()):.0%}"]
 

@@ -16,9 +16,9 @@ from workbench.simulation import (
     Controller,
     Part,
     blend,
-    following,
-    in_discrete_time,
-    linear,
+    discrete_system,
+    linear_controller,
+    tracking_controller,
 )
 
 from ...drive.disc import Disc
@@ -31,7 +31,7 @@ from ...laboratory.record import Record
 
 WAYS = ("from rest", "in parallel", "without a bump")
 """How the new controller has run until then: not at all; beside the old one, with the same error;
-following the command, as `following` does."""
+following the command, as `tracking_controller` does."""
 ROTATION = 6.0
 """Rotation frequency [Hz]."""
 SETTLED = 0.35
@@ -76,14 +76,17 @@ class Change:
     def cascade(self, way: str, time: float) -> Cascade:
         """Both controllers, the new one in charge from a time [s] on."""
         new = controller(self.axis)
-        parts = [Part("new", taken_at(time), []), Part("K_old", linear(self.old, PERIOD), ["f_en"])]
+        parts = [
+            Part("new", taken_at(time), []),
+            Part("K_old", linear_controller(self.old, PERIOD), ["f_en"]),
+        ]
         if way == "without a bump":
-            follower = following(new, PERIOD, FOLLOWING)
+            follower = tracking_controller(new, PERIOD, FOLLOWING)
             parts.append(Part("K_new", follower, ["f_en", "new", "u_last"]))
         else:
             given = "f_en" if way == "in parallel" else "seen"
             parts += [Part("seen", blend(), ["new", "f_en"])]
-            parts += [Part("K_new", linear(new, PERIOD), [given])]
+            parts += [Part("K_new", linear_controller(new, PERIOD), [given])]
         return Cascade(MEASUREMENTS, [*parts, Part("u", blend(), ["new", "K_new", "K_old"])])
 
     def record(self, way: str, drive: str, angle: float, seed: int, **bench: object) -> Record:
@@ -121,7 +124,7 @@ def taken_at(time: float) -> Controller:
 def linear_step(axis: Axis, drive: str) -> float:
     """Largest error per volt of a step of the command [m/V], in the reference controller's loop."""
     bench = Laboratory(axis, drive)
-    model, K = bench.sampled_error(), in_discrete_time(controller(axis), PERIOD)
+    model, K = bench.sampled_error(), discrete_system(controller(axis), PERIOD)
     x, memory, largest = np.zeros(model.nstates), np.zeros(K.nstates), 0.0
     for _ in range(round(AFTER * RATE)):
         read = float((model.C @ x)[0])
@@ -137,7 +140,9 @@ def simulated_step(axis: Axis, drive: str, volts: float, seed: int, **bench: obj
     laboratory = replace(Laboratory(axis, drive), **bench)  # type: ignore[arg-type]
     first, last = round(STEP_AT * RATE), round((STEP_AT + AFTER) * RATE)
     excitation = np.where(np.arange(last) < first, 0.0, volts)
-    record = laboratory.closed_loop(linear(controller(axis), PERIOD), excitation, seed=seed)
+    record = laboratory.closed_loop(
+        linear_controller(controller(axis), PERIOD), excitation, seed=seed
+    )
     return float(abs(record.x_cd - record.x)[first:].max())
 
 

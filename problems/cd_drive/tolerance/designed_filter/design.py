@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.diagnosis import (
+    DemandReached,
     FaultFront,
     FaultLoop,
     FrontFilter,
     LaguerreBasis,
-    Reached,
     best_design,
-    few_states,
+    low_order_filter,
 )
 from workbench.errors import SolverError
 
@@ -32,11 +32,11 @@ class MarginsDesign:
     asked: Limits
     order: int
 
-    def best(self) -> tuple[Reached, FrontFilter]:
+    def best(self) -> tuple[DemandReached, FrontFilter]:
         """What is reached of the limits asked, and the filter of least leakage and noise there."""
         return best_design([self.loop], self._least_factor, self._designed)
 
-    def limits(self, reached: Reached) -> Limits:
+    def limits(self, reached: DemandReached) -> Limits:
         """The limits that are reached."""
         error, leakage, peak = (reached.factor * one for one in self.asked)
         return error, leakage, peak
@@ -56,14 +56,14 @@ class MarginsDesign:
         size = front.removed_peak(basis @ one.coefficients)
         return [one.error, one.leakage, one.noise, size]
 
-    def _least_factor(self, reached: Reached) -> float:
+    def _least_factor(self, reached: DemandReached) -> float:
         """The least factor of the limits, over the filters of full order."""
         front = self.front(reached.share)
         basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(front.omega, SAMPLED)
         error, leakage, peak = self.limits(reached)
         return front.least_factor(basis, error, leakage, peak=peak)
 
-    def _designed(self, reached: Reached) -> FrontFilter | None:
+    def _designed(self, reached: DemandReached) -> FrontFilter | None:
         """The filter of few states with the least noise within the limits; None where none is."""
         front = self.front(reached.share)
         error, leakage, peak = self.limits(reached)
@@ -72,7 +72,7 @@ class MarginsDesign:
             functions = basis.response(front.omega, SAMPLED)
             point = front.least(functions, error, leakage=leakage, peak=peak)
             full, points = basis.filter(point.coefficients), fine_grid(front.loop)
-            few = few_states(front.loop, points, full, self.order, error, leakage, peak=peak)
+            few = low_order_filter(front.loop, points, full, self.order, error, leakage, peak=peak)
         except SolverError:  # its least leakage is larger
             return None
         return few if few.meets else None
