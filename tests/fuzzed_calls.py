@@ -11,13 +11,15 @@ from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
 from workbench.fitting import fit_magnitude, fit_response
 from workbench.geometry import NarrowestStadium, SmallestAreaStadium, SmallestCircle
 from workbench.mu import (
+    bound_gradient,
+    bound_sensitivity,
     branch_and_bound,
+    complex_part_added,
     coprime_margin,
-    destabilising,
+    destabilising_perturbation,
     disk_gain,
     disk_phase,
     frequency_sweep,
-    gradient,
     guaranteed_probability,
     loop_margins,
     lower_bound,
@@ -25,10 +27,8 @@ from workbench.mu import (
     peak,
     performance_peak,
     rank_one_mu,
-    sensitivity,
     skew_bounds,
     upper_bound,
-    with_complex_part,
 )
 from workbench.synthesis import Mode, SwitchedStability, gap_metric
 from workbench.systems import bandwidths, modulus_margin
@@ -38,7 +38,7 @@ from workbench.uncertainty import (
     contains,
     real,
     tf,
-    widened,
+    widened_responses,
 )
 
 A = real("a", 1, percent=20)
@@ -61,7 +61,7 @@ MORE = {
     "NarrowestStadium": (NarrowestStadium, {"points": POINTS}),
     "SmallestAreaStadium": (SmallestAreaStadium, {"points": POINTS}),
     "lower_bound": (lower_bound, {"M": MATRIX, "structure": STRUCTURE, "method": "best"}),
-    "gradient": (gradient, {"M": MATRIX, "structure": STRUCTURE, "bound": BOUND}),
+    "gradient": (bound_gradient, {"M": MATRIX, "structure": STRUCTURE, "bound": BOUND}),
     "rank_one_mu": (rank_one_mu, {"real": np.ones((3, 1), complex), "others": np.ones(3)}),
     "frequency_sweep": (
         frequency_sweep,
@@ -81,18 +81,18 @@ MORE = {
     ),
     "performance_peak": (performance_peak, {"plant": LOOP, "controller": 0.1}),
     "destabilising": (
-        destabilising,
+        destabilising_perturbation,
         {"peak": PEAK, "system": PAIR, "structure": STRUCTURE},
     ),
     "with_complex_part": (
-        with_complex_part,
+        complex_part_added,
         {"system": PAIR, "structure": STRUCTURE, "complex_part": 0.1},
     ),
     "branch_and_bound": (
         branch_and_bound,
         {"M": MATRIX, "structure": STRUCTURE, "tolerance": 0.1, "nodes": 10},
     ),
-    "sensitivity": (sensitivity, {"M": MATRIX, "structure": STRUCTURE}),
+    "sensitivity": (bound_sensitivity, {"M": MATRIX, "structure": STRUCTURE}),
     "disk_gain": (disk_gain, {"alpha": 0.5, "skew": 0.0}),
     "disk_phase": (disk_phase, {"alpha": 0.5, "skew": 0.0}),
     "nu_gap": (nu_gap, {"first": LAG, "second": LAG * 2, "tolerance": 0.01}),
@@ -113,7 +113,7 @@ MORE = {
         },
     ),
     "contains": (contains, {"model": MODEL, "responses": PLANTS, "leave_out": 0}),
-    "widened": (widened, {"responses": PLANTS, "content": 0.95}),
+    "widened": (widened_responses, {"responses": PLANTS, "content": 0.95}),
     "MatrixResponses": (
         MatrixResponses,
         {"omega": OMEGA, "values": VALUES[:, :, None, None]},

@@ -185,9 +185,11 @@ ANSWERS = {
     "hankel_values": lambda: realisations.hankel_values(OSCILLATOR),
     "hankel_values, sampled": lambda: realisations.hankel_values(OSCILLATOR.sample(0.1)),
     "stable_part": lambda: realisations.stable_part(FAST * control.tf([1.0], [1.0, 3.0, 0.0])),
-    "minimal": lambda: realisations.minimal(control.tf([1.0, 1.0, 0.0], [1.0, 4.0, 3.0, 0.0])),
-    "minimal already": lambda: realisations.minimal(OSCILLATOR),
-    "approximated": lambda: synthesis.approximated(N, 1, method="balanced", output_weight=LAG),
+    "minimal": lambda: realisations.minimal_realisation(
+        control.tf([1.0, 1.0, 0.0], [1.0, 4.0, 3.0, 0.0])
+    ),
+    "minimal already": lambda: realisations.minimal_realisation(OSCILLATOR),
+    "approximated": lambda: synthesis.approximate(N, 1, method="balanced", output_weight=LAG),
     "gap_metric": lambda: synthesis.gap_metric(LAG, FAST),
     "hinf": lambda: synthesis.hinf(
         control.ss([[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]),

@@ -21,7 +21,15 @@ from workbench.errors import (
     TimeLimitError,
     WorkbenchError,
 )
-from workbench.executor import Context, InProcess, Threads, Workers, as_they_end, shown, spread
+from workbench.executor import (
+    Context,
+    InProcess,
+    Threads,
+    Workers,
+    finished_calls,
+    row_entry,
+    spread,
+)
 from workbench.executor.worker import alarm, printed
 from workbench.solvers import Options
 
@@ -307,7 +315,7 @@ def test_no_more_calls_wait_than_the_window_holds():
 
     with Workers(count=1) as executor:
         ended = {}
-        for label, future in as_they_end(executor, calls(), window=3):
+        for label, future in finished_calls(executor, calls(), window=3):
             assert len(made) <= len(ended) + 4
             ended[label] = future.result()
     assert ended == {number: number for number in range(20)}
@@ -412,7 +420,7 @@ def test_nothing_is_kept_where_nobody_keeps_it():
     ("value", "text"), [(3, "3"), (0.123456, "0.1235"), (float("nan"), "-"), ("dk", "dk")]
 )
 def test_entries_of_a_row_are_short(value, text):
-    assert shown(value) == text
+    assert row_entry(value) == text
 
 
 def test_one_generator_from_the_seed():

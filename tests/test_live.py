@@ -12,7 +12,7 @@ from nbclient import NotebookClient
 
 import workbench.executor.live as live
 from workbench._core import compiled
-from workbench.executor import silent, unwatched
+from workbench.executor import no_progress, no_watch
 from workbench.executor.live import SHOWN_ROUNDS, shown_live
 
 
@@ -84,7 +84,7 @@ def test_nothing_is_drawn_where_nobody_watches(monkeypatch):
     file = io.StringIO()
     monkeypatch.setattr(sys, "stderr", file)
     with shown_live("plant") as pair:
-        assert pair == (silent, unwatched)
+        assert pair == (no_progress, no_watch)
     assert file.getvalue() == ""
 
 
@@ -101,7 +101,7 @@ def test_nothing_is_drawn_of_short_work(seen, monkeypatch):
 def test_work_within_work_is_not_shown_apart(seen):
     def work(file):
         with shown_live("outer") as (progress, _), shown_live("inner") as inner:
-            assert inner == (silent, unwatched)
+            assert inner == (no_progress, no_watch)
             progress("vectors", 2, 7)
             wait_for(file, "vectors 2/7")
 

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from workbench.bench.question import plain
-from workbench.certificate import Certificate, Check, Checker, Gap, worst
+from workbench.certificate import Certificate, Check, Checker, Gap, worst_value
 from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
 from workbench.program import Program, conic_method, find_method, method, methods
@@ -443,11 +443,11 @@ def test_a_context_may_be_handed_in(root):
     ],
 )
 def test_the_worst_value_and_its_place(values, expected):
-    assert worst(values, lambda place: f"at {place}") == expected
+    assert worst_value(values, lambda place: f"at {place}") == expected
 
 
 def test_nan_is_worse_than_anything():
-    value, place = worst([1.0, math.nan, 2.0], str)
+    value, place = worst_value([1.0, math.nan, 2.0], str)
     assert math.isnan(value) and place == "(1,)"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.certificate import Certificate, Check, told_apart
+from workbench.certificate import Certificate, Check, distinct_texts
 from workbench.geometry import SmallestCircle
 from workbench.mu import peak
 from workbench.structure import Complex, Structure
@@ -52,7 +52,7 @@ def test_it_is_printed_and_stored(check, said):
     ],
 )
 def test_a_value_and_its_limit_are_told_apart(value, limit, texts):
-    assert told_apart(value, limit, digits=3) == texts
+    assert distinct_texts(value, limit, digits=3) == texts
 
 
 def test_a_check_that_fails_by_little_says_by_how_little():

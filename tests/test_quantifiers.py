@@ -9,7 +9,7 @@ import pytest
 from tables import each
 
 import workbench as wb
-from workbench.certificate import Check, quantified
+from workbench.certificate import Check, quantified_checks
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import NarrowestStadium, SmallestCircle
 from workbench.mu import MuLowerBound, MuUpperBound
@@ -69,7 +69,7 @@ def test_checks_of_the_programs_say_over_what(name):
 
 def test_a_check_keeps_its_own_words():
     own, bare = Check("a", "", 0.0, 0.0, over="at 3 frequencies"), Check("b", "", 0.0, 0.0)
-    assert [each.over for each in quantified("for this set", [own, bare])] == [
+    assert [each.over for each in quantified_checks("for this set", [own, bare])] == [
         "at 3 frequencies",
         "for this set",
     ]

@@ -26,7 +26,7 @@ import workbench
 import workbench as wb
 from workbench.answer import Answer, PartsChecker
 from workbench.bench.project import registry
-from workbench.certificate import Certificate, CheckedAs, Checker, deep_checks
+from workbench.certificate import Certificate, Checker, OriginalAnswerChecker, deep_checks
 from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
 from workbench.executor import Context
 from workbench.geometry import SmallestCircle
@@ -217,7 +217,7 @@ def with_parts(answer: Answer) -> Iterator[Checker]:
     assert answer._checked_by is not None
     checker = answer._checked_by[0]
     yield checker
-    if isinstance(checker, CheckedAs):
+    if isinstance(checker, OriginalAnswerChecker):
         yield checker.checker
     if isinstance(checker, PartsChecker):
         for part in checker.parts(answer).values():

@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure
 from workbench.accuracy import DEFAULT_TOLERANCE
-from workbench.certificate import Certificate, Check, Checker, excess, quantified
+from workbench.certificate import Certificate, Check, Checker, excess, quantified_checks
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.program import Program
@@ -190,7 +190,7 @@ class PartsChecker(Checker):
             if part is not None and part._checked_by is not None:
                 checker = part._checked_by[0]
                 found = checker.deep_opinion(checker.witnessed(part))
-                over = quantified(checker.quantifier, found)
+                over = quantified_checks(checker.quantifier, found)
                 checks += [replace(check, name=f"{name}: {check.name}") for check in over]
         return checks
 

@@ -20,13 +20,13 @@ if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
 
-def told_apart(value: float, limit: float, *, digits: int = 6) -> tuple[str, str]:
+def distinct_texts(value: float, limit: float, *, digits: int = 6) -> tuple[str, str]:
     """A value and its limit as texts, with as many digits as are needed to tell them apart.
 
     Examples
     --------
-    >>> from workbench.certificate import told_apart
-    >>> told_apart(0.99982, 1.0, digits=3), told_apart(0.98213, 1.0, digits=3)
+    >>> from workbench.certificate import distinct_texts
+    >>> distinct_texts(0.99982, 1.0, digits=3), distinct_texts(0.98213, 1.0, digits=3)
     (('0.9998', '1'), ('0.982', '1'))
     """
     texts = "", ""
@@ -99,7 +99,7 @@ class Check:
     def line(self) -> str:
         """Whether it holds, its numbers, and what they are of, as certificates print it."""
         over = f"; {self.over}" if self.over else ""
-        value, limit = told_apart(self.value, self.limit)
+        value, limit = distinct_texts(self.value, self.limit)
         return (
             f"{self.verdict}  {'second opinion, ' if self.opinion else ''}"
             f"{self.name}: {value} <= {limit} {self.where}".rstrip()
@@ -110,7 +110,7 @@ class Check:
     def failure(self) -> str:
         """A sentence that says by which numbers it fails."""
         where = f" {self.where}" if self.where else ""
-        value, limit = told_apart(self.value, self.limit)
+        value, limit = distinct_texts(self.value, self.limit)
         return f"{self.name}: {value} exceeds {limit}{where}"
 
 
@@ -122,26 +122,26 @@ THIS_SYSTEM = "for this one system"
 """Quantifier of the stability of one system or loop; nothing is claimed about a set of plants."""
 
 
-def these(count: int, one: str, several: str) -> str:
+def counted_quantifier(count: int, one: str, several: str) -> str:
     """A quantifier that counts the given things, such as "for these 3 plants".
 
     Examples
     --------
-    >>> from workbench.certificate import these
-    >>> these(1, "matrix", "matrices"), these(12, "matrix", "matrices")
+    >>> from workbench.certificate import counted_quantifier
+    >>> counted_quantifier(1, "matrix", "matrices"), counted_quantifier(12, "matrix", "matrices")
     ('for this one matrix', 'for these 12 matrices')
     """
     return f"for this one {one}" if count == 1 else f"for these {count} {several}"
 
 
-def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
+def quantified_checks(over: str, checks: Iterable[Check]) -> list[Check]:
     """The checks; ``over`` is filled in for those that have none.
 
     Examples
     --------
-    >>> from workbench.certificate import Check, quantified
+    >>> from workbench.certificate import Check, quantified_checks
     >>> checks = [Check("inside", "largest distance [m]", 0.75, 1.0)]
-    >>> quantified("for these 12 plants", checks)[0].over
+    >>> quantified_checks("for these 12 plants", checks)[0].over
     'for these 12 plants'
     """
     return [check if check.over else replace(check, over=over) for check in checks]
@@ -250,7 +250,7 @@ class Certificate:
         if gap is not None and gap.contradicts:
             failed.append(f"optimality gap: {gap.value:.3g}, the answer lies beyond its bound")
         elif gap is not None and gap.required and not gap.closed:
-            found, allowed = told_apart(gap.value, gap.tolerance, digits=3)
+            found, allowed = distinct_texts(gap.value, gap.tolerance, digits=3)
             failed.append(f"optimality gap: {found} exceeds {allowed}")
         return tuple(failed)
 
@@ -301,15 +301,15 @@ def _fields_from_json(stored: Mapping[str, Any], derived: str) -> dict[str, Any]
     return found
 
 
-def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:
+def worst_value(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:
     """The largest of an array of values (NaN counts as largest) and the label of its place.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.certificate import worst
+    >>> from workbench.certificate import worst_value
     >>> distance = np.array([0.2, 0.9, 0.4])
-    >>> worst(distance, lambda index: f"drive {index[0] + 1}")
+    >>> worst_value(distance, lambda index: f"drive {index[0] + 1}")
     (0.9, 'drive 2')
     """
     values = np.atleast_1d(np.asarray(values, dtype=float))
@@ -446,7 +446,7 @@ def _checks_or_failure(over: str, find: Callable[[], Iterable[Check]]) -> tuple[
     One failing check if the answer's numbers do not allow it.
     """
     try:
-        return tuple(quantified(over, find()))
+        return tuple(quantified_checks(over, find()))
     except _NUMERICAL as error:
         return (_not_computed(error),)
 
@@ -475,16 +475,16 @@ def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class CheckedAs(Checker):
+class OriginalAnswerChecker(Checker):
     """Certifies an answer that was made from another checker's answer by certifying the latter.
 
     Examples
     --------
-    >>> from workbench.certificate import CheckedAs
+    >>> from workbench.certificate import OriginalAnswerChecker
     >>> from workbench.geometry import Circle, SmallestCircle, smallest_circle
     >>> points = [0.0, 1.0, 1j]
     >>> circle = smallest_circle(points)
-    >>> diameter = CheckedAs(SmallestCircle(points), circle)
+    >>> diameter = OriginalAnswerChecker(SmallestCircle(points), circle)
     >>> diameter.certify(2 * circle.radius, 1e-6).holds
     True
     """

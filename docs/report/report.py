@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import workbench as wb
-from workbench.bench.comparison import counts, judged
+from workbench.bench.comparison import counts, judged_cells
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -91,7 +91,7 @@ def values() -> dict[str, Any]:
     }
     (folder,) = (REFERENCE / "compare").iterdir()
     comparison = wb.open_run(folder)
-    data = judged(comparison.data)
+    data = judged_cells(comparison.data)
     benchmarks = [row for row in table_rows(ROOT / "docs" / "benchmarks.md") if len(row) == 6]
     return {
         "version": wb.__version__,

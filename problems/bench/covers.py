@@ -18,7 +18,13 @@ from workbench.executor import WALL_TIME, Context, Workers
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium
 from workbench.study import Study, array, check, dim, figure, metric, part
-from workbench.uncertainty import CircleCover, CoverSteps, Responses, StadiumCover, limited
+from workbench.uncertainty import (
+    CircleCover,
+    CoverSteps,
+    Responses,
+    StadiumCover,
+    limited_orientation,
+)
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 from workbench.uncertainty.covers.weights import needed_radius, unwrapped
 
@@ -188,7 +194,7 @@ def _cover(responses: Responses) -> StadiumCover:
         zeros=ZEROS,
         complex_order=WEIGHT,
         real_order=WEIGHT,
-        orientation=limited(),
+        orientation=limited_orientation(),
     )
 
 

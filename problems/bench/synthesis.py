@@ -20,9 +20,9 @@ from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import upper_bound
 from workbench.synthesis import MuController, MuSynthesis, hinf
-from workbench.synthesis.h_infinity.riccati import central
+from workbench.synthesis.h_infinity.riccati import central_controller
 from workbench.systems.generalised_plant import response
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.drive.shared_parameters import TABLES
@@ -146,7 +146,7 @@ class SynthesisSpeed(Study):
             found.append(Check(f"{group}, success", statement, lost, 0.0))
         if self.distillation:
             upper = math.inf
-            certified = MuSynthesis(distillation_column()).certified(restored(answer, "own"))
+            certified = MuSynthesis(distillation_column()).certified(restored_system(answer, "own"))
             if certified is not None:
                 upper = certified.upper
             apart = float(answer["dk_apart"])
@@ -216,7 +216,7 @@ def _times_and_norms(
     bare = seconds = level = math.nan
     norm = math.inf
     try:
-        method = partial(central, *matrices, plant.controls, plant.measurements)
+        method = partial(central_controller, *matrices, plant.controls, plant.measurements)
         bare, _ = _timed(method, REPEATS)
         seconds, answer = _timed(partial(hinf, plant), REPEATS)
         norm, level = achieved(plant, answer.K), answer.gamma
@@ -255,7 +255,7 @@ def _dk_iterations(context: Context) -> dict[str, Any]:
         "dk_states": (package, [answer.K.nstates, *map(_order, theirs)]),
         "dk_rounds": (package, [len(answer.history), *(each.rounds for each in theirs)]),
         "dk_apart": ((), float(np.abs(a - b).max() / np.abs(a).max()), one),
-        **stored("own", answer.K),
+        **stored_system("own", answer.K),
     }
 
 

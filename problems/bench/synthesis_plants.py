@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.synthesis import regularised
+from workbench.synthesis import regularise
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.control.control_problem import generalised
@@ -14,7 +14,13 @@ from ..cd_drive.drive.tables import Axis
 from ..cd_drive.uncertainty.parametric_model import parametric_plant
 
 REGULARISATION = 1e-4
+<<<<<<< ours
 """Relative size of the signals that `regularised` adds to the CD drive's plants."""
+||||||| base
+"""Relative size of the signals that make the CD drive's plants regular (see `regularised`)."""
+=======
+"""Relative size of the signals that make the CD drive's plants regular (see `regularise`)."""
+>>>>>>> theirs
 
 
 def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
@@ -44,5 +50,5 @@ def drive_plants() -> dict[str, GeneralisedPlant]:
         plant = generalised(axis, parametric_plant(axis))
         nominal = plant.channel(performance=["z_p", "z_u"], exogenous="w_p").nominal()
         for name, one in (("nominal", nominal), ("parametric", plant)):
-            found[f"{axis} {name}"] = regularised(one, REGULARISATION)
+            found[f"{axis} {name}"] = regularise(one, REGULARISATION)
     return found

@@ -19,7 +19,7 @@ from typing import Any
 
 from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.structure import Complex
-from workbench.uncertainty import GeneralisedPlant, Parameter, generalised_plant, parametric
+from workbench.uncertainty import GeneralisedPlant, Parameter, generalised_plant, parametric_lft
 
 M1, M2 = 1.0, 2.0
 """Masses m1 and m2 [kg]."""
@@ -71,7 +71,7 @@ def two_mass_plant() -> GeneralisedPlant:
     W = weights()
     return generalised_plant(
         [
-            parametric(masses, [SPRING], inputs=("f1", "f2"), outputs=("z2",)),
+            parametric_lft(masses, [SPRING], inputs=("f1", "f2"), outputs=("z2",)),
             (W["W_m"], "u", "y_m"),
             (W["W_d"], "d", "f2"),
             (W["W_n"], "n", "v"),

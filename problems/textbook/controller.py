@@ -10,8 +10,8 @@ from pydantic import Field
 from workbench import Run, problem, ref
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.synthesis import MuSynthesis, approximated
-from workbench.systems.storage import restored
+from workbench.synthesis import MuSynthesis, approximate
+from workbench.systems.storage import restored_system
 from workbench.uncertainty import GeneralisedPlant
 
 from ..mass_spring.plant import two_mass_plant
@@ -69,6 +69,6 @@ def _starting_controller(
                 f"order = {order} reduces the controller of an earlier method: name it by after"
             )
         return None
-    K = restored(start.data, "controller")
+    K = restored_system(start.data, "controller")
     needless = order is None or K.nstates <= order
-    return K if needless else approximated(K, order, plant=plant)
+    return K if needless else approximate(K, order, plant=plant)

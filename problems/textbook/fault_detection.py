@@ -24,7 +24,7 @@ from workbench.diagnosis import (
     matching_bound,
     model_matching,
     null_space_generator,
-    transfer,
+    residual_response,
 )
 from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.systems.realisation import Matrices, realisation
@@ -154,7 +154,7 @@ class FaultDetection(Study):
 
     def _error(self, Q: StateSpace, omega: Array) -> Array:
         """Matching error R - [M_r 0] (F, 2, 4)."""
-        found = transfer(Q, self.model, (*self.model.faults, *self.model.noise), omega)
+        found = residual_response(Q, self.model, (*self.model.faults, *self.model.noise), omega)
         found[:, :, :2] -= (-self.pole / (1j * omega - self.pole))[:, None, None] * np.eye(2)
         return found
 

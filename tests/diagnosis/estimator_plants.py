@@ -4,7 +4,7 @@ import control
 import numpy as np
 
 from workbench.diagnosis import DisturbedPlant, Rotation
-from workbench.simulation import hold, sampled
+from workbench.simulation import hold, sampled_model
 
 PERIOD = 1e-3
 """Sample time [s]."""
@@ -14,7 +14,7 @@ def lens():
     """The lens (12 Hz) and its filter (80 Hz): u, disturbance -> filtered position, position."""
     a = [[0.0, 1.0, 0.0], [-((2 * np.pi * 12) ** 2), -25.0, 0.0], [500.0, 0.0, -500.0]]
     b = [[0.0, 0.0], [3000.0, -3000.0], [0.0, 0.0]]
-    return sampled(control.ss(a, b, [[0, 0, 1.0], [1.0, 0, 0]], 0.0), PERIOD)
+    return sampled_model(control.ss(a, b, [[0, 0, 1.0], [1.0, 0, 0]], 0.0), PERIOD)
 
 
 def disturbed(rotation=None, coloured=False, beside=False):

@@ -15,8 +15,8 @@ from workbench.diagnosis import (
     attainable_structures,
     detectability,
     isolability,
-    masking,
-    unattainable,
+    masking_inputs,
+    unattainable_faults,
 )
 from workbench.errors import InputError, UnknownNameError
 
@@ -153,15 +153,15 @@ def test_what_masks_a_fault():
     assert found.weak.tolist() == [False, True]
     assert found.masked_by == (("d1",), ())
     with pytest.raises(InputError, match="does not hide"):
-        masking(model, "f2", model.disturbances)
+        masking_inputs(model, "f2", model.disturbances)
 
 
 def test_isolability_of_an_actuator_and_a_sensor():
     model = unstable_sensor()
     found = isolability(model)
     assert not found.any()  # one residual only, d decoupled
-    assert unattainable(model, (True, True)) == ()
-    assert unattainable(model, (True, False)) == ("f_u",)
+    assert unattainable_faults(model, (True, True)) == ()
+    assert unattainable_faults(model, (True, False)) == ("f_u",)
 
 
 def test_bad_questions():

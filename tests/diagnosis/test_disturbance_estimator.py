@@ -9,7 +9,7 @@ from estimator_plants import PERIOD, disturbed, lens, record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.diagnosis import DisturbedPlant, Estimator, Rotation, estimate, placed
+from workbench.diagnosis import DisturbedPlant, Estimator, Rotation, estimate, placed_estimator
 from workbench.errors import InputError
 from workbench.simulation import play
 from workbench.systems.sampling import respond
@@ -22,7 +22,7 @@ def designed(rotation=None, decay=8.0, **parts):
     turning = model.rotation.poles(PERIOD, decay)
     colour = np.exp(np.array([-300.0, -340.0]) * PERIOD)[: model.slices[2].stop - model.seen + 2]
     colour = colour if model.colour is not None else []
-    return placed(model, np.concatenate([poles, turning, colour]))
+    return placed_estimator(model, np.concatenate([poles, turning, colour]))
 
 
 def reference(model, gain, y, u, quality):

@@ -19,8 +19,8 @@ from workbench.diagnosis import (
     detectability,
     fault_detection,
     fault_isolation,
+    residual_response,
     structure_matrix,
-    transfer,
 )
 from workbench.errors import InputError, SolverError
 
@@ -84,7 +84,9 @@ def test_the_published_residual_of_an_unstable_plant():
     # [(s+2)/(s+3), (s-3)/(s+3)] from the faults
     s = 1j * omega
     expected = gain * np.array([(s + 2) / (s + 3), (s - 3) / (s + 3)]).T[:, None, :]
-    np.testing.assert_allclose(transfer(found.Q, model, model.faults, omega), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        residual_response(found.Q, model, model.faults, omega), expected, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("row", "order"), [([0, 1], 1), ([1, 0], 2), ([1, 1], 1)])
@@ -184,7 +186,7 @@ def test_structures_that_are_none(structure, words):
 def test_generators_of_other_models_are_refused():
     found = fault_detection(unstable_sensor(), -3.0)
     with pytest.raises(InputError, match="3 outputs and 1 controls"):
-        transfer(found.Q, four_compartments(), ["f1"], 1.0)
+        residual_response(found.Q, four_compartments(), ["f1"], 1.0)
 
 
 def test_orders_that_rounding_spoils_are_not_given():

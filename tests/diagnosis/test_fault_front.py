@@ -9,9 +9,9 @@ from workbench.diagnosis import (
     FaultFront,
     FaultLoop,
     LaguerreBasis,
-    few_states,
-    full_order,
-    least_total,
+    full_order_filter,
+    least_total_error,
+    low_order_filter,
 )
 from workbench.diagnosis.estimation.front import near_poles
 from workbench.diagnosis.estimation.front_bound import _outer
@@ -106,7 +106,7 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
             totals[nominal, error] = point.total
     assert totals[True, 0.5] < totals[True, 0.3] < totals[False, 0.3]
     if loop.dt is None:
-        bounds = [least_total(DEMANDS, 0.3, HZ * 0.15, coefficients=n) for n in (8, 24)]
+        bounds = [least_total_error(DEMANDS, 0.3, HZ * 0.15, coefficients=n) for n in (8, 24)]
         assert 0.0 < bounds[0] <= bounds[1] * (1 + 1e-3)
         assert 0.2 * totals[True, 0.3] < bounds[1] < totals[True, 0.3]
 
@@ -115,8 +115,8 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
 @pytest.mark.slow
 def test_a_filter_of_few_states_is_certified(loop):
     basis = LaguerreBasis(loop, CORNER)
-    fine = full_order(loop, GRID, basis, 8, 0.5, 2e-3)
-    few = few_states(loop, GRID, fine.F, 4, 0.5, 2e-3)
+    fine = full_order_filter(loop, GRID, basis, 8, 0.5, 2e-3)
+    few = low_order_filter(loop, GRID, fine.F, 4, 0.5, 2e-3)
     assert few.F.nstates <= 4 < fine.F.nstates
     assert few.answer.upper <= 1.0
     assert few.point.error <= 0.5

@@ -11,7 +11,7 @@ from workbench.diagnosis import (
     NO_FAULT,
     UNKNOWN,
     Clusters,
-    confusion,
+    confusion_matrix,
     isolable,
     isolate,
 )
@@ -67,7 +67,7 @@ def test_the_likeliest_kind_is_scipys(clouds):
     likelihood = [multivariate_normal(p.mean(axis=0), np.cov(p.T)).logpdf(points) for p in parts]
     found = clusters.classify(points)
     assert found.tolist() == np.argmax(likelihood, axis=0).tolist()
-    counts = confusion(labels, found, 3)
+    counts = confusion_matrix(labels, found, 3)
     assert counts.sum() == 1200
     assert np.trace(counts[:, :3]) > 1170
     assert (counts.sum(axis=1) == 400).all()
@@ -116,6 +116,6 @@ def test_lengths_and_numbers_that_do_not_match():
     with pytest.raises(InputError, match="finite"):
         Clusters.fit([[np.nan]], [0], "a")
     with pytest.raises(InputError, match="equally many"):
-        confusion([0, 1], [0], 2)
+        confusion_matrix([0, 1], [0], 2)
     with pytest.raises(InputError, match="found"):
-        confusion([0], [5], 2)
+        confusion_matrix([0], [5], 2)

@@ -11,7 +11,7 @@ from workbench.diagnosis import (
     matching_bound,
     model_matching,
     null_space_generator,
-    transfer,
+    residual_response,
 )
 from workbench.errors import InputError
 from workbench.systems.realisation import realisation
@@ -37,7 +37,7 @@ def test_two_actuators_in_noise():
             max(np.abs(residual_at(found.generator.Q, model, name, 1j * w)).max() for w in omega)
             < 1e-9
         )
-    R = transfer(found.generator.Q, model, (*model.faults, *model.noise), omega)
+    R = residual_response(found.generator.Q, model, (*model.faults, *model.noise), omega)
     R[:, :, :2] -= (10 / (1j * omega + 10))[:, None, None] * np.eye(2)
     sizes = np.linalg.norm(R, 2, axis=(1, 2))
     assert sizes.max() == pytest.approx(found.norm, rel=1e-3)

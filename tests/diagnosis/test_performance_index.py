@@ -13,7 +13,7 @@ from workbench.diagnosis import (
     fault_detection,
     fault_isolation,
     performance_index,
-    transfer,
+    residual_response,
 )
 from workbench.errors import InputError, UnknownNameError
 from workbench.systems.realisation import realisation
@@ -53,7 +53,7 @@ def test_no_frequency_exceeds_the_bound(seed, dt):
     found = fault_detection(model, 0.5 if dt else -2.0)
     omega = np.geomspace(1e-2, 30.0, 4000)
     top, base = (
-        np.linalg.norm(transfer(found.Q, model, names, omega)[:, 0], axis=1)
+        np.linalg.norm(residual_response(found.Q, model, names, omega)[:, 0], axis=1)
         for names in (model.noise, model.faults)
     )
     assume(base.min() > 1e-6 * top.max())

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from workbench.diagnosis import (
+    DemandReached,
     EstimationDemands,
     FaultFront,
     FaultLoop,
     LaguerreBasis,
-    Reached,
     best_design,
-    few_states,
-    full_order,
+    full_order_filter,
+    low_order_filter,
     stable_share,
 )
 from workbench.diagnosis.estimation.front import GRID_MARGIN
@@ -71,9 +71,9 @@ def reached_by(loop, error, leakage, peak=None, order=None):
         smaller = loop.within(reached.share)
         try:
             basis = LaguerreBasis(smaller, HZ * 0.2)
-            found = full_order(smaller, GRID, basis, COUNT, **limits(reached))
+            found = full_order_filter(smaller, GRID, basis, COUNT, **limits(reached))
             if order is not None:
-                found = few_states(smaller, GRID, found.F, order, **limits(reached))
+                found = low_order_filter(smaller, GRID, found.F, order, **limits(reached))
         except SolverError:
             return None
         return found if found.meets else None
@@ -125,8 +125,8 @@ def test_no_leakage_at_all_ends_in_no_filter(peak):
 
 def test_a_demand_that_can_be_had_is_met_as_asked():
     reached, found = reached_by(heater(), *LIMITS)
-    assert reached == Reached(1.0, 1.0) and reached.as_asked
-    alone = full_order(heater(), GRID, LaguerreBasis(heater(), HZ * 0.2), COUNT, *LIMITS)
+    assert reached == DemandReached(1.0, 1.0) and reached.as_asked
+    alone = full_order_filter(heater(), GRID, LaguerreBasis(heater(), HZ * 0.2), COUNT, *LIMITS)
     np.testing.assert_array_equal(found.point.coefficients, alone.point.coefficients)
 
 

@@ -9,7 +9,7 @@ from workbench.diagnosis import (
     FaultModel,
     model_matching,
     null_space_generator,
-    transfer,
+    residual_response,
     whitened_residual,
 )
 from workbench.errors import InputError
@@ -53,10 +53,10 @@ def test_noise_has_gain_1_in_every_direction(dt):
     model = noisy(11, dt)
     found = whitened_residual(model, 0.3 if dt else -4.0)
     omega = np.geomspace(1e-2, 30.0, 60)
-    R_w = transfer(found.generator.Q, model, model.noise, omega)
+    R_w = residual_response(found.generator.Q, model, model.noise, omega)
     np.testing.assert_allclose(np.linalg.svd(R_w, compute_uv=False), 1.0, rtol=1e-6)
-    assert np.abs(transfer(found.generator.Q, model, model.controls, omega)).max() < 1e-8
-    R_f = transfer(found.generator.Q, model, model.faults, omega)
+    assert np.abs(residual_response(found.generator.Q, model, model.controls, omega)).max() < 1e-8
+    R_f = residual_response(found.generator.Q, model, model.faults, omega)
     reached = np.linalg.norm(R_f, axis=1).max(axis=0)
     assert (found.gaps >= reached * (1 - 1e-2)).all()
     assert (np.linalg.norm(R_f, axis=1).max(axis=0) <= found.gaps * (1 + 1e-3)).all()
@@ -77,7 +77,9 @@ def test_no_other_generator_has_a_larger_gap():
         for M in rng.standard_normal((20, 1, 2))
     ]
     for Q in tried:
-        R_f, R_w = (transfer(Q, model, names, omega) for names in (model.faults, model.noise))
+        R_f, R_w = (
+            residual_response(Q, model, names, omega) for names in (model.faults, model.noise)
+        )
         gaps = np.linalg.norm(R_f, axis=1).max(axis=0) / np.linalg.norm(R_w, 2, axis=(1, 2)).max()
         assert (gaps <= found.gaps * (1 + 1e-3)).all()
 

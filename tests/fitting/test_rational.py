@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError, SolverError
-from workbench.fitting.rational import Rational, conjugate_pairs, from_system
+from workbench.fitting.rational import Rational, conjugate_pairs, rational_of_system
 from workbench.fitting.slicot import sb10yd
 
 
@@ -95,7 +95,7 @@ def test_state_space_is_the_same_function(seed, order):
 @given(st.integers(0, 10_000), st.integers(0, 6))
 def test_systems_come_back(seed, order):
     function = random_rational(seed, order)
-    back = from_system(function.state_space())
+    back = rational_of_system(function.state_space())
     assert back.order == order
     assert back.zeros.size == function.zeros.size
     omega = np.geomspace(1e-2, 1e2, 12)
@@ -106,12 +106,12 @@ def test_systems_come_back(seed, order):
 
 
 def test_transfer_functions_are_taken():
-    back = from_system(control.tf([2.0, 4.0], [1.0, 3.0, 100.0]))
+    back = rational_of_system(control.tf([2.0, 4.0], [1.0, 3.0, 100.0]))
     np.testing.assert_allclose(back.zeros, [-2])
     np.testing.assert_allclose(back.gain, 2)
     np.testing.assert_allclose(np.poly(back.poles).real, [1, 3, 100])
-    assert from_system(control.tf([0.0], [1.0, 1.0])).gain == 0
-    assert from_system(control.ss([], [], [], [[5.0]])).response(3.0) == 5
+    assert rational_of_system(control.tf([0.0], [1.0, 1.0])).gain == 0
+    assert rational_of_system(control.ss([], [], [], [[5.0]])).response(3.0) == 5
 
 
 def test_properties():
@@ -133,7 +133,7 @@ def test_properties():
 def test_systems_come_back_in_any_unit(time, size):
     system = control.ss([[0, -100.0], [1, -3]], [[1], [2]], [[0, 1]], [[0.5]])
     scaled = control.ss(system.A * time, system.B * time * size, system.C, system.D * size)
-    one, other = from_system(system), from_system(scaled)
+    one, other = rational_of_system(system), rational_of_system(scaled)
     np.testing.assert_allclose(other.zeros, one.zeros * time, rtol=1e-6)
     np.testing.assert_allclose(other.poles, one.poles * time, rtol=1e-9)
     assert other.gain == pytest.approx(one.gain * size)
@@ -169,7 +169,7 @@ def test_refused_functions(zeros, poles, gain, words):
 )
 def test_refused_systems(system, words):
     with pytest.raises(InputError, match=words):
-        from_system(system)
+        rational_of_system(system)
 
 
 def test_pairs_are_repaired():
@@ -243,7 +243,7 @@ def test_a_direct_path_that_is_small_beside_the_states_keeps_its_zeros():
         35.23059738498149,
         remove_useless_states=False,
     )
-    zeros = from_system(system).zeros
+    zeros = rational_of_system(system).zeros
     truth = [-617.12479 - 647.95134j, -617.12479 + 647.95134j, -373339.78804]
     np.testing.assert_allclose(zeros, truth, rtol=1e-5)
 
@@ -259,7 +259,7 @@ def test_badly_scaled_systems_are_converted_exactly(seed, order, direct):
     c = rng.normal(size=(1, order)) * 10 ** rng.uniform(0, 8, (1, order))
     d = [[float(direct) * 10 ** rng.uniform(-6, 6)]]
     system = control.ss(A, b, c, d, remove_useless_states=False)
-    function = from_system(system)
+    function = rational_of_system(system)
     s = complex(rng.normal(), rng.normal())
     with flint.ctx.workprec(400):
         parts = (system.A, system.B, system.C, system.D)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from workbench.geometry import (
     Stadium,
-    around_nominal,
-    multiplied,
+    multiplied_sets,
+    sets_around_nominal,
     signed_distance,
     signed_distance_bounds,
 )
@@ -33,7 +33,7 @@ def test_distances_by_hand():
 def test_a_product_with_a_number_keeps_what_is_inside(x, y, radius, length, angle, a, b):
     sets, factor, point = one(x + 1j * y, radius, length, angle), a + 1j * b, CRITICAL
     before = signed_distance(point, sets)
-    after = signed_distance(point * factor, multiplied(np.array([factor]), sets))
+    after = signed_distance(point * factor, multiplied_sets(np.array([factor]), sets))
     np.testing.assert_allclose(after, abs(factor) * before, atol=1e-11)
 
 
@@ -49,7 +49,7 @@ def test_the_bounds_hold_the_distance(x, y, radius, length, angle):
 def test_sets_around_a_nominal_hold_what_its_deviations_make():
     relative = one(0.1 + 0.2j, 0.3, 0.6, 1.0)
     nominal = np.array([2.0 - 1.0j])
-    sets = around_nominal(nominal, relative)
+    sets = sets_around_nominal(nominal, relative)
     rng = np.random.default_rng(0)
     delta = rng.uniform(-1.5, 1.5, 500) + 1j * rng.uniform(-1.5, 1.5, 500)
     inside = [signed_distance(each, relative)[0] <= 0 for each in delta]

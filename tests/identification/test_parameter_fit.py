@@ -13,7 +13,7 @@ from workbench.identification import (
     MeasuredResponse,
     ParameterFit,
     fit_parameters,
-    from_periods,
+    periodic_response,
 )
 from workbench.program import methods
 from workbench.solution import solve
@@ -163,7 +163,7 @@ def test_the_intervals_cover_as_they_say(periods):
             )
         else:
             y = noisy(rng, np.repeat(clean[:, None], periods, axis=1), size[:, None])
-            estimate = from_periods(FREQUENCY, np.ones(y.shape), y)
+            estimate = periodic_response(FREQUENCY, np.ones(y.shape), y)
             datum = MeasuredResponse.of(oscillator, estimate)
         program = ParameterFit([datum], {name: FittedParameter(v) for name, v in TRUTH.items()})
         found = solve(program, method="scipy").answer

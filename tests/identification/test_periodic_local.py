@@ -12,10 +12,10 @@ from workbench.identification import (
     PeriodicStream,
     best_linear_approximation,
     fit_rational_model,
-    from_periods,
     local_polynomial,
     odd_lines,
     periodic_local_polynomial,
+    periodic_response,
 )
 
 PERIOD = 256
@@ -51,7 +51,7 @@ def test_the_transient_is_taken_off():
     truth = plant(found.frequency_hz)
     error = np.abs(found.response[:, 0, 0] - truth) / np.abs(truth)
     spectra = [np.fft.rfft(x.reshape(4, PERIOD)).T[LINES] for x in (u, y)]
-    plain = from_periods(found.frequency_hz, *spectra).response[:, 0, 0]
+    plain = periodic_response(found.frequency_hz, *spectra).response[:, 0, 0]
     assert np.median(error) < 0.03 * np.median(np.abs(plain - truth) / np.abs(truth))
     assert found.transient.max() > 1e-4
 

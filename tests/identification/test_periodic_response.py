@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from workbench.errors import InputError
-from workbench.identification import IdentificationWarning, from_periods, sine_fit
+from workbench.identification import IdentificationWarning, periodic_response, sine_fit
 
 RUNS = 500
 
@@ -25,7 +25,7 @@ def experiment(rng, gain, periods, sizes=(0.01, 0.02), shared=0.0):
     common = noise(rng, count, periods, size=shared)
     u = 1 + noise(rng, count, periods, size=sizes[0]) + common
     y = gain[:, None] + noise(rng, count, periods, size=sizes[1]) + 3j * common
-    return from_periods(np.arange(1.0, count + 1), u, y)
+    return periodic_response(np.arange(1.0, count + 1), u, y)
 
 
 @pytest.mark.parametrize("confidence", [0.9, 0.99])
@@ -48,7 +48,7 @@ def test_the_regions_of_several_inputs_cover():
     periods = 6
     u = u0 + noise(rng, RUNS, periods, 2, 2, size=0.003)
     y = (gain @ u0)[:, None] + noise(rng, RUNS, periods, 2, 2, size=0.01)
-    estimate = from_periods(np.arange(1.0, RUNS + 1), u, y)
+    estimate = periodic_response(np.arange(1.0, RUNS + 1), u, y)
     assert estimate.response.shape == (RUNS, 2, 2)
     inside = np.abs(estimate.response - gain) <= estimate.radius(confidence=0.95)
     for i, j in np.ndindex(2, 2):
@@ -74,7 +74,7 @@ def test_closed_loop_is_consistent():
     disturbance = noise(rng, 200, periods, size=0.5)
     loop = 1 + gain * controller
     y, u = (gain + disturbance) / loop, (1 - controller * disturbance) / loop
-    estimate = from_periods(np.arange(1.0, 201), u, y)
+    estimate = periodic_response(np.arange(1.0, 201), u, y)
     error = estimate.response[:, 0, 0] - gain
     assert abs(error.mean()) < 4 * np.sqrt(estimate.variance.mean() / 200)
 
@@ -87,7 +87,7 @@ def test_thesis_interval_is_wider():
 def test_transients_are_discarded():
     u = np.ones((3, 20), dtype=complex)
     y = 2 + np.exp(-np.arange(20.0)) * np.ones((3, 1))
-    kept = from_periods([1, 2, 3], u, y, transients=10)
+    kept = periodic_response([1, 2, 3], u, y, transients=10)
     assert kept.periods == 10
     assert np.abs(kept.response - 2).max() < 1e-4
     assert not kept.assumptions.holds()
@@ -112,13 +112,15 @@ def test_broken_assumptions_are_found(broken):
         scatter *= rng.standard_t(3, size=scatter.shape) / np.abs(noise(rng, 300, 10))
     else:
         scatter += np.linspace(-1, 1, 10)
-    result = from_periods(np.arange(1.0, 301), np.ones((300, 10)), 3 + 0.1 * scatter).assumptions
+    result = periodic_response(
+        np.arange(1.0, 301), np.ones((300, 10)), 3 + 0.1 * scatter
+    ).assumptions
     assert getattr(result, broken) < 1e-3
     assert not result.holds()
 
 
 def test_without_noise_nothing_is_said_of_it():
-    result = from_periods([1.0], np.ones((1, 5)), np.full((1, 5), 2.0))
+    result = periodic_response([1.0], np.ones((1, 5)), np.full((1, 5), 2.0))
     assert result.response[0, 0, 0] == 2
     assert result.radius()[0, 0, 0] == 0
     assert np.isnan(result.assumptions.circular)
@@ -130,7 +132,7 @@ def test_a_stepped_sine_gives_the_response():
     time = np.arange(4000) / rate
     wave = np.exp(2j * np.pi * 10.1 * time)
     u, y = sine_fit(np.stack([wave.real, (gain * wave).real + 3]), 1 / rate, 10.1)[..., 0]
-    estimate = from_periods([10.1], u[None], y[None])
+    estimate = periodic_response([10.1], u[None], y[None])
     assert estimate.response[0, 0, 0] == pytest.approx(gain, rel=1e-9)
     assert estimate.omega[0] == pytest.approx(2 * np.pi * 10.1)
     assert estimate.to_dataset()["response"].dims == ("frequency", "output", "input")
@@ -140,7 +142,7 @@ def test_weak_excitation_is_warned_of():
     rng = np.random.default_rng(0)
     u = noise(rng, 2, 10) + np.array([[10.0], [0.2]])
     with pytest.warns(IdentificationWarning, match=r"worst at 2 Hz"):
-        from_periods([1.0, 2.0], u, u + 1)
+        periodic_response([1.0, 2.0], u, u + 1)
 
 
 @pytest.mark.parametrize(
@@ -159,4 +161,4 @@ def test_weak_excitation_is_warned_of():
 )
 def test_bad_input(u, y, transients, message):
     with pytest.raises(InputError, match=message):
-        from_periods([7.0], u, y, transients=transients)
+        periodic_response([7.0], u, y, transients=transients)

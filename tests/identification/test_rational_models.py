@@ -14,7 +14,7 @@ from workbench.identification import (
     RationalModelFit,
     RationalModels,
     fit_rational_model,
-    from_periods,
+    periodic_response,
 )
 from workbench.identification.rational_models.residual_tests import residual_tests
 
@@ -192,7 +192,9 @@ def coverage(records, periods, matrices, seed):
     for _ in range(records):
         noise = rng.standard_normal((2, 60, periods, 2))
         y = truth[:, None, :, 0] + (noise[0] + 1j * noise[1]) @ root.swapaxes(1, 2)
-        estimate = from_periods(omega / (2 * np.pi), np.ones((60, periods, 1, 1)), y[..., None])
+        estimate = periodic_response(
+            omega / (2 * np.pi), np.ones((60, periods, 1, 1)), y[..., None]
+        )
         weights = estimate.covariance if matrices else estimate.variance
         program = RationalModelFit(
             omega, estimate.response, weights, orders=(4,), excess=2, degrees=estimate.degrees
@@ -239,7 +241,7 @@ def test_one_call_warns_of_a_model_that_is_rejected():
     omega = np.linspace(1.0, 60.0, 60)
     noise = rng.standard_normal((60, 8, 2, 2)) @ [1, 1j]
     y = servo_plant(omega)[:, None] + 0.05 * noise[..., None]
-    estimate = from_periods(omega / (2 * np.pi), np.ones((60, 8, 1, 1)), y)
+    estimate = periodic_response(omega / (2 * np.pi), np.ones((60, 8, 1, 1)), y)
     found = fit_rational_model(estimate, orders=(2, 4, 6))
     assert found.model.order == 4 and found.tests.accepted and found.certificate.valid
     assert set(found.candidates) == {2, 4, 6} and "order 4" in repr(found)

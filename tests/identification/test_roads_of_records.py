@@ -28,7 +28,7 @@ from workbench.identification import (
 )
 from workbench.identification.record_tests import report as frame
 from workbench.identification.record_tests.finding import Finding
-from workbench.identification.record_tests.finding import Tested as ToldAssumption
+from workbench.identification.record_tests.finding import TestedAssumption as ToldAssumption
 from workbench.synthesis import HinfSynthesis, MuSynthesis
 from workbench.uncertainty import Responses, StadiumCover, generalised_plant
 

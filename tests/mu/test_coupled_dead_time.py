@@ -13,7 +13,7 @@ from workbench.errors import InputError
 from workbench.mu import loop_margins
 from workbench.mu.loops.late_pair import late_pair
 from workbench.mu.margins.classical import classical_margins
-from workbench.uncertainty import append, block, feedback, real, tf, without_dead_time
+from workbench.uncertainty import append, block, dead_time_approximation, feedback, real, tf
 from workbench.uncertainty.algebra.system import uncertain
 
 SEEDS = 64
@@ -77,7 +77,7 @@ def test_dead_time_in_an_inner_loop(T):
     one = found.classical["input"]
     np.testing.assert_allclose(one.phases_deg[:, 1], GRID[crossed], rtol=1e-3)
     padded = control.feedback(
-        *(without_dead_time(x, order=10).nominal for x in (G * late(T), predictor))
+        *(dead_time_approximation(x, order=10).nominal for x in (G * late(T), predictor))
     )
     assert found.stable is bool((padded.poles().real < 0).all())
     if found.stable:
@@ -91,7 +91,7 @@ def test_dead_time_in_an_inner_loop(T):
 @pytest.mark.slow
 def test_the_margins_are_those_of_a_pade_approximation_of_high_order():
     loop = loop_of(8)
-    near = [without_dead_time(one, order=14).nominal for one in (loop.plant, loop.controller)]
+    near = [dead_time_approximation(one, order=14).nominal for one in (loop.plant, loop.controller)]
     exact, other = loop_margins(loop.plant, loop.controller), loop_margins(*near)
     assert exact.stable and other.stable
     for name, one in exact.classical.items():

@@ -17,7 +17,7 @@ from workbench.mu import loop_margins, robust_performance, worst_case_gain
 from workbench.mu.loops.delayed_modulus import Bands
 from workbench.mu.margins.classical import classical_margins, late_loop
 from workbench.second_opinion.margins.dead_times import counted_poles
-from workbench.uncertainty import delay, feedback, real, tf, without_dead_time
+from workbench.uncertainty import dead_time_approximation, delay, feedback, real, tf
 from workbench.uncertainty.algebra.dead_time import pade, pade_corner, pade_error
 
 
@@ -370,11 +370,11 @@ def test_a_gain_is_told_the_call_that_bounds_it(function):
         for value in np.linspace(1.6, 2.4, 9)
     ]
     if function is worst_case_gain:
-        found = worst_case_gain(without_dead_time(closed, order=10))
+        found = worst_case_gain(dead_time_approximation(closed, order=10))
         assert max(gains) <= found.upper <= 1.02 * max(gains)
     else:
         found = robust_performance(
-            without_dead_time(closed, order=10), gain=1.05 * max(gains), tolerance=1e-2
+            dead_time_approximation(closed, order=10), gain=1.05 * max(gains), tolerance=1e-2
         )
         assert found.lower >= 1.0
 

@@ -8,7 +8,7 @@ import pytest
 
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError
-from workbench.mu import destabilising, lower_bound
+from workbench.mu import destabilising_perturbation, lower_bound
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.structure import Complex, Full, Real, Structure
@@ -74,7 +74,7 @@ def test_closes_a_loop_with_a_pole_at_the_frequency(seed):
     omega = 10 ** rng.uniform(-2, 2)
     found = at(system, structure, omega)
     assert found.lower > 0
-    Delta = destabilising(found, system, structure)
+    Delta = destabilising_perturbation(found, system, structure)
     assert (Delta.ninputs, Delta.noutputs) == (structure.columns, structure.rows)
     assert (Delta.poles().real < 0).all()
     assert norm(Delta) == pytest.approx(1 / found.lower, rel=1e-6)
@@ -95,7 +95,7 @@ def test_of_a_peak_none_smaller_destabilises():
     structure = STRUCTURES[2]
     system = random_system(np.random.default_rng(100), structure, 4)
     found = peak(system, structure)
-    Delta = destabilising(found, system, structure)
+    Delta = destabilising_perturbation(found, system, structure)
     poles = closed_poles(system, Delta)
     assert abs(poles - 1j * found.omega).min() < 1e-6 * max(found.omega, 1)
     smaller = closed_poles(system, 0.99 * Delta / (found.upper * norm(Delta)))
@@ -111,7 +111,7 @@ def test_with_a_complex_part(part, blocks):
     B, C = rng.standard_normal((2, structure.rows)), rng.standard_normal((structure.columns, 2))
     system = control.ss(A, B, C, np.zeros((structure.columns, structure.rows)))
     found = peak(system, structure, tolerance=1e-2, complex_part=part)
-    Delta = destabilising(found, system, structure)
+    Delta = destabilising_perturbation(found, system, structure)
     poles = closed_poles(system, Delta)
     assert abs(poles - 1j * found.omega).min() < 1e-6 * found.omega
     omega = np.concatenate([[0.0], np.geomspace(1e-4, 1e4, 500)])
@@ -132,7 +132,7 @@ class TestAtTheEndsOfTheAxis:
         system = control.ss(-1, 1, 2, 0)
         found = peak(system, Structure([Full(1, 1)]))
         assert found.omega == 0
-        Delta = destabilising(found, system, Structure([Full(1, 1)]))
+        Delta = destabilising_perturbation(found, system, Structure([Full(1, 1)]))
         assert Delta.nstates == 0
         assert abs(closed_poles(system, Delta)).min() < 1e-9
 
@@ -142,7 +142,7 @@ class TestAtTheEndsOfTheAxis:
         system = control.ss(-np.eye(2), np.eye(2), C, np.zeros((3, 2)))
         found = at(system, structure, 0.0)
         twisted = Peak(found.lower, math.inf, 0.0, found.Delta + 0j, (), "")
-        Delta = destabilising(twisted, system, structure)
+        Delta = destabilising_perturbation(twisted, system, structure)
         assert Delta.nstates == 0
         assert np.linalg.norm(Delta.D, 2) == pytest.approx(1 / np.linalg.norm(C, 2))
         assert abs(closed_poles(system, Delta)).min() < 1e-9
@@ -154,7 +154,7 @@ class TestAtTheEndsOfTheAxis:
         system = control.append(lag, lag) * ROTATION  # only delta = +-j makes 1 - M delta singular
         found = at(system, structure, omega)
         assert found.lower == pytest.approx(1)
-        Delta = destabilising(found, system, structure)
+        Delta = destabilising_perturbation(found, system, structure)
         assert norm(Delta) == pytest.approx(1, abs=1e-5)
         poles = closed_poles(system, Delta)
         place = 3e-6 if omega == 0 else 3e6
@@ -164,7 +164,7 @@ class TestAtTheEndsOfTheAxis:
         structure = Structure([Complex(2)])
         system = control.ss([], [], [], 0.5 * ROTATION)
         found = peak(system, structure)
-        Delta = destabilising(found, system, structure)
+        Delta = destabilising_perturbation(found, system, structure)
         assert norm(Delta) == pytest.approx(2)
         values = [np.linalg.eigvals(Delta(1j * omega) @ system.D) for omega in (1e-6, 1e6)]
         assert abs(np.array(values) - 1).min() < 1e-9
@@ -173,7 +173,7 @@ class TestAtTheEndsOfTheAxis:
         structure = Structure([Real(1), Complex(1)])
         system = control.ss(-1, [[1, 0]], [[1], [0]], np.diag([2.0, 0.1]))
         found = at(system, structure, math.inf)
-        Delta = destabilising(found, system, structure)
+        Delta = destabilising_perturbation(found, system, structure)
         assert Delta.nstates == 0
         assert np.linalg.det(np.eye(2) - system.D @ Delta.D) == pytest.approx(0, abs=1e-12)
 
@@ -182,9 +182,9 @@ def test_what_cannot_be_done_is_said():
     system, structure = control.ss(-1, 1, 2, 0), Structure([Full(1, 1)])
     nothing = Peak(0.0, 1.0, 1.0, np.full((1, 1), np.nan), (), "")
     with pytest.raises(InputError, match="lower bound is 0"):
-        destabilising(nothing, system, structure)
+        destabilising_perturbation(nothing, system, structure)
     found = peak(system, structure)
     with pytest.raises(InputError, match="of this system"):
-        destabilising(found, 3 * system, structure)
+        destabilising_perturbation(found, 3 * system, structure)
     with pytest.raises(InputError, match="shape"):
-        destabilising(found, control.append(system, system), Structure([Full(2, 2)]))
+        destabilising_perturbation(found, control.append(system, system), Structure([Full(2, 2)]))

@@ -18,7 +18,7 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import (
 from workbench.certify import cover
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError, UnknownNameError
-from workbench.mu.frequency.complex_part import with_complex_part
+from workbench.mu.frequency.complex_part import complex_part_added
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.sweep import frequency_sweep
 from workbench.mu.robust.conditions import conditions
@@ -211,9 +211,9 @@ def test_real_scalars_alone_need_a_complex_part():
         assert abs(1 - M * found.Delta[0, 0]) < 1e-8
     assert parts[2].upper < parts[1].upper < parts[0].upper
     with pytest.raises(InputError, match="no real scalar"):
-        with_complex_part(system, ONE, 0.01)
+        complex_part_added(system, ONE, 0.01)
     with pytest.raises(InputError, match="positive"):
-        with_complex_part(system, real, -1.0)
+        complex_part_added(system, real, -1.0)
 
 
 @pytest.mark.parametrize(

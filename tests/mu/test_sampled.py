@@ -14,7 +14,7 @@ from workbench.mu import (
     Real,
     Structure,
     conditions,
-    destabilising,
+    destabilising_perturbation,
     frequency_sweep,
     peak,
     robust_performance,
@@ -73,7 +73,7 @@ def test_the_proof_holds_again_and_comes_back(period):
 def test_the_destabilising_perturbation_is_sampled_and_puts_poles_on_the_circle(period):
     sampled = bilinear_sampled(loop()[:2, :2], period)
     found = peak(sampled, STRUCTURE)
-    Delta = destabilising(found, sampled, STRUCTURE)
+    Delta = destabilising_perturbation(found, sampled, STRUCTURE)
     assert Delta.dt == period
     poles = control.feedback(sampled, Delta, 1).poles()
     assert np.abs(poles - np.exp(1j * found.omega * period)).min() < 1e-9

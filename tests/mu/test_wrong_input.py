@@ -13,11 +13,11 @@ from workbench.mu import (
     Full,
     Real,
     Structure,
+    bound_gradient,
     branch_and_bound,
     conditions,
-    destabilising,
+    destabilising_perturbation,
     frequency_sweep,
-    gradient,
     loop_margins,
     lower_bound,
     peak,
@@ -105,22 +105,22 @@ def test_worst_case_gain_of_no_structure():
 
 def test_gradients_need_the_bound_of_their_matrices():
     bound = upper_bound(M, MIXED)
-    assert np.array_equal(gradient(M.tolist(), MIXED, bound), gradient(M, MIXED, bound))
+    assert np.array_equal(bound_gradient(M.tolist(), MIXED, bound), bound_gradient(M, MIXED, bound))
     smaller = upper_bound(M[:1, :1], Structure([Complex(1)]))
     for wrong in (3.0, upper_bound([M, M], MIXED), smaller):
         with pytest.raises(InputError, match="bound must be that of this M"):
-            gradient(M, MIXED, wrong)
+            bound_gradient(M, MIXED, wrong)
     with pytest.raises(InputError, match="not finite"):
-        gradient(np.nan * M, MIXED, bound)
+        bound_gradient(np.nan * M, MIXED, bound)
     with pytest.raises(InputError, match="has no gradient"):
-        gradient([M, 0 * M], MIXED, upper_bound([M, 0 * M], MIXED))
+        bound_gradient([M, 0 * M], MIXED, upper_bound([M, 0 * M], MIXED))
 
 
 def test_things_of_another_kind():
     with pytest.raises(InputError, match="must be a GeneralisedPlant, not StateSpace"):
         conditions(control.ss(LIGHT), LIGHT)
     with pytest.raises(InputError, match="not TransferFunction"):
-        destabilising(LIGHT, peak(LIGHT, ONE), ONE)
+        destabilising_perturbation(LIGHT, peak(LIGHT, ONE), ONE)
 
 
 def test_improper_systems_are_told_their_zeros_and_poles():
@@ -132,7 +132,7 @@ def test_a_destabilising_system_needs_the_structure_of_the_peak():
     system = control.ss(-np.eye(4), np.eye(4), M.real, np.zeros((4, 4)))
     found = peak(system, Structure([Full(4, 4)]))
     with pytest.raises(InputError, match="has not the structure"):
-        destabilising(found, system, Structure([Complex(4)]))
+        destabilising_perturbation(found, system, Structure([Complex(4)]))
 
 
 @pytest.mark.parametrize(

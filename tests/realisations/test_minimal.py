@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.realisations import hankel_values, minimal
+from workbench.realisations import hankel_values, minimal_realisation
 
 tf = control.tf
 RNG = np.random.default_rng(5)
@@ -55,7 +55,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_what_counts_for_nothing_goes(name):
     system, states, removed = CASES[name]
-    found = minimal(system)
+    found = minimal_realisation(system)
     assert found.system.nstates == states
     key = lambda pole: (np.round(pole.real, 6), pole.imag)  # noqa: E731
     assert sorted(found.removed, key=key) == pytest.approx(
@@ -74,20 +74,23 @@ def test_what_is_minimal_stays_as_it_is():
     system = control.ss(
         RNG.standard_normal((4, 4)) - 3 * np.eye(4), np.ones((4, 1)), [1, 0, 0, 0], 0
     )
-    found = minimal(system)
+    found = minimal_realisation(system)
     assert (found.system.A == system.A).all() and found.error == 0.0 and not found.removed.size
 
 
 def test_exact_integrators_stay_exact():
-    found = minimal(tf([1.0, 0.0], [1.0, 1.0, 0.0, 0.0])).system
+    found = minimal_realisation(tf([1.0, 0.0], [1.0, 1.0, 0.0, 0.0])).system
     assert 0.0 in found.poles().tolist()
-    assert 1.0 in minimal(CASES["sampled, one of two integrators"][0]).system.poles().tolist()
+    assert (
+        1.0
+        in minimal_realisation(CASES["sampled, one of two integrators"][0]).system.poles().tolist()
+    )
 
 
 def test_a_tolerance_asks_for_less():
     near = tf([1.0, 1.001], [1.0, 3.0, 2.0])
-    assert minimal(near).system.nstates == 2
-    found = minimal(near, tolerance=1e-2)
+    assert minimal_realisation(near).system.nstates == 2
+    found = minimal_realisation(near, tolerance=1e-2)
     omega = 1j * np.geomspace(1e-3, 1e3, 200)
     true = max(abs(near(s) - found.system(s)) for s in omega)
     assert found.system.nstates == 1 and true <= found.error < 5.0 * true and found.holds
@@ -101,31 +104,35 @@ def test_cancelling_pairs_of_random_loops(pole, gain, decade, integrators):
     other = 3.7 * pole + 1.0
     numerator = gain * np.poly([-pole * unit])
     denominator = np.poly([-pole * unit, -other * unit, *[0.0] * integrators])
-    found = minimal(tf(numerator, denominator), tolerance=1e-8)
+    found = minimal_realisation(tf(numerator, denominator), tolerance=1e-8)
     assert found.system.nstates == 1 + integrators and found.holds
     assert found.removed.real == pytest.approx([-pole * unit], rel=1e-6)
     assert found.system.poles().tolist().count(0.0) == integrators
 
 
 def test_a_unit_of_time_far_from_one():
-    found = minimal(tf([1.0, 1e-100], [1.0, 3e-100, 2e-200]))  # poles -1e-100 and -2e-100
+    found = minimal_realisation(
+        tf([1.0, 1e-100], [1.0, 3e-100, 2e-200])
+    )  # poles -1e-100 and -2e-100
     assert found.removed.real == pytest.approx([-1e-100]) and found.holds
     assert found.error < 1e-12 / 2e-100
 
 
 def test_it_stands_where_a_system_is_wanted():
-    assert hankel_values(minimal(tf([1.0, 2.0], [1.0, 3.0, 2.0]))).upper == pytest.approx([0.5])
+    assert hankel_values(
+        minimal_realisation(tf([1.0, 2.0], [1.0, 3.0, 2.0]))
+    ).upper == pytest.approx([0.5])
 
 
 def test_bad_input_is_named():
     with pytest.raises(InputError, match="tolerance is -1"):
-        minimal(LAG, tolerance=-1)
+        minimal_realisation(LAG, tolerance=-1)
     with pytest.raises(InputError, match="improper"):
-        minimal(tf([1.0, 0.0, 0.0], [1.0, 1.0]))
+        minimal_realisation(tf([1.0, 0.0, 0.0], [1.0, 1.0]))
 
 
 def test_wrong_claims_fail():
-    found = minimal(tf([1.0, 1.001], [1.0, 3.0, 2.0, 0.0]), tolerance=1e-2)
+    found = minimal_realisation(tf([1.0, 1.001], [1.0, 3.0, 2.0, 0.0]), tolerance=1e-2)
     checker = found._checked_by[0]
     A, B, C, D = (getattr(found.system, part) for part in "ABCD")
     coupled = A.copy()
@@ -140,6 +147,6 @@ def test_wrong_claims_fail():
     for name, fields in spoilt.items():
         wrong = dataclasses.replace(found, **fields).checked_by(checker)
         assert not wrong.holds, name
-    same = minimal(LAG)
+    same = minimal_realisation(LAG)
     other = dataclasses.replace(same, system=control.ss(control.tf([1.0], [1.0, 5.1])))
     assert not other.checked_by(same._checked_by[0]).holds

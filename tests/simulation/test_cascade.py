@@ -6,7 +6,15 @@ import pytest
 
 from workbench._core.compiled import compiled
 from workbench.errors import InputError
-from workbench.simulation import Cascade, Controller, Part, SampledLoop, blend, linear, total
+from workbench.simulation import (
+    Cascade,
+    Controller,
+    Part,
+    SampledLoop,
+    adder,
+    blend,
+    linear_controller,
+)
 
 PERIOD = 1e-3
 WIDE = np.array([[0.0, -1e3, 1e3]])
@@ -60,18 +68,18 @@ def run(controller, samples=300):
 
 
 def law(name="K", given="e", tells="u"):
-    return Part(name, linear(LAW, PERIOD), [given], tells=[tells])
+    return Part(name, linear_controller(LAW, PERIOD), [given], tells=[tells])
 
 
 @pytest.mark.cases(0)
 def test_a_controller_in_two_parts_is_the_controller():
     first, second = control.tf([1.0], [1.0, 400.0]), control.tf([900.0, 9000.0], [1.0, 50.0])
     parts = [
-        Part("first", linear(first, PERIOD), ["e"]),
-        Part("second", linear(second, PERIOD), ["first"], tells=["u"]),
+        Part("first", linear_controller(first, PERIOD), ["e"]),
+        Part("second", linear_controller(second, PERIOD), ["first"], tells=["u"]),
     ]
     found = run(Cascade(["e"], parts))
-    whole = linear(
+    whole = linear_controller(
         control.ss(
             control.sample_system(control.ss(second), PERIOD, "bilinear")
             * control.sample_system(control.ss(first), PERIOD, "bilinear")
@@ -132,9 +140,9 @@ def test_refusals():
     with pytest.raises(InputError, match="without parts"):
         Cascade(["e"], [])
     with pytest.raises(InputError, match="gives 1 outputs"):
-        Part("K", linear(LAW, PERIOD), ["e"], tells=["u", "v"])
+        Part("K", linear_controller(LAW, PERIOD), ["e"], tells=["u", "v"])
     with pytest.raises(InputError, match=r"sample time 0\.002 s, the loop 0\.001 s"):
-        run(Cascade(["e"], [Part("K", linear(LAW, 2e-3), ["e"], tells=["u"])]))
+        run(Cascade(["e"], [Part("K", linear_controller(LAW, 2e-3), ["e"], tells=["u"])]))
     with pytest.raises(InputError, match="a cascade of 2 measurements"):
         run(Cascade(["e", "f"], [law()]))
     one = Cascade(["e"], [law()])
@@ -145,5 +153,5 @@ def test_refusals():
     with pytest.raises(InputError, match="takes over 0 states"):
         run([(0.0, one), (0.1, other)])
     assert np.isfinite(
-        run(Cascade(["e"], [Part("K", total(), ["e", "e"], tells=["u"])])).command
+        run(Cascade(["e"], [Part("K", adder(), ["e", "e"], tells=["u"])])).command
     ).all()

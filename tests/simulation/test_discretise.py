@@ -7,7 +7,13 @@ from scipy.integrate import quad
 from scipy.signal import cont2discrete
 
 from workbench.errors import InputError
-from workbench.systems.sampling import continued, hold, lowpass_weights, respond, sampled
+from workbench.systems.sampling import (
+    continuous_system,
+    hold,
+    lowpass_weights,
+    respond,
+    sampled_model,
+)
 
 PERIOD = 1e-3
 
@@ -36,7 +42,7 @@ def test_delayed_hold_against_a_fine_grid(delay):
     # Staircase inputs on a grid that holds every edge: the hold of the fine grid is exact.
     fine_system = control.sample_system(system, PERIOD / fine, "zoh")
     expected = control.forced_response(fine_system, inputs=late.T).outputs[:, ::fine].T
-    model = sampled(system, PERIOD, delay_samples=delay)
+    model = sampled_model(system, PERIOD, delay_samples=delay)
     assert model.dt == PERIOD
     np.testing.assert_allclose(respond(model, u), expected, rtol=1e-9, atol=1e-12)
 
@@ -50,7 +56,7 @@ def test_delayed_hold_has_the_delay_in_its_response(delay):
     expected = filtered(s) * held * np.exp(-s * delay * PERIOD)
     z = np.exp(s * PERIOD)
     np.testing.assert_allclose(
-        sampled(filtered, PERIOD, delay_samples=delay)(z), expected, rtol=3e-3
+        sampled_model(filtered, PERIOD, delay_samples=delay)(z), expected, rtol=3e-3
     )
 
 
@@ -67,12 +73,12 @@ def test_lowpass_is_exact_for_a_parabola():
 @pytest.mark.parametrize("delay", [-0.1, np.nan, np.inf])
 def test_delays_that_are_none(delay):
     with pytest.raises(InputError, match="finite number of samples"):
-        sampled(plant(), PERIOD, delay_samples=delay)
+        sampled_model(plant(), PERIOD, delay_samples=delay)
 
 
 def test_inputs_of_another_shape():
     with pytest.raises(InputError, match=r"\(N, 2\)"):
-        respond(sampled(plant(), PERIOD), np.zeros(5))
+        respond(sampled_model(plant(), PERIOD), np.zeros(5))
 
 
 def test_continued_has_the_response_of_the_discrete_system():
@@ -81,23 +87,23 @@ def test_continued_has_the_response_of_the_discrete_system():
     B, C = rng.standard_normal((4, 2)), rng.standard_normal((3, 4))
     system = control.ss(A, B, C, rng.standard_normal((3, 2)), 1e-3)
     omega = np.array([1.0, 50.0, 700.0, 3000.0])
-    found = continued(system)(2e3j * np.tan(omega * 5e-4))
+    found = continuous_system(system)(2e3j * np.tan(omega * 5e-4))
     np.testing.assert_allclose(found, system(np.exp(1j * omega * 1e-3)), rtol=1e-9)
     with pytest.raises(InputError, match="pole at -1"):
-        continued(control.ss(-1.0, 1.0, 1.0, 0.0, 1e-3))
+        continuous_system(control.ss(-1.0, 1.0, 1.0, 0.0, 1e-3))
     with pytest.raises(InputError, match="is continuous"):
-        continued(control.ss(-1.0, 1.0, 1.0, 0.0))
+        continuous_system(control.ss(-1.0, 1.0, 1.0, 0.0))
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: sampled(plant().sample(PERIOD), PERIOD), r"sampled already \(dt = 0.001\)"),
-        (lambda: sampled("G", PERIOD), "system must be a StateSpace"),
-        (lambda: sampled(plant(), -PERIOD), "dt is -0.001"),
-        (lambda: sampled(control.tf([1, 0, 0], [1, 1]), PERIOD), "no realisation"),
-        (lambda: continued(plant()), "the system is continuous"),
-        (lambda: continued(None), "system must be a StateSpace"),
+        (lambda: sampled_model(plant().sample(PERIOD), PERIOD), r"sampled already \(dt = 0.001\)"),
+        (lambda: sampled_model("G", PERIOD), "system must be a StateSpace"),
+        (lambda: sampled_model(plant(), -PERIOD), "dt is -0.001"),
+        (lambda: sampled_model(control.tf([1, 0, 0], [1, 1]), PERIOD), "no realisation"),
+        (lambda: continuous_system(plant()), "the system is continuous"),
+        (lambda: continuous_system(None), "system must be a StateSpace"),
         (lambda: respond(plant(), np.zeros((3, 2))), "the system is continuous"),
         (lambda: respond("G", np.zeros((3, 2))), "system must be a StateSpace"),
     ],
@@ -109,9 +115,9 @@ def test_what_cannot_be_sampled_is_refused(call, words):
 
 def test_a_transfer_function_is_sampled_too():
     lag = control.tf([3.0], [1.0, 5.0])
-    held, exact = sampled(lag, 0.1), cont2discrete(([3.0], [1.0, 5.0]), 0.1)
+    held, exact = sampled_model(lag, 0.1), cont2discrete(([3.0], [1.0, 5.0]), 0.1)
     np.testing.assert_allclose(held.poles(), np.roots(exact[1]))
     step = np.ones((4, 1))
     discrete = control.tf(exact[0].ravel(), exact[1], 0.1)
     np.testing.assert_allclose(respond(held, step), respond(discrete, step), atol=1e-14)
-    assert np.isclose(continued(discrete)(0.0), 0.6)
+    assert np.isclose(continuous_system(discrete)(0.0), 0.6)

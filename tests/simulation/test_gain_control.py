@@ -10,9 +10,9 @@ from workbench.simulation import (
     Cascade,
     Part,
     SampledLoop,
-    linear,
+    linear_controller,
     play,
-    sampled,
+    sampled_model,
     wobbled_gain,
 )
 
@@ -49,7 +49,7 @@ def adapted(gain, noise=0.0, reference=0.0, seed=0, **changed):
         ["e"],
         [
             Part("gain control", control_gain, ["e"], tells=["fed", "gain"]),
-            Part("K", linear(K, PERIOD), ["fed"], tells=["u"]),
+            Part("K", linear_controller(K, PERIOD), ["fed"], tells=["u"]),
         ],
     )
     time = np.arange(7001) * PERIOD
@@ -62,7 +62,7 @@ def loop_gain(gain):
     """|L| at the wobble's frequency of the sampled loop whose gain g is 1, by its model."""
     optics = control.ss(-CORNER, CORNER, 1.0, 0.0)
     law = control.sample_system(control.ss(K), PERIOD, "bilinear")
-    L = sampled(optics * motor(gain), PERIOD) * law
+    L = sampled_model(optics * motor(gain), PERIOD) * law
     return abs(complex(L(np.exp(2j * np.pi * FREQUENCY * PERIOD))))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench._core.compiled import compiled
-from workbench.simulation import Cascade, Controller, Part, SampledLoop, linear, total
+from workbench.simulation import Cascade, Controller, Part, SampledLoop, adder, linear_controller
 
 PERIOD, SAMPLES = 1e-3, 60
 CHANNEL_LEVELS = np.array([[2.0**-8, -0.6, 0.6], [0.0, -0.5, 0.5], [1e-3, -0.04, 0.04]])
@@ -66,8 +66,8 @@ def cascade():
         ["e", "f"],
         [
             Part("both", twice, ["e", "f"], tells=["held", "difference"]),
-            Part("K", linear(law, PERIOD), ["difference"]),
-            Part("sum", total(), ["u1", "K", "e", "e"]),
+            Part("K", linear_controller(law, PERIOD), ["difference"]),
+            Part("sum", adder(), ["u1", "K", "e", "e"]),
             Part(
                 "out",
                 Controller(both, np.zeros(1), np.array([0.05]), outputs=2),

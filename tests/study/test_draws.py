@@ -12,12 +12,12 @@ from workbench.errors import InputError, TimeLimitError
 from workbench.executor import Context
 from workbench.solvers import Options
 from workbench.study import (
-    claim_of,
+    draws_summary,
     independent_seeds,
-    over_draws,
+    interval_text,
     share_interval,
     share_of_draws,
-    with_interval,
+    verdict_of_share,
 )
 
 SIZES = st.floats(-1e6, 1e6)
@@ -26,7 +26,7 @@ SIZES = st.floats(-1e6, 1e6)
 @pytest.mark.cases(0)
 @given(arrays(float, (3, 20), elements=SIZES))
 def test_the_interval_holds_nine_draws_of_ten(values):
-    found = over_draws(xr.DataArray(values, dims=("drive", "draw"), attrs={"units": "m"}))
+    found = draws_summary(xr.DataArray(values, dims=("drive", "draw"), attrs={"units": "m"}))
     mean, low, high = found.transpose("summary", ...).values
     inside = (values >= low[:, None] - 1e-9) & (values <= high[:, None] + 1e-9)
     assert (inside.sum(axis=1) >= 18).all()
@@ -37,16 +37,16 @@ def test_the_interval_holds_nine_draws_of_ten(values):
 
 def test_drives_may_be_draws_too():
     values = xr.DataArray(np.arange(6.0).reshape(2, 3), dims=("drive", "draw"))
-    assert float(over_draws(values, "drive").sel(summary="mean")) == 2.5
+    assert float(draws_summary(values, "drive").sel(summary="mean")) == 2.5
     with pytest.raises(InputError, match="has no dimension 'axis'"):
-        over_draws(values, "axis")
+        draws_summary(values, "axis")
     with pytest.raises(InputError, match="has no dimension 'draw'"):
-        over_draws(values.isel(draw=0))
+        draws_summary(values.isel(draw=0))
 
 
 def test_in_words():
     values = xr.DataArray(np.linspace(0.0, 1.0, 101), dims="draw")
-    assert with_interval(over_draws(values), form="{:.2f}") == "0.50 (0.05 to 0.95)"
+    assert interval_text(draws_summary(values), form="{:.2f}") == "0.50 (0.05 to 0.95)"
 
 
 @pytest.mark.parametrize(
@@ -54,13 +54,13 @@ def test_in_words():
     [(1.0, "holds"), (0.95, "holds"), (0.94, "undecided"), (0.06, "undecided"), (0.05, "fails")],
 )
 def test_what_is_claimed(share, words):
-    assert claim_of(share) == words
+    assert verdict_of_share(share) == words
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])
 def test_a_share_is_from_0_to_1(share):
     with pytest.raises(InputError, match="must be from 0 to 1"):
-        claim_of(share)
+        verdict_of_share(share)
 
 
 def test_shares_are_paired():
@@ -86,7 +86,7 @@ def test_experiments_run_in_threads_within_the_time_limit():
 
 def test_draws_without_a_value_do_not_count():
     values = xr.DataArray([[1.0, np.nan], [np.nan, np.nan], [3.0, np.nan]], dims=("draw", "kind"))
-    told = over_draws(values)
+    told = draws_summary(values)
     assert told.sel(summary="mean").values[0] == 2.0
     assert np.isnan(told.isel(kind=1)).all()
 

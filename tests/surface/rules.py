@@ -44,7 +44,7 @@ TOLERANCES = {
     "workbench.mu.robust_stability": MARGIN,
     "workbench.mu.nu_gap": MARGIN,
     "workbench.mu.coprime_margin": MARGIN,
-    "workbench.realisations.minimal": MINIMAL,
+    "workbench.realisations.minimal_realisation": MINIMAL,
     "workbench.mu.worst_case_gain": WORST,
     "workbench.mu.branch_and_bound": BRANCHED,
 }

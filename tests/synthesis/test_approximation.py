@@ -8,7 +8,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.realisations import hankel_values
-from workbench.synthesis import ApproximatedSystem, approximated
+from workbench.synthesis import ApproximatedSystem, approximate
 
 tf = control.tf
 G = tf([1.0], [1.0, 0.2, 1.0]) * tf([1.0], [1.0, 3.0]) + tf([0.1], [1.0, 10.0])
@@ -63,7 +63,7 @@ def test_the_error_is_proven_and_close(name, method):
     system, order, weights = CASES[name]
     if weights and method == "hankel":
         return
-    small = approximated(system, order, method=method, **weights)
+    small = approximate(system, order, method=method, **weights)
     assert small.nstates == order and small.dt == system.dt
     true = seen(system, small, *(weights.get(f"{side}_weight") for side in ("output", "input")))
     assert true * (1 - 1e-6) <= small.error <= 1.05 * true, name
@@ -75,14 +75,14 @@ def test_a_unit_of_time_changes_nothing(unit):
     scaled = tf([unit**2], [1.0, 0.2 * unit, unit**2]) * tf([unit], [1.0, 3.0 * unit])
     plain = tf([1.0], [1.0, 0.2, 1.0]) * tf([1.0], [1.0, 3.0])
     weight = tf([10.0 * unit], [1.0, 0.1 * unit])
-    found = approximated(scaled, 2, method="balanced", output_weight=weight)
-    other = approximated(plain, 2, method="balanced", output_weight=LEAVING)
+    found = approximate(scaled, 2, method="balanced", output_weight=weight)
+    other = approximate(plain, 2, method="balanced", output_weight=LEAVING)
     assert found.error == pytest.approx(other.error, rel=1e-3)
 
 
 def test_a_weight_brings_the_error_down_where_it_is_high():
-    plain = approximated(MIMO, 3, method="balanced")
-    shaped = approximated(MIMO, 3, method="balanced", output_weight=LEAVING)
+    plain = approximate(MIMO, 3, method="balanced")
+    shaped = approximate(MIMO, 3, method="balanced", output_weight=LEAVING)
     assert seen(MIMO, shaped, LEAVING) < seen(MIMO, plain, LEAVING)
     assert seen(MIMO, shaped) > seen(MIMO, plain)
 
@@ -91,32 +91,32 @@ def test_a_weight_brings_the_error_down_where_it_is_high():
 @pytest.mark.parametrize("system", [G, SAMPLED, MIMO, G * tf([1.0], [1.0, 0.0])])
 @pytest.mark.parametrize("error", [0.5, 3e-2, 1e-3])
 def test_a_wanted_error_is_reached_by_the_least_order(system, error):
-    found = approximated(system, None, method="balanced", error=error)
+    found = approximate(system, None, method="balanced", error=error)
     assert found.error <= error and seen(system, found) <= error
     least = 0 if abs(system.poles()).min() > 0.0 else 1
     if found.nstates > least:
-        assert seen(system, approximated(system, found.nstates - 1, method="balanced")) > error
+        assert seen(system, approximate(system, found.nstates - 1, method="balanced")) > error
 
 
 def test_no_approximation_is_better_than_the_next_hankel_value():
     values = hankel_values(MIMO)
     for order in range(6):
-        error = approximated(MIMO, order, method="hankel").error
+        error = approximate(MIMO, order, method="hankel").error
         assert error >= values.lower[order]
         assert (
-            approximated(MIMO, order, method="balanced").error <= values.error_bounds[order] * 1.001
+            approximate(MIMO, order, method="balanced").error <= values.error_bounds[order] * 1.001
         )
 
 
 def test_an_error_below_rounding_has_the_system_itself_alone():
-    found = approximated(G, None, method="balanced", error=1e-30)
+    found = approximate(G, None, method="balanced", error=1e-30)
     assert found.nstates == 4 and found.error == 0.0 and found.holds
-    assert approximated(G, None, method="balanced", error=1e-11).nstates == 4
+    assert approximate(G, None, method="balanced", error=1e-11).nstates == 4
 
 
 def test_it_is_a_state_space_with_a_certificate():
     named = control.ss(control.ss(G), inputs="u", outputs="y")
-    small = approximated(named, 2, method="balanced")
+    small = approximate(named, 2, method="balanced")
     assert isinstance(small, ApproximatedSystem) and isinstance(small, control.StateSpace)
     assert small.input_labels == ["u"] and type(2 * small).__name__ == "StateSpace"
     assert "error" not in vars(small)  # nobody asked
@@ -125,10 +125,10 @@ def test_it_is_a_state_space_with_a_certificate():
 
 
 def test_a_wrong_error_fails():
-    small = approximated(G, 2, method="balanced", output_weight=LEAVING)
+    small = approximate(G, 2, method="balanced", output_weight=LEAVING)
     vars(small)["error"] = small.error * 0.99
     assert not small.holds
-    moved = approximated(G, 2, method="balanced")
+    moved = approximate(G, 2, method="balanced")
     bound = moved.error
     moved.B = moved.B * 1.1
     vars(moved)["error"] = bound
@@ -138,7 +138,7 @@ def test_a_wrong_error_fails():
 def test_what_is_on_the_boundary_must_agree():
     """An integrator of another gain: the difference has no bound."""
     integrating = G * tf([1.0], [1.0, 0.0])
-    small = approximated(integrating, 3, method="balanced")
+    small = approximate(integrating, 3, method="balanced")
     checker = small._checked_by[0]
     place = int(np.argmin(abs(np.diagonal(small.A))))
     B = np.array(small.B)
@@ -162,11 +162,11 @@ def test_what_is_on_the_boundary_must_agree():
 )
 def test_bad_input_is_told(given, message):
     with pytest.raises(InputError, match=message):
-        approximated(G, **{"order": None, "method": "balanced"} | given)
+        approximate(G, **{"order": None, "method": "balanced"} | given)
 
 
 def test_a_sampling_time_that_is_not_given_stays_so():
-    small = approximated(tf([1.0, 0.1], [1.0, -0.5, 0.06], True), 1, method="balanced")
+    small = approximate(tf([1.0, 0.1], [1.0, -0.5, 0.06], True), 1, method="balanced")
     assert small.dt is True and small.holds
 
 
@@ -178,7 +178,7 @@ def test_a_pair_of_hardly_any_damping_has_a_finite_error(method, damping, unit):
     """Rounding of its real part moves its peak by the share eps / damping, and more by the change
     of coordinates; the bound is no smaller, and far below the peak."""
     pair = tf([1.0], [1.0 / unit**2, 2.0 * damping / unit, 1.0])
-    small = approximated(
+    small = approximate(
         control.ss(pair) + control.ss(tf([1.0], [1.0 / unit, 1.0])), 2, method=method
     )
     assert 1.0 <= small.error <= 0.1 / damping

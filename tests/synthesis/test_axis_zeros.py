@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.synthesis import hinf, regularised
+from workbench.synthesis import hinf, regularise
 from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
 from workbench.synthesis.h_infinity.normalised import SingularPlantError
@@ -154,10 +154,10 @@ def added(plant):
 
 @pytest.mark.parametrize("fast", [1.0, 1e3, 1e8])
 def test_only_zeros_on_the_axis_are_added_to(fast):
-    assert added(regularised(plant_with(0.0, fast), 1e-2)) == ["regular_x0"]
-    assert added(regularised(plant_with(1j, fast), 1e-2)) == ["regular_x0", "regular_x1"]
+    assert added(regularise(plant_with(0.0, fast), 1e-2)) == ["regular_x0"]
+    assert added(regularise(plant_with(1j, fast), 1e-2)) == ["regular_x0", "regular_x1"]
     for zero in (-0.08, 0.08, -0.01 + 1j):
-        assert added(regularised(plant_with(zero, fast), 1e-2)) == []
+        assert added(regularise(plant_with(zero, fast), 1e-2)) == []
 
 
 @pytest.mark.cases(2)
@@ -167,7 +167,7 @@ def test_a_plant_made_regular_has_a_controller(zero, fast):
     plant = plant_with(zero, fast)
     with pytest.raises(SingularPlantError, match=r"\(A, B2, C1, D12\).*stability boundary"):
         checked(standard_plant(plant))
-    norm = hinf(regularised(plant, 1e-2)).norm
+    norm = hinf(regularise(plant, 1e-2)).norm
     assert norm < 3.0
     assert hinf(plant).norm <= 1.001 * norm
 
@@ -178,7 +178,7 @@ def test_units_of_a_plant_do_not_count_for_what_is_added():
     for factor, time in ((np.ones(2), 1.0), (np.array([1e6, 1e-5]), 1.0), (np.ones(2), 2.0**30)):
         root = np.sqrt(time)
         scaled = time * A * factor[:, None] / factor, root * B * factor[:, None], root * C / factor
-        regular = regularised(GeneralisedPlant(control.ss(*scaled, D), None, 1, 1), 1e-2)
+        regular = regularise(GeneralisedPlant(control.ss(*scaled, D), None, 1, 1), 1e-2)
         assert added(regular) == ["regular_x0"]
         sizes.append(regular.system.C[2] * factor / root)
     np.testing.assert_allclose(sizes[1:], sizes[:1] * 2, rtol=0.5, atol=1e-9)

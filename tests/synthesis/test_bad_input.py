@@ -17,13 +17,13 @@ from workbench.synthesis import (
     LoopShaping,
     MixedSensitivity,
     MuSynthesis,
-    approximated,
-    discretised,
+    approximate,
+    discretise,
     export,
     hinf,
     load_controller,
     reduce_order,
-    regularised,
+    regularise,
     sampled_conditions,
     second_order_sections,
 )
@@ -72,11 +72,11 @@ WRONG = [
 ENTRIES = {
     "G of mixed sensitivity": lambda one: MixedSensitivity(one, W_S=1.0, W_KS=1.0),
     "G of loop shaping": LoopShaping,
-    "reduced": lambda one: approximated(one, 1, method="balanced"),
-    "reduced hankel": lambda one: approximated(one, 1, method="hankel"),
-    "reduced weighted": lambda one: approximated(one, 1, plant=UNCERTAIN),
+    "reduced": lambda one: approximate(one, 1, method="balanced"),
+    "reduced hankel": lambda one: approximate(one, 1, method="hankel"),
+    "reduced weighted": lambda one: approximate(one, 1, plant=UNCERTAIN),
     "reduce": lambda one: reduce_order(UNCERTAIN, one),
-    "discretised": lambda one: discretised(one, 0.01),
+    "discretised": lambda one: discretise(one, 0.01),
     "sections": second_order_sections,
     "K of sampled conditions": lambda one: sampled_conditions(G, one, 0.1),
     "plant of sampled conditions": lambda one: sampled_conditions(one, KD, 0.1),
@@ -96,7 +96,7 @@ def test_what_is_no_system(call, wrong, said):
 @pytest.mark.parametrize(("wrong", "said"), WRONG[:2] + WRONG[3:])
 def test_systems_that_may_be_left_out(wrong, said):
     with pytest.raises(InputError, match=said):
-        discretised(K, 0.01, plant=wrong)
+        discretise(K, 0.01, plant=wrong)
     with pytest.raises(InputError, match=f"start|{said}"):
         MuSynthesis(UNCERTAIN, start=wrong)
     if not isinstance(wrong, float):
@@ -264,9 +264,9 @@ def test_poles_too_far_apart_are_perturbed_further():
         .channel(performance=["z_p", "z_u"], exogenous="w_p")
         .nominal()
     )
-    wide = hinf(regularised(plant, 1e-1)).norm
+    wide = hinf(regularise(plant, 1e-1)).norm
     assert wide < 1.0
-    assert hinf(regularised(plant, 1e-7)).norm < wide
+    assert hinf(regularise(plant, 1e-7)).norm < wide
 
 
 # --- mixed sensitivity and loop shaping ---------------------------------------------------------
@@ -341,15 +341,15 @@ def test_a_margin_is_found_far_from_the_poles():
 @pytest.mark.parametrize("size", ["a", None, 0.0, -1.0, np.nan, np.inf, True])
 def test_sizes_that_are_none(size):
     with pytest.raises(InputError, match="size is"):
-        regularised(GeneralisedPlant(PLANT, None, 1, 1), size)
+        regularise(GeneralisedPlant(PLANT, None, 1, 1), size)
 
 
 def test_what_cannot_be_made_regular():
     with pytest.raises(InputError, match="must be a GeneralisedPlant, not StateSpace"):
-        regularised(PLANT, 1e-3)
+        regularise(PLANT, 1e-3)
     half = changed(PLANT, A=[[-1.0]], dt=0.1)
     with pytest.raises(InputError, match="z = -1"):
-        regularised(GeneralisedPlant(half, None, 1, 1), 1e-3)
+        regularise(GeneralisedPlant(half, None, 1, 1), 1e-3)
 
 
 # --- mu synthesis -------------------------------------------------------------------------------
@@ -392,7 +392,7 @@ def test_a_plant_without_an_h_infinity_step_is_perturbed(method, name, place):
     with pytest.raises(SingularPlantError, match=name):
         checked(standard_plant(plant))
     own = solve(MuSynthesis(plant), method=method)
-    regular = solve(MuSynthesis(regularised(plant, 1e-2)), method=method)
+    regular = solve(MuSynthesis(regularise(plant, 1e-2)), method=method)
     assert own.certificate.holds and regular.certificate.holds
     assert own.answer.upper <= 1.05 * regular.answer.upper
 
@@ -442,31 +442,31 @@ def test_a_performance_that_is_zero():
 @pytest.mark.parametrize("order", [1.0, 1.5, "1", None, True, -1, 99])
 def test_orders_that_are_none(order):
     with pytest.raises(InputError, match="order is"):
-        approximated(K, order, method="balanced")
+        approximate(K, order, method="balanced")
 
 
 @each(
     ("call", "said"),
     [
-        (lambda: approximated(K, 1, method="schur"), "method is 'schur'"),
-        (lambda: approximated(K, 1), "give the plant"),
-        (lambda: approximated(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
-        (lambda: approximated(control.append(K, K), 1, plant=UNCERTAIN), "controller has 2 inputs"),
-        (lambda: approximated(KD, 1, plant=UNCERTAIN), "controller is sampled"),
+        (lambda: approximate(K, 1, method="schur"), "method is 'schur'"),
+        (lambda: approximate(K, 1), "give the plant"),
+        (lambda: approximate(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
+        (lambda: approximate(control.append(K, K), 1, plant=UNCERTAIN), "controller has 2 inputs"),
+        (lambda: approximate(KD, 1, plant=UNCERTAIN), "controller is sampled"),
         (lambda: reduce_order(None, K), "must be a GeneralisedPlant"),
         (lambda: reduce_order(UNCERTAIN, K, target="a"), "target is 'a'"),
         (lambda: reduce_order(UNCERTAIN, K, target=np.nan), "target is nan"),
         (lambda: reduce_order(UNCERTAIN, K, order="a"), "order is 'a'"),
         (lambda: reduce_order(UNCERTAIN, control.ss([], [], [], [[0.0]])), "unstable.*stabilises"),
-        (lambda: discretised(K, "a"), r"dt is 'a'"),
-        (lambda: discretised(K, None), r"dt is None"),
-        (lambda: discretised(K, 0.0), r"dt is 0.0"),
-        (lambda: discretised(K, 0.1, method="euler"), "method is 'euler'"),
-        (lambda: discretised(K, 0.1, prewarp="a"), "prewarp is 'a'"),
-        (lambda: discretised(K, 0.1, prewarp=np.nan), "prewarp is nan"),
-        (lambda: discretised(KD, 0.1), "sampled already"),
-        (lambda: discretised(K, 0.01, plant=control.append(G, G)), "the plant has 2 outputs"),
-        (lambda: discretised(K, 0.01, plant=KD), "the plant is sampled"),
+        (lambda: discretise(K, "a"), r"dt is 'a'"),
+        (lambda: discretise(K, None), r"dt is None"),
+        (lambda: discretise(K, 0.0), r"dt is 0.0"),
+        (lambda: discretise(K, 0.1, method="euler"), "method is 'euler'"),
+        (lambda: discretise(K, 0.1, prewarp="a"), "prewarp is 'a'"),
+        (lambda: discretise(K, 0.1, prewarp=np.nan), "prewarp is nan"),
+        (lambda: discretise(KD, 0.1), "sampled already"),
+        (lambda: discretise(K, 0.01, plant=control.append(G, G)), "the plant has 2 outputs"),
+        (lambda: discretise(K, 0.01, plant=KD), "the plant is sampled"),
         (lambda: sampled_conditions(G, KD, "a"), r"dt is 'a'"),
         (lambda: sampled_conditions(G, KD, 0.2), r"controller has dt = 0.1.*every 0.2 s"),
         (lambda: sampled_conditions(G, G, 0.1), r"controller has dt = 0.*discretised\(\)"),

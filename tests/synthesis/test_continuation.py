@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.synthesis import continuous_time, discretised
+from workbench.synthesis import continuous_controller, discretise
 
 tf = control.tf
 T = 0.1
@@ -77,7 +77,7 @@ ZPK = [
 @pytest.mark.parametrize(("zeros", "poles", "k"), ZPK)
 def test_matched_poles_zeros_and_gain(zeros, poles, k):
     K = control.ss(control.zpk(zeros, poles, k))
-    found = discretised(control.zpk(zeros, poles, k), T, method="matched")
+    found = discretise(control.zpk(zeros, poles, k), T, method="matched")
     assert found.nstates == K.nstates and found.dt == T
     omega = np.geomspace(0.01, 30.0, 20)
     assert responses(found, omega) == pytest.approx(by_hand(zeros, poles, k, omega), rel=1e-7)
@@ -87,7 +87,7 @@ def test_matched_poles_zeros_and_gain(zeros, poles, k):
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_there_and_back(name, method):
     system = SYSTEMS[name]
-    back = continuous_time(discretised(system, T, method=method), method=method)
+    back = continuous_controller(discretise(system, T, method=method), method=method)
     omega = np.geomspace(0.01, 30.0, 25)
     assert back.dt == 0.0
     assert responses(back, omega) == pytest.approx(responses(system, omega), rel=1e-6)
@@ -97,7 +97,7 @@ def test_there_and_back(name, method):
 @pytest.mark.parametrize("method", ["zoh", "tustin", "matched"])
 def test_in_other_units(unit, method):
     system = tf([3.0 * unit, unit**2], [1.0, 2.0 * unit, 4.0 * unit**2])
-    back = continuous_time(discretised(system, T / unit, method=method), method=method)
+    back = continuous_controller(discretise(system, T / unit, method=method), method=method)
     omega = unit * np.geomspace(0.01, 30.0, 15)
     assert responses(back, omega) == pytest.approx(responses(system, omega), rel=1e-7)
 
@@ -107,7 +107,7 @@ def test_in_other_units(unit, method):
 def test_random_systems_under_a_hold(pole, damping, turn, gain):
     den = np.polymul([1.0, -pole], [1.0, -2.0 * damping, damping**2 + turn**2])
     system = tf([gain, 1.0], den)
-    back = continuous_time(discretised(system, T, method="zoh"), method="zoh")
+    back = continuous_controller(discretise(system, T, method="zoh"), method="zoh")
     omega = np.geomspace(0.1, 20.0, 10)
     scale = abs(responses(system, omega)).max()
     assert responses(back, omega) == pytest.approx(responses(system, omega), abs=1e-6 * scale)
@@ -116,18 +116,18 @@ def test_random_systems_under_a_hold(pole, damping, turn, gain):
 def test_several_inputs_under_a_hold():
     A = np.array([[-1.0, 2.0, 0.0], [-2.0, -1.0, 1.0], [0.0, 0.0, 0.0]])
     system = control.ss(A, [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], np.eye(3), 0.0, inputs=["a", "b"])
-    back = continuous_time(discretised(system, T, method="zoh"), method="zoh")
+    back = continuous_controller(discretise(system, T, method="zoh"), method="zoh")
     assert back.input_labels == ["a", "b"]
     for s in (0.3 + 1j, 5j):
         np.testing.assert_allclose(back(s), system(s), rtol=1e-9, atol=1e-12)
 
 
 def test_a_pole_at_exactly_zero_frequency_stays():
-    back = continuous_time(
-        discretised(SYSTEMS["integrator"], T, method="matched"), method="matched"
+    back = continuous_controller(
+        discretise(SYSTEMS["integrator"], T, method="matched"), method="matched"
     )
     assert back.poles().tolist() == [0.0]
-    assert abs(discretised(SYSTEMS["integrator"], T, method="matched").poles()[0]) == 1.0
+    assert abs(discretise(SYSTEMS["integrator"], T, method="matched").poles()[0]) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -148,11 +148,11 @@ def test_a_pole_at_exactly_zero_frequency_stays():
 )
 def test_what_has_no_continuous_system_is_named(system, method, message):
     with pytest.raises(InputError, match=message):
-        continuous_time(system, method=method)
+        continuous_controller(system, method=method)
 
 
 def test_matched_belongs_to_one_input_and_output():
     with pytest.raises(InputError, match='2 inputs and 2 outputs; "matched" belongs to one'):
-        discretised(control.ss(-np.eye(2), np.eye(2), np.eye(2), 0.0), T, method="matched")
+        discretise(control.ss(-np.eye(2), np.eye(2), np.eye(2), 0.0), T, method="matched")
     with pytest.raises(InputError, match="prewarp belongs to the bilinear transform"):
-        discretised(SYSTEMS["lag"], T, method="matched", prewarp=1.0)
+        discretise(SYSTEMS["lag"], T, method="matched", prewarp=1.0)

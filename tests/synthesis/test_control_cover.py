@@ -8,7 +8,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.rational import Rational, rational_of_system
 from workbench.synthesis import ControlCover
 from workbench.uncertainty import Responses, contains
 from workbench.uncertainty.covers.everywhere import containment_check
@@ -42,9 +42,9 @@ def cover():
 def parts():
     K = control.tf([2.0, 3.0, 1.0], [0.05, 1.0, 0.01])
     return {
-        "nominal": from_system(control.tf(1.0, [1.0, 0.6, 1.0])),
+        "nominal": rational_of_system(control.tf(1.0, [1.0, 0.6, 1.0])),
         "real": Rational([], [-0.5 + 1j, -0.5 - 1j], 0.05),
-        "controller": from_system(K),
+        "controller": rational_of_system(K),
     }
 
 
@@ -125,7 +125,7 @@ def test_plants_that_are_not_known_count_beside_those_that_are(cover, parts, unk
 
 
 def test_an_unstable_loop_has_no_model(cover, parts):
-    wrong = parts | {"controller": from_system(control.tf([50.0], [0.2, 1.0]))}
+    wrong = parts | {"controller": rational_of_system(control.tf([50.0], [0.2, 1.0]))}
     assert cover.loop(wrong) is None
     with pytest.raises(InputError, match="unstable"):
         cover.model(wrong, Context())
@@ -137,7 +137,7 @@ def test_an_unstable_controller_may_close_a_stable_loop(cover, parts, gain, stab
     K = control.tf(gain * np.array([1.0, 0.6, 1.0]), np.polymul([1.0, -0.2], [0.05, 1.0]))
     loop = K * control.tf(1.0, [1.0, 0.6, 1.0]) * control.tf(1.0, [1 / 50, 1.0])
     assert (control.feedback(loop).poles().real < 0).all() == stable
-    found = cover.loop(parts | {"controller": from_system(K)})
+    found = cover.loop(parts | {"controller": rational_of_system(K)})
     assert (found is not None) == stable
 
 
@@ -203,7 +203,7 @@ def test_a_search_ends_with_roots_that_a_realisation_can_hold(cover, parts):
 )
 def test_a_controller_keeps_its_roots_on_the_right(cover, parts, K):
     """Mirrored at the imaginary axis, these controllers leave the nominal loop unstable."""
-    given = parts | {"controller": from_system(K)}
+    given = parts | {"controller": rational_of_system(K)}
     found = cover.lowered(given, ["nominal", "real", "controller"], Context())
     assert largest(cover.loop(found)) < largest(cover.loop(given))
     unstable = [int((each["controller"].poles.real > 0).sum()) for each in (given, found)]

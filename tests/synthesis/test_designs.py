@@ -9,8 +9,8 @@ import pytest
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.mu import performance_peak
-from workbench.synthesis import DESIGNS, DesignTask, MuSynthesis, regularised
-from workbench.systems.norms import norm
+from workbench.synthesis import DESIGNS, DesignTask, MuSynthesis, regularise
+from workbench.systems.norms import hinf_norm
 from workbench.uncertainty import UncertaintyModel, generalised_plant
 
 QUICK = ("reference", "LQG", "mixed sensitivity", "loop shaping", "full block", "fixed order")
@@ -20,7 +20,7 @@ W_P, W_U = control.tf([0.5, 0.5], [1.0, 0.01]), 0.05
 
 
 def size(system):
-    return norm((system.A, system.B, system.C, system.D))
+    return hinf_norm((system.A, system.B, system.C, system.D))
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def task():
         performance=["z_p", "z_u"],
         measurement="seen",
     )
-    regular = regularised(plant, 0.1)
+    regular = regularise(plant, 0.1)
     # White noise would reach z_p through the direct term of W_p.
     limit = control.ss(-100.0, 100.0, 1.0, 0.0)
     return DesignTask(

@@ -11,10 +11,10 @@ from scipy.signal import sosfilt
 from workbench.plants.cd_drive.drive import plants as drives
 
 from workbench.errors import InputError
-from workbench.simulation import respond, sampled
+from workbench.simulation import respond, sampled_model
 from workbench.synthesis import (
     Sections,
-    discretised,
+    discretise,
     fixed_point,
     sampled_conditions,
     second_order_sections,
@@ -50,7 +50,7 @@ def times(K, gain):
 
 def stable(plant, K, period, delay=0.0, sign=-1):
     """By python-control's feedback."""
-    loop = control.feedback(sampled(plant, period, delay_samples=delay), K, sign)
+    loop = control.feedback(sampled_model(plant, period, delay_samples=delay), K, sign)
     return bool(np.abs(loop.poles()).max() < 1)
 
 
@@ -61,7 +61,7 @@ def stable(plant, K, period, delay=0.0, sign=-1):
 @given(st.integers(0, 10_000), st.sampled_from(["tustin", "zoh"]))
 def test_the_response_is_that_of_python_control(seed, method):
     K = random_system(seed)
-    K_d = discretised(K, 0.05, method=method)
+    K_d = discretise(K, 0.05, method=method)
     theirs = control.sample_system(K, 0.05, method)
     z = np.exp(1j * np.linspace(0.01, 3.1, 30))
     expected = theirs(z, squeeze=False)
@@ -72,7 +72,7 @@ def test_the_response_is_that_of_python_control(seed, method):
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000))
 def test_blocks_are_of_order_two(seed):
-    A = discretised(random_system(seed), 0.05).A
+    A = discretise(random_system(seed), 0.05).A
     assert np.count_nonzero(np.triu(A, 2)) == np.count_nonzero(np.tril(A, -2)) == 0
     joined = (np.diag(A, 1) != 0) | (np.diag(A, -1) != 0)
     assert not (joined[1:] & joined[:-1]).any()
@@ -81,7 +81,7 @@ def test_blocks_are_of_order_two(seed):
 def test_poles_that_coincide_stay_in_one_block():
     s = control.tf("s")
     K = control.ss(1 / (s + 1) ** 4)
-    K_d = discretised(K, 0.1)
+    K_d = discretise(K, 0.1)
     assert np.abs(K_d.A).max() < 10
     z = np.exp(1j * np.array([0.01, 0.1, 1.0]))
     assert K_d(z) == pytest.approx(K(20 * (z - 1) / (z + 1)), rel=1e-9)
@@ -89,7 +89,7 @@ def test_poles_that_coincide_stay_in_one_block():
 
 def test_slow_poles_keep_their_digits():
     K = control.zpk([-1.0], [-1e-6, -3e4, -2e4], 5e8)
-    K_d = discretised(K, 1e-5)
+    K_d = discretise(K, 1e-5)
     slow = K_d.poles().real.max()
     assert (1 - slow) / 1e-5 == pytest.approx(1e-6, rel=1e-4)  # 1 - slow has five digits
     assert K_d(1.0).real == pytest.approx(5e8 / (1e-6 * 6e8), rel=1e-4)
@@ -98,7 +98,7 @@ def test_slow_poles_keep_their_digits():
 def test_prewarping_keeps_the_response_there():
     _, K = focus()
     omega = 2 * np.pi * 7e3
-    plain, warped = (discretised(K, T, prewarp=f)(np.exp(1j * omega * T)) for f in (None, omega))
+    plain, warped = (discretise(K, T, prewarp=f)(np.exp(1j * omega * T)) for f in (None, omega))
     assert warped == pytest.approx(K(1j * omega), rel=1e-9)
     assert abs(plain / K(1j * omega) - 1) > 1e-2
 
@@ -108,7 +108,7 @@ def test_prewarping_keeps_the_response_there():
 
 def test_the_focus_loop_at_35_khz():
     plant, K = focus()
-    found = sampled_conditions(plant, discretised(K, T, plant=plant), T)
+    found = sampled_conditions(plant, discretise(K, T, plant=plant), T)
     (margins,) = found.margins
     assert found.stable
     # Continuous 57.5 degrees; the hold costs half a sample, 3.5 degrees at the crossover.
@@ -124,7 +124,7 @@ def test_the_focus_loop_at_35_khz():
 @pytest.mark.parametrize("delay", [0.0, 0.4, 1.0, 2.7])
 def test_margins_are_where_the_poles_leave_the_circle(delay):
     plant, K = focus()
-    K_d = discretised(K, T)
+    K_d = discretise(K, T)
     (margins,) = sampled_conditions(plant, K_d, T, delay_samples=delay).margins
 
     def holds(gain=1.0, more=0.0):
@@ -168,7 +168,7 @@ def test_a_mode_beyond_half_the_sampling_rate_comes_and_goes_with_the_delay():
 def test_two_loops_are_broken_one_at_a_time():
     s = control.tf("s")
     plant = control.ss([[-1.0, 0.3], [0.2, -2.0]], np.eye(2), [[1.0, 0.4], [-0.3, 1.0]], 0.0)
-    K = discretised(control.append(control.ss(2 / (s + 0.1)), control.ss(3 / (s + 0.2))), 0.1)
+    K = discretise(control.append(control.ss(2 / (s + 0.1)), control.ss(3 / (s + 0.2))), 0.1)
     found = sampled_conditions(plant, K, 0.1, delay_samples=0.5)
     assert found.stable and len(found.margins) == 2
     for channel, margins in enumerate(found.margins):
@@ -190,7 +190,7 @@ def test_two_loops_are_broken_one_at_a_time():
 
 def test_the_sign_of_the_feedback():
     plant, K = focus()
-    K_d = discretised(K, T)
+    K_d = discretise(K, T)
     assert not sampled_conditions(plant, K_d, T, sign=1).stable
     (one,) = sampled_conditions(plant, times(K_d, -1), T, sign=1).margins
     (other,) = sampled_conditions(plant, K_d, T).margins
@@ -199,7 +199,7 @@ def test_the_sign_of_the_feedback():
 
 def test_a_small_gain_has_endless_margins():
     plant = control.ss(-1.0, 1.0, 1.0, 0.0)
-    K = discretised(control.ss(-2.0, 1.0, 0.5, 0.0), 0.1)
+    K = discretise(control.ss(-2.0, 1.0, 0.5, 0.0), 0.1)
     (margins,) = sampled_conditions(plant, K, 0.1).margins
     assert margins.phase_deg == margins.delay_samples == math.inf
     assert margins.gain[0] == 0.0 and margins.gain[1] > 10
@@ -305,7 +305,7 @@ def test_nothing_overflows_and_the_noise_is_as_foreseen(seed):
 
 def test_quantised_controllers_keep_or_lose_the_loop():
     plant, K = focus()
-    sections = second_order_sections(discretised(K, T))
+    sections = second_order_sections(discretise(K, T))
     fine, coarse = fixed_point(sections, 32, 40), fixed_point(sections, 16, 16)
     assert fine.overflow_free
     # The integrator's pole is 3e-8 inside the circle, and 16 bits put it beyond: it saturates.
@@ -339,23 +339,23 @@ def test_the_absolute_sum_of_a_double_pole_is_bounded():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda G, K: discretised(K, 0.0), "dt is 0"),
-        (lambda G, K: discretised(K, -T), "positive"),
-        (lambda G, K: discretised(discretised(K, T), T), "sampled already"),
-        (lambda G, K: discretised(K, T, method="euler"), "'euler'"),
-        (lambda G, K: discretised(K, T, method="zoh", prewarp=1e3), "prewarp"),
-        (lambda G, K: discretised(K, T, prewarp=1.2e5), "prewarp is 120000"),
-        (lambda G, K: discretised(K, 1 / 1200, plant=G), "half the sampling rate 3769.91 rad/s"),
-        (lambda G, K: discretised(K, 1 / 1600, plant=G), "unstable"),
-        (lambda G, K: discretised(control.ss(2.0, 1, 1, 0), 1.0), "pole at 1 /"),
+        (lambda G, K: discretise(K, 0.0), "dt is 0"),
+        (lambda G, K: discretise(K, -T), "positive"),
+        (lambda G, K: discretise(discretise(K, T), T), "sampled already"),
+        (lambda G, K: discretise(K, T, method="euler"), "'euler'"),
+        (lambda G, K: discretise(K, T, method="zoh", prewarp=1e3), "prewarp"),
+        (lambda G, K: discretise(K, T, prewarp=1.2e5), "prewarp is 120000"),
+        (lambda G, K: discretise(K, 1 / 1200, plant=G), "half the sampling rate 3769.91 rad/s"),
+        (lambda G, K: discretise(K, 1 / 1600, plant=G), "unstable"),
+        (lambda G, K: discretise(control.ss(2.0, 1, 1, 0), 1.0), "pole at 1 /"),
         (lambda G, K: sampled_conditions(G, K, T), "controller has dt = 0"),
-        (lambda G, K: sampled_conditions(G, discretised(K, T), 2 * T), "sampled every"),
-        (lambda G, K: sampled_conditions(discretised(K, T), K, T), "plant is sampled"),
+        (lambda G, K: sampled_conditions(G, discretise(K, T), 2 * T), "sampled every"),
+        (lambda G, K: sampled_conditions(discretise(K, T), K, T), "plant is sampled"),
         (
-            lambda G, K: sampled_conditions(G, discretised(K, T), T, delay_samples=-1),
+            lambda G, K: sampled_conditions(G, discretise(K, T), T, delay_samples=-1),
             "delay_samples is -1",
         ),
-        (lambda G, K: sampled_conditions(G, discretised(K, T), T, sign=2), "sign is 2"),
+        (lambda G, K: sampled_conditions(G, discretise(K, T), T, sign=2), "sign is 2"),
         (lambda G, K: second_order_sections(control.ss(K)), "discretise it first"),
         (lambda G, K: fixed_point(Sections(((np.eye(1, 6),),), T), 2, 16), "bits is 2"),
     ],

@@ -14,10 +14,10 @@ from workbench.synthesis import (
     AnalyticBasis,
     DualCertificate,
     LoopFunctions,
-    highest_proven,
+    highest_certificate,
     hinf,
     least_mu,
-    regularised,
+    regularise,
 )
 from workbench.synthesis.limits.dual_search import dual_candidate
 from workbench.uncertainty import GeneralisedPlant
@@ -34,7 +34,7 @@ def constant(gain):
 
 
 def proven(loop, basis, low, high):
-    return highest_proven(loop, basis, low, high, Context(options=Options()))
+    return highest_certificate(loop, basis, low, high, Context(options=Options()))
 
 
 def low_pass(leak=LEAK * CORNER):
@@ -59,7 +59,7 @@ def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equation
     B = np.array([[0, 0], [0, 1], [1, 0.0]])
     C = np.array([[0, 0, 1], [0, 0, 0], [-1, 0, 0.0]])
     D = np.array([[0, 0], [0, 1], [1, 0.0]])
-    norm = hinf(regularised(GeneralisedPlant(control.ss(A, B, C, D), None, 1, 1), 1e-3)).norm
+    norm = hinf(regularise(GeneralisedPlant(control.ss(A, B, C, D), None, 1, 1), 1e-3)).norm
     found = proven(low_pass(), BASIS, 0.5 * norm, 1.1 * norm)
     assert found is not None
     assert 0.99 * norm < found.level <= norm

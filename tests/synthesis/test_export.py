@@ -15,7 +15,7 @@ import workbench as wb
 from workbench.errors import InputError, ResultError
 from workbench.simulation import respond
 from workbench.solution import solve
-from workbench.synthesis import discretised, export, load_controller, second_order_sections
+from workbench.synthesis import discretise, export, load_controller, second_order_sections
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc, clang)")
@@ -162,7 +162,7 @@ def test_compiled_sections_give_the_samples(tmp_path):
 
 @needs_compiler
 def test_the_focus_controller_in_single_precision(tmp_path):
-    K = discretised(drives.controller("focus"), 1 / 35e3)
+    K = discretise(drives.controller("focus"), 1 / 35e3)
     export(K, tmp_path / "focus.h", "c", name="focus", precision="float")
     y = np.random.default_rng(1).normal(size=(500, 1))
     expected, found = respond(K, y), computed(tmp_path, y, 1, "focus")
@@ -271,8 +271,8 @@ def test_a_kalman_filter(tmp_path):
 def test_a_fault_filter_and_a_cascade(tmp_path):
     """A certified answer is exported as it is; parts in series are one system."""
     found = solve(wb.load("quick/lag/fault-filter"))
-    sampled = discretised(found, 1e-3)
-    low_pass = discretised(control.tf(1, [0.01, 1]), 1e-3)
+    sampled = discretise(found, 1e-3)
+    low_pass = discretise(control.tf(1, [0.01, 1]), 1e-3)
     export(low_pass * sampled, tmp_path / "controller.h", "c")
     given = np.random.default_rng(4).normal(size=(300, sampled.ninputs))
     expected = control.forced_response(low_pass * sampled, None, given.T).outputs.reshape(-1)

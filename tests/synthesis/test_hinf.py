@@ -17,12 +17,12 @@ from workbench.certify.norms import certified_norm
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options, Outcome
-from workbench.synthesis import HinfController, HinfSynthesis, MixedSensitivity, hinf, regularised
+from workbench.synthesis import HinfController, HinfSynthesis, MixedSensitivity, hinf, regularise
 from workbench.synthesis.h_infinity import levels
 from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.normalised import SingularPlantError
 from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE
-from workbench.synthesis.h_infinity.riccati import central
+from workbench.synthesis.h_infinity.riccati import central_controller
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
@@ -171,11 +171,11 @@ def test_units_do_not_change_the_level(seed, time, control_unit, measurement_uni
     rng = np.random.default_rng(seed)
     A, B, C = rng.normal(size=(4, 4)), rng.normal(size=(4, 5)), rng.normal(size=(5, 4))
     D = rng.normal(size=(5, 5))
-    plain = central(A, B, C, D, 2, 2)
+    plain = central_controller(A, B, C, D, 2, 2)
     rate = 10**time
     u, y = np.diag([1, 1, 1, 1, 10**control_unit]), np.diag([1, 1, 1, 1, 10**measurement_unit])
     units = np.exp(2 * rng.normal(size=4))
-    changed = central(
+    changed = central_controller(
         rate * A * units[:, None] / units, rate * (B * units[:, None]) @ u, y @ (C / units),
         y @ D @ u, 2, 2,
     )  # fmt: skip
@@ -188,19 +188,19 @@ def test_no_level_below_the_least_one_and_every_one_above_it(seed):
     rng = np.random.default_rng(seed)
     A, B, C = rng.normal(size=(3, 3)), rng.normal(size=(3, 4)), rng.normal(size=(4, 3))
     D = rng.normal(size=(4, 4))
-    best = central(A, B, C, D, 1, 1)
+    best = central_controller(A, B, C, D, 1, 1)
     assert best.lower <= best.gamma <= 1.01 * best.lower or best.gamma > 1e6
-    above = central(A, B, C, D, 1, 1, gamma=1.5 * best.gamma)
+    above = central_controller(A, B, C, D, 1, 1, gamma=1.5 * best.gamma)
     assert above.norm <= 1.5 * best.gamma * (1 + 1e-6)
     with pytest.raises(SolverError, match="least level lies above"):
-        central(A, B, C, D, 1, 1, gamma=0.99 * best.lower)
+        central_controller(A, B, C, D, 1, 1, gamma=0.99 * best.lower)
 
 
 def test_forty_states():
     rng = np.random.default_rng(0)
     A = rng.normal(size=(40, 40)) / np.sqrt(40) - 0.8 * np.eye(40)
     B, C, D = rng.normal(size=(40, 6)), rng.normal(size=(6, 40)), rng.normal(size=(6, 6))
-    found = central(A, B, C, D, 2, 2)
+    found = central_controller(A, B, C, D, 2, 2)
     loop = control.ss(*StandardPlant(A, B, C, D, 2, 2).close(found.K))
     assert norm(loop) <= found.gamma * (1 + 1e-5)
     assert found.gamma <= 1.0025 * found.lower
@@ -231,7 +231,7 @@ def test_the_cd_drive_in_si_units(axis):
         checked(standard_plant(plant))
     own = solve(HinfSynthesis(plant))
     assert own.certificate.holds
-    program = HinfSynthesis(regularised(plant))
+    program = HinfSynthesis(regularise(plant))
     ours, peer = solve(program), solve(program, method="sb10ad")
     assert ours.certificate.holds
     assert peer.certificate.holds
@@ -282,7 +282,7 @@ def test_direct_terms_without_rank_are_named():
         given = GeneralisedPlant(system, None, 1, 1)
         with pytest.raises(SingularPlantError, match=message):
             checked(standard_plant(given))
-        plant = regularised(given, 1e-3)
+        plant = regularise(given, 1e-3)
         solution = solve(HinfSynthesis(plant))
         assert solution.certificate.holds
         assert norm(
@@ -301,7 +301,7 @@ def test_zeros_on_the_axis_are_named():
     plant = GeneralisedPlant(system, None, 1, 1)
     with pytest.raises(SingularPlantError, match=r"\(A, B2, C1, D12\)"):
         checked(standard_plant(plant))
-    solution = solve(HinfSynthesis(regularised(plant, 1e-2)))
+    solution = solve(HinfSynthesis(regularise(plant, 1e-2)))
     assert solution.certificate.holds
 
 
@@ -344,12 +344,12 @@ def test_a_pole_at_half_the_sampling_rate_is_refused():
 @pytest.mark.parametrize("size", [0.0, -1.0, np.inf])
 def test_bad_sizes_are_refused(size):
     with pytest.raises(InputError, match="size"):
-        regularised(GeneralisedPlant(scalar_plant(1.0), None, 1, 1), size)
+        regularise(GeneralisedPlant(scalar_plant(1.0), None, 1, 1), size)
 
 
 def test_a_regular_plant_is_left_alone():
     plant = GeneralisedPlant(scalar_plant(1.0), None, 1, 1)
-    assert regularised(plant, 1e-3).system.D.shape == plant.system.D.shape
+    assert regularise(plant, 1e-3).system.D.shape == plant.system.D.shape
 
 
 def test_a_level_of_zero_is_approached():

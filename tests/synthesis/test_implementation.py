@@ -10,7 +10,7 @@ from compiled_code import Compiled, needs_compiler
 from workbench.errors import InputError
 from workbench.solution import solve
 from workbench.solvers import Outcome
-from workbench.synthesis import Implementation, WorkingPoint, discretised
+from workbench.synthesis import Implementation, WorkingPoint, discretise
 from workbench.synthesis.implementation.c_code.c_state_space import anti_windup_gain, start_gains
 from workbench.synthesis.implementation.rounding import absolute_sums
 from workbench.uncertainty import UncertaintyModel, generalised_plant
@@ -196,7 +196,7 @@ def test_it_takes_over_without_a_bump(done, tmp_path):
 
 
 def test_the_start_holds_what_an_integrator_holds():
-    K = discretised(control.tf([1.0, 3.0], [1.0, 0.0]), 0.1)
+    K = discretise(control.tf([1.0, 3.0], [1.0, 0.0]), 0.1)
     from_y, from_u = start_gains(K)
     x = from_u[:, 0] * 4.0
     np.testing.assert_allclose(K.A @ x, x)
@@ -251,9 +251,9 @@ def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
     [
         ({"controller": "K"}, "controller must be a StateSpace.*not str"),
         ({"controller": control.append(PI, PI)}, "has 2 inputs and 2 outputs; the plant has 1"),
-        ({"controller": discretised(PI, 2e-3)}, "has dt = 0.002; give a continuous controller"),
+        ({"controller": discretise(PI, 2e-3)}, "has dt = 0.002; give a continuous controller"),
         ({"plant": None}, "plant must be a StateSpace.*NoneType"),
-        ({"plant": discretised(PI, 2e-3)}, "the plant is sampled"),
+        ({"plant": discretise(PI, 2e-3)}, "the plant is sampled"),
         ({"dt": 0.0}, "dt is 0.0; it must be a number, positive"),
         ({"dt": "1 ms"}, "dt is '1 ms'"),
         ({"delay_samples": -1.0}, "delay_samples is -1"),

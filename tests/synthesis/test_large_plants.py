@@ -7,7 +7,7 @@ import pytest
 import workbench as wb
 from workbench.certify.norms import certified_norm
 from workbench.structure import Full
-from workbench.synthesis import MuSynthesis, approximated
+from workbench.synthesis import MuSynthesis, approximate
 from workbench.uncertainty import generalised_plant
 
 
@@ -40,7 +40,7 @@ def controlled(G, error=None):
 )
 def test_a_controller_of_the_small_model_is_certified_for_the_large_plant(modes, order):
     large = rod(modes)
-    small = approximated(large, order, method="balanced")
+    small = approximate(large, order, method="balanced")
     omega = np.concatenate([np.linspace(1, 200, 4000), np.pi * np.arange(1, modes + 1)])
     apart = np.abs(large(1j * omega) - small(1j * omega)).max()
     assert apart <= small.error <= 1.5 * apart

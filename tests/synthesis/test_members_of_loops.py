@@ -13,7 +13,7 @@ from workbench.synthesis.mu.member_figures import (
     steps_figure,
 )
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.uncertainty import Parameter, generalised_plant, parametric
+from workbench.uncertainty import Parameter, generalised_plant, parametric_lft
 
 K = control.ss([[-20.0]], [[20.0]], [[-0.2]], [[0.0]])
 
@@ -23,7 +23,7 @@ def spring(k):
 
 
 def plant():
-    model = parametric(spring, [Parameter("k", 45.0, 0.2)], inputs="f", outputs="x")
+    model = parametric_lft(spring, [Parameter("k", 45.0, 0.2)], inputs="f", outputs="x")
     sums = {"f": "u + d", "y": "x + n"}
     signals = {"exogenous": ("d", "n"), "performance": ("x", "u")}
     return generalised_plant([model], sums, control="u", measurement="y", **signals)

@@ -11,7 +11,7 @@ from workbench.plants.textbook.first_order import unstable_first_order
 import workbench as wb
 from workbench.errors import InputError
 from workbench.structure import Real, Structure
-from workbench.synthesis import MuController, MuSynthesis, approximated, hinf
+from workbench.synthesis import MuController, MuSynthesis, approximate, hinf
 from workbench.synthesis.mu.figures import bounds_figure
 
 
@@ -151,7 +151,7 @@ def test_two_masses_are_below_one_where_complex_scalings_end_above():
     for order in (12, 10, 8):
         start = first.answer.K
         if start.nstates > order:
-            start = approximated(start, order, plant=plant)
+            start = approximate(start, order, plant=plant)
         chained = wb.solve(MuSynthesis(plant, start=start), method="fixed")
         assert chained.certificate.holds, chained.certificate
         peaks.append(chained.answer.upper)

@@ -8,7 +8,7 @@ import pytest
 from lanes import thinned
 
 from workbench.errors import InputError
-from workbench.synthesis import approximated
+from workbench.synthesis import approximate
 
 METHODS = ("balanced", "matchdc", "hankel")
 SEEDS = range(40)
@@ -27,7 +27,7 @@ def test_a_double_integrator_keeps_both(method):
         K = control.tf([1.0, z], [1.0, 0.0, 0.0])
         for given in (K, control.ss(K)):
             with pytest.raises(InputError, match="keeps the 2 poles that are not stable"):
-                approximated(given, 1, method=method)
+                approximate(given, 1, method=method)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -35,7 +35,7 @@ def test_a_double_integrator_keeps_both(method):
 def test_a_lag_beside_a_double_integrator_goes(method, unit):
     for seed in SEEDS:
         z, p = 10 ** np.random.default_rng(seed).uniform(-2, 2, 2) * unit
-        found = approximated(control.tf([1.0, z], [1.0, p, 0.0, 0.0]), 2, method=method)
+        found = approximate(control.tf([1.0, z], [1.0, p, 0.0, 0.0]), 2, method=method)
         assert found.poles().tolist() == [0.0, 0.0]
         slow = 1e-3j * min(z, p)
         assert found(slow) == pytest.approx(z / p / slow**2, rel=2e-2)
@@ -49,7 +49,7 @@ def test_a_pid_keeps_its_integrator(method):
         P, slow, D, lag = 10 ** np.random.default_rng(seed).uniform(-2, 2, 4)
         K = control.tf([P], [1]) + control.tf([slow], [1, 0]) + control.tf([D, 0], [lag, 1])
         for given in (K, control.ss(K)):
-            found = approximated(given, 1, method=method)
+            found = approximate(given, 1, method=method)
             assert found.poles().tolist() == [0.0]
             assert (found.C @ found.B).item() == pytest.approx(slow, rel=1e-9)
             assert entries(found) < 1e6
@@ -69,8 +69,8 @@ def test_a_repeated_undamped_pole_in_random_states(method):
         B, C = rng.standard_normal((6, 1)), rng.standard_normal((1, 6))
         K = control.ss(T @ A @ np.linalg.inv(T), B, C, 0.0)
         with pytest.raises(InputError, match="keeps the 4 poles"):
-            approximated(K, 3, method=method)
-        found = approximated(K, 4, method=method)
+            approximate(K, 3, method=method)
+        found = approximate(K, 4, method=method)
         assert entries(found) < 1e6
         far = 1e3j * abs(turn).max()
         assert found(far) - found.D[0, 0] == pytest.approx(
@@ -108,7 +108,7 @@ def test_integrators_made_of_rounding_are_kept_exactly(method, group):
     """Four at 3e-4 rad/s beside lags of 0.1 rad/s; two raised a LinAlgError."""
     for seed in range(6 * group, 6 * group + 6):
         K, count = formed(seed)
-        found = approximated(K, count + 1, method=method)
+        found = approximate(K, count + 1, method=method)
         assert (found.poles() == (1.0 if K.dt else 0.0)).sum() == count, seed
         assert np.isfinite(found.error) and found.holds, (seed, found.certificate.failures)
 
@@ -118,7 +118,7 @@ def test_integrators_made_of_rounding_are_kept_exactly(method, group):
 def test_poles_at_minus_one_are_kept_exactly(method, others):
     G = control.tf([1.0, 0.2], np.poly([-1.0, *others, 0.3, 0.5]), 0.1)
     for given in (G, control.ss(G)):
-        small = approximated(given, 2 + len(others), method=method)
+        small = approximate(given, 2 + len(others), method=method)
         kept = sorted(pole.real for pole in small.poles() if abs(abs(pole) - 1.0) < 1e-6)
         assert kept == sorted([-1.0, *others])
         assert 0.0 < small.error < 10.0 and small.holds
@@ -137,7 +137,7 @@ def test_poles_at_minus_one_are_kept_exactly(method, others):
 def test_the_error_beside_undamped_pairs_is_proven(method, given):
     """Rounding moves the pair a little; both systems are given the same one."""
     kept = int((abs(abs(given.poles()) - 1.0) < 1e-6).sum())
-    small = approximated(given, kept + 1, method=method)
+    small = approximate(given, kept + 1, method=method)
     assert np.isfinite(small.error) and small.holds, small.certificate.failures
 
 
@@ -148,9 +148,9 @@ def test_far_units_of_time_and_of_signals(method, unit):
     """A gain of 1e150 was told to have two poles that are not stable."""
     lags = control.tf([1.0], [1.0, unit]) + control.tf([3.0], [1.0, 5.0 * unit])
     slow = control.tf([1.0], [1.0, 1.0]) + control.tf([3.0], [1.0, 5.0])
-    plain = approximated(slow, 1, method=method).error
+    plain = approximate(slow, 1, method=method).error
     for given, size in ((unit * lags, plain), (unit * slow, unit * plain)):
-        small = approximated(given, 1, method=method)
+        small = approximate(given, 1, method=method)
         assert small.error == pytest.approx(size, rel=1e-4) and small.holds
 
 
@@ -158,14 +158,14 @@ def test_integrators_beside_fast_and_slow_poles():
     """With time measured by the fastest pole no error was proven, or a LinAlgError raised."""
     for slow in (0.015, 0.1):
         den = np.polymul(np.poly([-714.0, -8.4, -1.1, -0.23, -slow]), [1.0, 0.0, 0.0, 0.0, 0.0])
-        small = approximated(control.tf([1.0, 1.0], den), 6, method="balanced")
+        small = approximate(control.tf([1.0, 1.0], den), 6, method="balanced")
         assert np.isfinite(small.error) and small.holds
 
 
 def test_another_reference_is_noticed():
     """Exact poles with another gain: the change is proven to be large, and responses tell it."""
     K, count = formed(1)
-    small = approximated(K, count + 1, method="balanced")
+    small = approximate(K, count + 1, method="balanced")
     checker = small._checked_by[0]
     one = checker.references[0]
     assert one.coordinates is not None and one.change(K) < 1e-12

@@ -12,7 +12,7 @@ from workbench.plants.mass_spring.plant import simple_controller, two_mass_plant
 from workbench.errors import InputError
 from workbench.mu import conditions
 from workbench.structure import Real, Structure
-from workbench.synthesis import MixedSensitivity, approximated, hinf, reduce_order
+from workbench.synthesis import MixedSensitivity, approximate, hinf, reduce_order
 from workbench.systems.equations.gramians import gramian_factors
 from workbench.systems.generalised_plant import GeneralisedPlant
 
@@ -85,7 +85,7 @@ def test_balanced_truncation_is_that_of_slicot(seed, kept):
     _, A, B, C, *_ = slycot.ab09md(
         "C", "B", "S", n, m, p, K.A / rate, K.B / rate, K.C.copy(), alpha=-1e-9, nr=order
     )
-    theirs, ours = control.ss(rate * A, rate * B, C, K.D), approximated(K, order, method="balanced")
+    theirs, ours = control.ss(rate * A, rate * B, C, K.D), approximate(K, order, method="balanced")
     omega = rate * np.logspace(-4, 3, 40)
     expected = theirs(1j * omega, squeeze=False)
     assert ours.nstates == order
@@ -100,10 +100,10 @@ def test_the_hankel_norm_of_the_error_is_the_next_singular_value(seed):
     K = random_controller(seed)
     values = hankel_values(K)
     for order in (0, 1, K.nstates // 2):
-        K_r = approximated(K, order, method="hankel")
+        K_r = approximate(K, order, method="hankel")
         assert K_r.nstates == order
         assert hankel_values(K - K_r)[0] == pytest.approx(values[order], rel=1e-5)
-        balanced = hankel_values(K - approximated(K, order, method="balanced"))[0]
+        balanced = hankel_values(K - approximate(K, order, method="balanced"))[0]
         assert balanced >= values[order] * (1 - 1e-5)
 
 
@@ -113,7 +113,7 @@ def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed, method):
     K = random_controller(seed)
     values = hankel_values(K)
     for order in range(K.nstates):
-        error = control.linfnorm(K - approximated(K, order, method=method))[0]
+        error = control.linfnorm(K - approximate(K, order, method=method))[0]
         rounding = 1e-7 * values.sum()  # of linfnorm, where almost nothing is left out
         assert error <= 2 * values[order:].sum() * (1 + 1e-6) + rounding
 
@@ -122,7 +122,7 @@ def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed, method):
 def test_states_at_rest_keep_the_response_at_zero_frequency(order):
     K = random_controller(1)
     small, peer = (
-        approximated(K, order, method="matchdc"),
+        approximate(K, order, method="matchdc"),
         control.balred(K, order, method="matchdc"),
     )
     np.testing.assert_allclose(small(0), K(0), rtol=1e-8)
@@ -134,7 +134,7 @@ def test_states_at_rest_keep_the_response_at_zero_frequency(order):
 def test_states_that_nothing_sees_are_no_obstacle(method, order):
     K = control.ss(np.diag([-1.0, -2.0, -3.0, -4.0]), [[1.0], [1.0], [0.0], [0.0]],
                    [[1.0, 2.0, 1.0, 1.0]], 0.5)  # fmt: skip
-    small = approximated(K, order, method=method)
+    small = approximate(K, order, method=method)
     assert small.nstates <= order
     if order >= 2:
         np.testing.assert_allclose(small(1.0j), K(1.0j), rtol=1e-6)
@@ -144,12 +144,12 @@ def test_states_that_nothing_sees_are_no_obstacle(method, order):
 def test_unstable_poles_and_integrators_are_kept(method):
     K = random_controller(3, kept=2)
     unstable = sorted(pole for pole in K.poles().real if pole > -1e-9 * np.abs(K.poles()).max())
-    small = approximated(K, 3, method=method)
+    small = approximate(K, 3, method=method)
     scale = np.abs(K.poles()).max()
     found = sorted(small.poles().real)[-2:]
     assert found == pytest.approx(unstable, abs=1e-9 * scale)
     with pytest.raises(InputError, match="must lie between 2"):
-        approximated(K, 1, method=method)
+        approximate(K, 1, method=method)
 
 
 def test_singular_values_that_coincide_go_together():
@@ -158,7 +158,7 @@ def test_singular_values_that_coincide_go_together():
     K = control.append(G, G)
     values = hankel_values(K)
     for order in (2, 3):
-        small = approximated(K, order, method="hankel")
+        small = approximate(K, order, method="hankel")
         assert small.nstates == 2
         assert hankel_values(K - small)[0] == pytest.approx(values[2], rel=1e-6)
 
@@ -170,7 +170,7 @@ def test_slow_and_lightly_damped_modes_survive():
     extra = control.ss(control.tf([1.0, 95.0, 3e3], [1.0, 100.0, 3e3]))
     K = control.ss(slow) * control.ss(notch) * extra * simple_controller()
     for method in ("balanced", "matchdc", "hankel"):
-        poles = approximated(K, 4, method=method).poles()
+        poles = approximate(K, 4, method=method).poles()
         assert np.abs(poles + 1e-6).min() < 1e-7
         assert np.abs(poles - (-0.002 + 6.3246j)).min() < 1e-3
 
@@ -224,7 +224,7 @@ def test_the_reduced_loop_withstands_sampled_perturbations(loop):
 
 def test_weighted_truncation_of_every_state_changes_nothing(loop):
     plant, K = loop
-    full = approximated(K, 20, method="weighted", plant=plant)
+    full = approximate(K, 20, method="weighted", plant=plant)
     omega = np.logspace(-3, 3, 50)
     expected = K(1j * omega)
     assert full(1j * omega) == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
@@ -286,7 +286,7 @@ def test_no_order_may_do():
 def test_bad_input_is_named(change, words):
     given = {"controller": simple_controller(), "order": 0, "plant": two_mass_plant()} | change
     with pytest.raises(InputError, match=words):
-        approximated(**given)
+        approximate(**given)
 
 
 def test_a_target_must_be_positive():

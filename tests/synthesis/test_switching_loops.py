@@ -15,19 +15,19 @@ from workbench.synthesis import (
     SingleLoops,
     SwitchedBox,
     SwitchedStability,
-    closed_transition,
-    controller_replaced,
-    discretised,
-    measurement_dropped,
-    measurement_filtered,
+    closed_loop_transition,
+    discretise,
+    dropout_modes,
+    filtering_modes,
     proven_share,
+    replacement_modes,
     switched_loop,
-    unswitched,
+    unswitched_modes,
 )
 from workbench.synthesis.switching.cells import ParameterCell
 from workbench.synthesis.switching.controllers import split_slowest
 from workbench.systems.connection import generalised_plant
-from workbench.systems.sampling import sampled
+from workbench.systems.sampling import sampled_model
 
 PERIOD = 0.1
 CORNER = 4.0
@@ -43,18 +43,18 @@ def thermometer(omega):
 
 
 def plate(delay=0.0):
-    P = sampled(PLATE, PERIOD, delay_samples=delay)
+    P = sampled_model(PLATE, PERIOD, delay_samples=delay)
     return SampledPlant(P.A, P.B, P.C[:1], P.C[1:], 1.0, PERIOD, thermometer)
 
 
 def pair():
-    return [discretised(K, PERIOD) for K in (PI, SLOW)]
+    return [discretise(K, PERIOD) for K in (PI, SLOW)]
 
 
 def test_a_first_order_loop_by_hand():
     G, K = control.ss(-2.0, 1.0, 1.0, 0.0), control.ss([], [], [], [[3.0]], PERIOD)
     held = np.exp(-2.0 * PERIOD)
-    assert closed_transition(G, K, 0.0) == pytest.approx(held - 3.0 * (1 - held) / 2.0)
+    assert closed_loop_transition(G, K, 0.0) == pytest.approx(held - 3.0 * (1 - held) / 2.0)
 
 
 def test_a_split_controller_responds_alike():
@@ -71,12 +71,12 @@ def test_a_split_controller_responds_alike():
 def test_modes_are_the_controllers_run_one_by_one(case):
     """What each mode makes u is what these controllers give, each with states of its own."""
     K, other = pair()
-    F = discretised(control.ss(-3.0, 3.0, 1.0, 0.0), PERIOD)
+    F = discretise(control.ss(-3.0, 3.0, 1.0, 0.0), PERIOD)
     modes = {
-        "unswitched": unswitched(K),
-        "dropped": measurement_dropped(K),
-        "filtered": measurement_filtered(K, F),
-        "replaced": controller_replaced(K, other),
+        "unswitched": unswitched_modes(K),
+        "dropped": dropout_modes(K),
+        "filtered": filtering_modes(K, F),
+        "replaced": replacement_modes(K, other),
     }[case]
     rng = np.random.default_rng(0)
     e, x = rng.standard_normal(60), np.zeros(len(modes[0].A))
@@ -102,11 +102,11 @@ def test_modes_are_the_controllers_run_one_by_one(case):
 def test_slow_poles_that_differ_are_named():
     K, _ = pair()
     with pytest.raises(InputError, match="slow poles"):
-        controller_replaced(K, discretised(control.ss(-0.5, 1.0, 1.0, 0.0), PERIOD))
+        replacement_modes(K, discretise(control.ss(-0.5, 1.0, 1.0, 0.0), PERIOD))
 
 
 def deviations(false=0.3, longest=8):
-    loop = switched_loop(plate(1.0), measurement_dropped(pair()[0]))
+    loop = switched_loop(plate(1.0), dropout_modes(pair()[0]))
     return Deviations(loop, np.array([2.0, 0.5]), np.array([0.5, 3.0]), longest, false)
 
 
@@ -114,7 +114,7 @@ def test_the_steady_error_is_that_of_the_sampled_loop():
     """Of a disturbance that is known between samples: w - y with y = P K H w / (1 + P_m K)."""
     found = deviations()
     z = np.exp(1j * found.omega * PERIOD)
-    P, K = sampled(PLATE, PERIOD, delay_samples=1.0)(z), pair()[0](z)
+    P, K = sampled_model(PLATE, PERIOD, delay_samples=1.0)(z), pair()[0](z)
     u = K * thermometer(found.omega) * found.amplitude / (1 + P[1, 0] * K)
     assert found.steady_error == pytest.approx(found.amplitude - P[0, 0] * u, rel=1e-9)
 
@@ -149,7 +149,7 @@ def test_bounds_hold_for_random_defects_and_are_no_wild_guess():
 
 
 def test_wrong_deviations_are_named():
-    loop = switched_loop(plate(), unswitched(pair()[0]))
+    loop = switched_loop(plate(), unswitched_modes(pair()[0]))
     with pytest.raises(InputError, match="amplitude has shape"):
         Deviations(loop, np.ones(2), np.ones(3), 1, 0.0)
     with pytest.raises(InputError, match="longest is 0"):

@@ -15,8 +15,8 @@ from workbench.synthesis import (
     HinfSynthesis,
     LoopShaping,
     MuSynthesis,
-    approximated,
-    discretised,
+    approximate,
+    discretise,
     export,
     load_controller,
     reduce_order,
@@ -74,14 +74,14 @@ def test_a_solution_is_a_block_as_its_answer_and_its_model_are(cover, plant):
 @pytest.mark.cases(0)
 def test_names_and_sampling_time_are_kept_all_the_way(tmp_path, plant, design):
     assert design.answer.K.input_labels == ["e"] and design.answer.K.output_labels == ["u"]
-    less = approximated(design, 3, plant=plant)
-    sampled = discretised(less, PERIOD, plant=plant)
+    less = approximate(design, 3, plant=plant)
+    sampled = discretise(less, PERIOD, plant=plant)
     export(sampled, tmp_path / "k.json", "json")
     found, _ = load_controller(tmp_path / "k.json")
     for K in (less, sampled, found):
         assert (K.input_labels, K.output_labels) == (["e"], ["u"])
     assert sampled.dt == found.dt == PERIOD
-    loop = generalised_plant([discretised(design, PERIOD)], {}, exogenous="e", performance="u")
+    loop = generalised_plant([discretise(design, PERIOD)], {}, exogenous="e", performance="u")
     assert loop.system.dt == PERIOD
 
 
@@ -92,7 +92,7 @@ def test_a_controller_is_taken_as_solution_answer_and_system(plant, design):
         assert conditions(plant, K).robust_performance.upper == expected
     tried = reduce_order(plant, design, target=2 * expected)
     assert conditions(plant, tried).robust_performance.upper <= 2 * expected
-    sections = second_order_sections(discretised(design, PERIOD))
+    sections = second_order_sections(discretise(design, PERIOD))
     assert sampled_conditions(plant, sections, PERIOD).stable
 
 
@@ -103,7 +103,7 @@ def test_a_number_and_an_array_are_gains(plant):
 
 
 def test_the_signs_are_those_of_the_sums_in_a_generalised_plant(cover, plant, design):
-    K = discretised(design, PERIOD, plant=plant)
+    K = discretise(design, PERIOD, plant=plant)
     inside = sampled_conditions(plant, K, PERIOD, delay_samples=1.0)
     outside = sampled_conditions(
         cover, K, PERIOD, delay_samples=1.0
@@ -113,7 +113,7 @@ def test_the_signs_are_those_of_the_sums_in_a_generalised_plant(cover, plant, de
     with pytest.raises(InputError, match="has its signs in its sums"):
         sampled_conditions(plant, K, PERIOD, sign=1)
     with pytest.raises(InputError, match="with the other sign, u = -K y, it is stable"):
-        discretised(design, PERIOD, plant=cover, sign=1)
+        discretise(design, PERIOD, plant=cover, sign=1)
 
 
 def test_two_uncertain_blocks_have_perturbations_of_their_own(cover):
@@ -141,7 +141,7 @@ def test_loop_shaping_hands_on_the_controller_of_the_users_plant():
     G = control.tf([1.0], [1.0, 1.0, 0.0], inputs="force", outputs="place")
     shaping = LoopShaping(G, W1=control.tf([10.0, 1.0], [1.0, 0.0]))
     found = solve(shaping)
-    K = discretised(found, PERIOD, plant=G)
+    K = discretise(found, PERIOD, plant=G)
     assert K.nstates == found.answer.K.nstates + 1
     assert (K.input_labels, K.output_labels) == (["place"], ["force"])
     back = shaping.from_dataset(shaping.to_dataset(found.answer))

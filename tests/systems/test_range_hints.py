@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.diagnosis import FaultModel, detectability, performance_index, transfer
+from workbench.diagnosis import FaultModel, detectability, performance_index, residual_response
 from workbench.errors import RangeWarning
 from workbench.mu import Complex, Full, Structure, frequency_sweep, peak, performance_sweep
-from workbench.simulation import sampled
-from workbench.synthesis import Implementation, discretised, sampled_conditions
+from workbench.simulation import sampled_model
+from workbench.synthesis import Implementation, discretise, sampled_conditions
 from workbench.systems import bandwidths
 from workbench.systems.range_hints import warn_far_frequencies, warn_far_period
 from workbench.uncertainty import (
@@ -138,7 +138,7 @@ def test_what_takes_frequencies_and_a_system_tells():
         lambda: MatrixCover(MatrixResponses(omega, far[..., None, None]), LAG),
         lambda: CircleCover(Responses(omega=omega, values=far), order=1, nominal=LAG),
         lambda: detectability(model, omega=omega),
-        lambda: transfer(Q, model, ["f"], omega),
+        lambda: residual_response(Q, model, ["f"], omega),
         lambda: performance_index(Q, model, (1e4, 1e6)),
         lambda: bandwidths(LAG, frequency_hz=omega),
     )
@@ -173,11 +173,11 @@ def test_a_sampling_time_far_from_the_loop_is_told(plant, gain, dt, told):
 
 def test_what_samples_one_system_tells():
     with pytest.warns(RangeWarning, match=LONG) as caught:
-        sampled(LAG, 10.0)
+        sampled_model(LAG, 10.0)
     with pytest.warns(RangeWarning, match=LONG.replace("plant", "controller")):
-        discretised(LAG, 10.0)
+        discretise(LAG, 10.0)
     assert caught[0].filename == __file__
-    sampled(LAG, 1e-6), discretised(LAG, 1e-6)  # alone, nothing says that it is too short
+    sampled_model(LAG, 1e-6), discretise(LAG, 1e-6)  # alone, nothing says that it is too short
 
 
 def test_what_takes_a_sampling_time_and_a_plant_tells():

@@ -17,7 +17,7 @@ from workbench.uncertainty import (
     dynamics,
     feedback,
     generalised_plant,
-    parametric,
+    parametric_lft,
     real,
     series,
     ss,
@@ -189,7 +189,7 @@ def test_models_are_uncertain_systems():
     expected = 2 * control.feedback(control.ss(model.lti) * LAG, 1)
     np.testing.assert_allclose(response(found.nominal), response(expected), rtol=1e-9)
     R, L = Parameter("R", 2.0, 0.3), Parameter("L", 0.1, 0.2)
-    coil = parametric(
+    coil = parametric_lft(
         lambda R, L: ([[-R / L]], [[1 / L]], [[1.0]], [[0.0]]), [R, L], inputs=["u"], outputs=["i"]
     )
     found = feedback(coil, 1.0)

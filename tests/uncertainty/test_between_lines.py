@@ -6,7 +6,7 @@ import pytest
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.uncertainty import CircleCover, Responses, between_lines
+from workbench.uncertainty import CircleCover, Responses, refined_responses
 from workbench.uncertainty.responses.between_lines import STRAIGHT
 from workbench.uncertainty.responses.ratios import Ratios
 
@@ -31,7 +31,7 @@ def measured(noise, seed=7, omega=OMEGA):
 
 @pytest.mark.parametrize("noise", [0.001, 0.01])
 def test_the_true_plants_are_found_between_the_lines(noise):
-    fine = between_lines(measured(noise))
+    fine = refined_responses(measured(noise))
     assert fine.omega.size > OMEGA.size + 10
     missed = np.abs(fine.values / ringing(fine.omega) - 1)
     assert missed.max() < 5 * noise
@@ -41,7 +41,7 @@ def test_the_true_plants_are_found_between_the_lines(noise):
 
 def test_what_was_measured_stays():
     coarse = measured(0.01)
-    fine = between_lines(coarse)
+    fine = refined_responses(coarse)
     lines = np.isin(fine.omega, OMEGA)
     assert np.array_equal(fine.omega[lines], OMEGA)
     assert np.array_equal(fine.values[lines], coarse.values)
@@ -59,14 +59,14 @@ def test_a_cover_holds_the_plants_between_the_lines():
         return (away / np.abs(cover.W_c.response(fine))[:, None]).max()
 
     assert excess(measured(0.005)) > 1.2
-    assert excess(between_lines(measured(0.005))) < 1.0
+    assert excess(refined_responses(measured(0.005))) < 1.0
 
 
 def test_straight_responses_need_no_more_frequencies():
     plants = Responses(
         omega=OMEGA, values=1 / (1j * OMEGA[:, None] / [20.0, 30.0] + 1), variance=1e-8
     )
-    assert np.array_equal(between_lines(plants).omega, OMEGA)
+    assert np.array_equal(refined_responses(plants).omega, OMEGA)
     assert STRAIGHT < 0.1
 
 
@@ -75,7 +75,7 @@ def test_missing_lines_stay_missing():
     present = np.ones(coarse.values.shape, bool)
     present[25, 1] = False
     plants = Responses(omega=OMEGA, values=coarse.values, present=present, variance=coarse.variance)
-    fine = between_lines(plants)
+    fine = refined_responses(plants)
     beside = (fine.omega > OMEGA[24]) & (fine.omega < OMEGA[26])
     assert beside.sum() > 1
     assert not fine.present[beside, 1].any() and fine.present[beside][:, [0, 2]].all()
@@ -91,7 +91,7 @@ def test_regions_of_ratios_grow_with_the_response():
     closed = Responses(
         omega=OMEGA, values=coarse.values, variance=coarse.variance, degrees=100.0, ratios=ratios
     )
-    fine = between_lines(closed)
+    fine = refined_responses(closed)
     assert fine.ratios.joint[..., 0, 0].real == pytest.approx(fine.variance, rel=1e-9)
 
 
@@ -99,7 +99,7 @@ def test_unstable_plants():
     s = 1j * OMEGA[:, None]
     exact = 1 / (s / [4.0, 5.0] - 1) / (s**2 / 400 + 0.002 * s + 1)
     plants = Responses(omega=OMEGA, values=exact, variance=1e-8)
-    fine = between_lines(plants, unstable_poles=1)
+    fine = refined_responses(plants, unstable_poles=1)
     s = 1j * fine.omega[:, None]
     exact = 1 / (s / [4.0, 5.0] - 1) / (s**2 / 400 + 0.002 * s + 1)
     assert np.abs(fine.values / exact - 1).max() < 0.01
@@ -109,7 +109,7 @@ def test_regions_come_after():
     from workbench.uncertainty.responses.regions import with_regions
 
     with pytest.raises(InputError, match="corners of confidence regions"):
-        between_lines(with_regions(measured(0.01), 0.95))
+        refined_responses(with_regions(measured(0.01), 0.95))
 
 
 def test_known_plants_keep_their_functions():
@@ -117,7 +117,7 @@ def test_known_plants_keep_their_functions():
     omega = np.geomspace(0.1, 10, 12)
     values = np.stack([plant(1j * omega) for plant in plants], axis=1)
     known = Responses(omega=omega, values=values, known=plants)
-    assert between_lines(known).known_plants.keys() == known.known_plants.keys()
+    assert refined_responses(known).known_plants.keys() == known.known_plants.keys()
 
 
 def test_sampled_plants():
@@ -128,6 +128,6 @@ def test_sampled_plants():
     def exact(omega):
         return np.stack([plant(np.exp(0.02j * omega)) for plant in plants], axis=1)
 
-    fine = between_lines(Responses(omega=OMEGA, values=exact(OMEGA), variance=1e-8, dt=0.02))
+    fine = refined_responses(Responses(omega=OMEGA, values=exact(OMEGA), variance=1e-8, dt=0.02))
     assert fine.omega.size > OMEGA.size + 5
     assert np.abs(fine.values / exact(fine.omega) - 1).max() < 0.01

@@ -7,7 +7,7 @@ import pytest
 from workbench import solve
 from workbench.errors import InputError
 from workbench.synthesis import MuSynthesis
-from workbench.uncertainty import block, dynamics, matrix, real, ss, tf
+from workbench.uncertainty import block, block_matrix, dynamics, real, ss, tf
 
 OMEGA = np.geomspace(0.05, 50.0, 9)
 LAG = control.tf([3.0], [1.0, 2.0])
@@ -71,4 +71,4 @@ def test_bad_input_is_named(rows, words):
 
 def test_a_matrix_of_systems_leads_to_block():
     with pytest.raises(InputError, match="`block`"):
-        matrix([[LAG], [1.0]])
+        block_matrix([[LAG], [1.0]])

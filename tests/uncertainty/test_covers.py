@@ -20,8 +20,8 @@ from workbench.uncertainty import (
     Responses,
     StadiumCover,
     UncertaintyModel,
-    limited,
-    narrowest,
+    limited_orientation,
+    narrowest_angles,
 )
 
 OMEGA = np.geomspace(1, 1000, 14)
@@ -275,7 +275,7 @@ def test_minimum_phase(method):
     assert "W_r minimum phase" in [check.name for check in solution.certificate.checks]
 
 
-@pytest.mark.parametrize("orientation", [narrowest, limited()])
+@pytest.mark.parametrize("orientation", [narrowest_angles, limited_orientation()])
 def test_orientations(orientation):
     program = program_of(
         "stadium", Responses(omega=OMEGA, values=family(11)), orientation=orientation

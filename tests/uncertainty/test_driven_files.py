@@ -11,7 +11,7 @@ from workbench.cli import main
 from workbench.errors import InputError
 from workbench.identification.record_tests import report as frame
 from workbench.identification.record_tests.finding import Finding
-from workbench.identification.record_tests.finding import Tested as ToldAssumption
+from workbench.identification.record_tests.finding import TestedAssumption as ToldAssumption
 from workbench.starter import study_folder
 from workbench.uncertainty import Responses, StadiumCover
 from workbench.uncertainty.responses.regions import region_radius, with_regions

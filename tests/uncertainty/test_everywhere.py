@@ -16,11 +16,11 @@ from workbench.uncertainty import (
     Parameter,
     Responses,
     StadiumCover,
-    matrix,
+    block_matrix,
     members,
-    parametric,
+    parametric_lft,
     vertices,
-    widened,
+    widened_responses,
 )
 
 OMEGA = np.geomspace(1, 1000, 14)
@@ -147,7 +147,7 @@ def test_plants_that_are_only_measured_count_at_their_frequencies():
     assert found.certificate.failures == ()
     checks = by_name(found.certificate)
     assert checks["containment everywhere"].over == "at every frequency, for these 3 plants"
-    wide = widened(mixed, 0.9)
+    wide = widened_responses(mixed, 0.9)
     assert len(wide.known_plants) == 3
     assert wb.solve(program("circle", wide), method="steps").certificate.failures == ()
 
@@ -163,10 +163,10 @@ def test_members_of_a_parametric_set_are_known():
     """The claim names how many they are: of the other plants of the set nothing is said."""
 
     def oscillator(k, b):
-        return matrix([[0.0, 1.0], [-k, -b]]), np.eye(2, 1, k=-1), np.eye(1, 2), 0.0
+        return block_matrix([[0.0, 1.0], [-k, -b]]), np.eye(2, 1, k=-1), np.eye(1, 2), 0.0
 
     box = [Parameter("k", 900.0, 0.2), Parameter("b", 6.0, 0.3)]
-    model = parametric(oscillator, box, inputs=["u"], outputs=["y"])
+    model = parametric_lft(oscillator, box, inputs=["u"], outputs=["y"])
     data = members(model, OMEGA, vertices(box))
     certificate = wb.solve(program("stadium", data), method="steps").certificate
     assert certificate.failures == ()

@@ -8,7 +8,7 @@ from scipy import stats
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.uncertainty import CircleCover, Responses, widened
+from workbench.uncertainty import CircleCover, Responses, widened_responses
 from workbench.uncertainty.responses.extrapolation import prediction_polygon
 
 
@@ -99,7 +99,7 @@ def test_corners_are_added_as_plants():
     present = np.ones(values.shape, bool)
     present[3, 1] = False
     values[3, 1] = np.nan
-    wide = widened(
+    wide = widened_responses(
         Responses(omega=OMEGA, values=values, present=present, plants=list("abcde"), unit="m"), 0.9
     )
     assert wide.plants[:6] == ("a", "b", "c", "d", "e", "predicted 1")
@@ -112,7 +112,7 @@ def test_corners_are_added_as_plants():
 
 
 def test_the_assumption_stands_in_the_certificate():
-    wide = widened(Responses(omega=OMEGA, values=plants()), 0.95)
+    wide = widened_responses(Responses(omega=OMEGA, values=plants()), 0.95)
     program = CircleCover(wide, 1, zeros=0, complex_order=1)
     solution = wb.solve(program, method="steps")
     assert solution.certificate.valid
@@ -124,7 +124,7 @@ def test_the_assumption_stands_in_the_certificate():
 
 
 def test_what_an_assumption_needs_is_not_left_out():
-    wide = widened(Responses(omega=OMEGA, values=plants()), 0.95)
+    wide = widened_responses(Responses(omega=OMEGA, values=plants()), 0.95)
     with pytest.raises(InputError, match=r"leave_out is 1, but .* bivariate normal .* all of them"):
         CircleCover(wide, 1, zeros=0, complex_order=1, leave_out=1)
 
@@ -132,13 +132,13 @@ def test_what_an_assumption_needs_is_not_left_out():
 @pytest.mark.parametrize("content", [0, 1, -0.1, 2, np.nan])
 def test_refused_contents(content):
     with pytest.raises(InputError, match="content is a probability between 0 and 1, it is"):
-        widened(Responses(omega=OMEGA, values=plants()), content)
+        widened_responses(Responses(omega=OMEGA, values=plants()), content)
 
 
 def test_few_plants_say_little():
     with pytest.raises(InputError, match=r"3 plants at 0.159\d* Hz say too little.*4 or more"):
-        widened(Responses(omega=OMEGA, values=plants(3)), 0.9)
+        widened_responses(Responses(omega=OMEGA, values=plants(3)), 0.9)
     present = np.ones((12, 5), bool)
     present[7, :2] = False
     with pytest.raises(InputError, match=r"3 plants at 2\.98227 Hz"):
-        widened(Responses(omega=OMEGA, values=plants(), present=present), 0.9)
+        widened_responses(Responses(omega=OMEGA, values=plants(), present=present), 0.9)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from workbench.uncertainty.parametric_models.factorial import factorial_response
-from workbench.uncertainty.parametric_models.model import parametric
+from workbench.uncertainty.parametric_models.model import parametric_lft
 from workbench.uncertainty.parametric_models.parameters import Parameter, levels
 
 
@@ -15,7 +15,7 @@ def test_factorials_come_in_the_order_of_their_deltas():
         return A, [[c], [1.0]], [[1.0, b], [a, 0.0], [0.0, c]], np.zeros((3, 1))
 
     parts = [Parameter(n, v, 0.3) for n, v in (("a", 50.0), ("idle", 1), ("b", 2.0), ("c", 0.5))]
-    uncertain = parametric(model, parts, inputs=["u"], outputs=["x", "y", "z"])
+    uncertain = parametric_lft(model, parts, inputs=["u"], outputs=["x", "y", "z"])
     found = factorial_response(uncertain, omega, [-1.0, 0.0, 1.0])
     assert found.shape == (3, 3, 3, 3, len(omega), 3, 1)
     one_by_one = uncertain.response(omega, levels(parts, 3))

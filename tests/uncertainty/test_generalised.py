@@ -16,7 +16,7 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, response
-from workbench.uncertainty.parametric_models.model import parametric
+from workbench.uncertainty.parametric_models.model import parametric_lft
 from workbench.uncertainty.parametric_models.parameters import Parameter
 
 FREQUENCY = np.geomspace(5.0, 50e3, 80)
@@ -119,7 +119,7 @@ def test_a_parametric_model_brings_its_perturbations():
         Parameter("b", 0.0073, 0.09),
         Parameter("m", 5.6e-4, 0.05),
     ]
-    uncertain = parametric(actuator, parts, inputs=["v"], outputs=["x"])
+    uncertain = parametric_lft(actuator, parts, inputs=["v"], outputs=["x"])
     loop_plant = focus(
         uncertain, [(Complex(1, name="c"), "y_c", "u_c")], {"v": "u + u_c"}, [(W_C, "u", "y_c")]
     )

@@ -15,7 +15,7 @@ from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.root_pairs import pair_logarithms
-from workbench.uncertainty import CircleCover, Responses, StadiumCover, limited
+from workbench.uncertainty import CircleCover, Responses, StadiumCover, limited_orientation
 from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT
 from workbench.uncertainty.covers.joint.search import (
     BEYOND,
@@ -37,7 +37,7 @@ CONTEXT = Context(options=Options())
 NOMINAL = Rational([-700.0], [-2 + 28j, -2 - 28j], 1.2)
 REAL = Rational([-40.0], [-200.0], 0.3)
 CIRCLE = Rational([-3 + 20j, -3 - 20j], [-9 + 25j, -9 - 25j], 0.2)
-UPRIGHT = limited()
+UPRIGHT = limited_orientation()
 
 
 def plants(seed=1, count=6, spread=0.2, omega=OMEGA):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.uncertainty.algebra.lft import LFT, inverse, left_divide, lift, matrix, scalar
+from workbench.uncertainty.algebra.lft import LFT, block_matrix, inverse, left_divide, lift, scalar
 from workbench.uncertainty.algebra.reduction import grouped, reduced
 
 NOMINALS = {"a": (2.0, 0.3), "b": (-0.5, 0.2), "c": (3e-4, 1e-4)}
@@ -29,14 +29,18 @@ EXPRESSIONS = {
     "product": lambda a, b, c: a * b * -c,
     "powers": lambda a, b, c: a**3 - b**-2 + c**0,
     "quotient": lambda a, b, c: (a - b) / (a + c) - 1 / c,
-    "outer": lambda a, b, c: a * np.array([[1.0], [2.0]]) @ matrix([[b, c]]),
+    "outer": lambda a, b, c: a * np.array([[1.0], [2.0]]) @ block_matrix([[b, c]]),
     "object array": lambda a, b, c: np.array([[a, 0], [1.0, b]], dtype=object) @ np.eye(2),
     "object times": lambda a, b, c: np.array([[a, c], [1.0, b]]) * a + np.array([[b, b], [a, 0]]),
-    "array on the left": lambda a, b, c: np.array([[1.0, 2.0]]) @ matrix([[a, b], [c, 3]]),
-    "array plus": lambda a, b, c: np.ones((2, 2)) + matrix([[a, b], [c, 0]]) - np.float64(2) * a,
-    "left_divide": lambda a, b, c: left_divide(matrix([[a, 1.0], [b, c]]), [[c], [1.0]]),
-    "inverse": lambda a, b, c: matrix([[a, 1.0], [b, c]]) @ inverse([[a, b], [1.0, a]]),
-    "blocks": lambda a, b, c: matrix([[np.eye(2), a * np.ones((2, 1))], [np.ones((1, 2)), b / c]]),
+    "array on the left": lambda a, b, c: np.array([[1.0, 2.0]]) @ block_matrix([[a, b], [c, 3]]),
+    "array plus": lambda a, b, c: (
+        np.ones((2, 2)) + block_matrix([[a, b], [c, 0]]) - np.float64(2) * a
+    ),
+    "left_divide": lambda a, b, c: left_divide(block_matrix([[a, 1.0], [b, c]]), [[c], [1.0]]),
+    "inverse": lambda a, b, c: block_matrix([[a, 1.0], [b, c]]) @ inverse([[a, b], [1.0, a]]),
+    "blocks": lambda a, b, c: block_matrix(
+        [[np.eye(2), a * np.ones((2, 1))], [np.ones((1, 2)), b / c]]
+    ),
     "zero": lambda a, b, c: 0 * a + b * np.zeros((2, 2)),
 }
 
@@ -78,8 +82,8 @@ def evaluate(tree, values, terms):
     if operation == "^":
         result = x**y
     elif operation == "left_divide":  # [1 x; -x 1 + y^2] has the determinant 1 + x^2 + y^2
-        a = matrix([[1.0, x], [-x, 1.0 + y * y]])
-        result = np.array([[1.0, 0.0]]) @ left_divide(a, matrix([[x], [1.0]]))
+        a = block_matrix([[1.0, x], [-x, 1.0 + y * y]])
+        result = np.array([[1.0, 0.0]]) @ left_divide(a, block_matrix([[x], [1.0]]))
     elif operation == "/":
         result = x / (1.0 + y * y)
     else:
@@ -173,17 +177,17 @@ def test_singular_somewhere():
     "bad, message",
     [
         (lambda a: 1 / (a - a), "singular at the nominal"),
-        (lambda a: a / matrix([[a, 1.0], [1.0, a]]), "use left_divide"),
+        (lambda a: a / block_matrix([[a, 1.0], [1.0, a]]), "use left_divide"),
         (lambda a: inverse([[a, a], [a, a]]), "singular at the nominal"),
         (lambda a: inverse([[a, a]]), "square"),
         (lambda a: left_divide(np.zeros((2, 2)), np.eye(2)), "singular at the nominal"),
         (lambda a: a**0.5, "integer powers"),
-        (lambda a: matrix([[a, a], [a, a]]) ** 2, "integer powers"),
-        (lambda a: matrix([[a, a]]) * matrix([[a, a]]), "use @"),
-        (lambda a: matrix([[a, a]]) @ matrix([[a, a]]), "product of matrices"),
-        (lambda a: matrix([[a, a]]) + matrix([[a, a], [a, a]]), "sum of matrices"),
-        (lambda a: matrix([[a, np.eye(2)]]), "beside"),
-        (lambda a: matrix([[a], [np.eye(2)]]), "below"),
+        (lambda a: block_matrix([[a, a], [a, a]]) ** 2, "integer powers"),
+        (lambda a: block_matrix([[a, a]]) * block_matrix([[a, a]]), "use @"),
+        (lambda a: block_matrix([[a, a]]) @ block_matrix([[a, a]]), "product of matrices"),
+        (lambda a: block_matrix([[a, a]]) + block_matrix([[a, a], [a, a]]), "sum of matrices"),
+        (lambda a: block_matrix([[a, np.eye(2)]]), "beside"),
+        (lambda a: block_matrix([[a], [np.eye(2)]]), "below"),
         (lambda a: lift([a, a]), "column"),
         (lambda a: 1j * a, "real numbers"),
     ],

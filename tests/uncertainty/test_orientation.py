@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.uncertainty import cheapest, limited, narrowest, smooth
+from workbench.uncertainty import (
+    cheapest_orientation,
+    limited_orientation,
+    narrowest_angles,
+    smooth_orientation,
+)
 from workbench.uncertainty.covers import orientation
 
 OMEGA = np.array([1.0, 2.0, 3.0, 7.0, 9.0])
@@ -40,7 +45,7 @@ def test_the_cheapest_path_is_found(seed, weight):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(orientation, "CANDIDATE_ANGLES", 5)
         costs = rng.exponential(size=(5, 5))
-        found = cheapest(lambda *_: costs, weight)(OMEGA, random_deviations(seed))
+        found = cheapest_orientation(lambda *_: costs, weight)(OMEGA, random_deviations(seed))
     angles = np.arange(5) * np.pi / 5
     path = np.rint(found / (np.pi / 5)).astype(int)
     np.testing.assert_allclose(found, angles[path], atol=1e-12)
@@ -56,7 +61,7 @@ def test_the_smooth_path_is_the_cheapest(monkeypatch):
     for seed in range(4):
         away = random_deviations(seed)
         costs = np.log([[half_width(sets, angle) for angle in angles] for sets in away])
-        found = smooth(weight=0.2)(OMEGA, away)
+        found = smooth_orientation(weight=0.2)(OMEGA, away)
         path = np.rint(found / (np.pi / 5)).astype(int)
         every = product(range(5), repeat=5)
         least = min(total(costs, np.array(each), angles, 0.2) for each in every)
@@ -76,22 +81,22 @@ def test_what_a_cost_is_given(monkeypatch):
         assert np.all(radius + half_length >= reach * (1 - 1e-12))
         return np.where(np.arange(8) == 3, 0.0, 1.0) * np.ones((5, 1))
 
-    np.testing.assert_allclose(cheapest(cost, 0.0)(OMEGA, away), 3 * np.pi / 8)
+    np.testing.assert_allclose(cheapest_orientation(cost, 0.0)(OMEGA, away), 3 * np.pi / 8)
 
 
 def test_without_weight_every_frequency_stands_alone():
     away = random_deviations(2, 5)
-    together = smooth(weight=0.0)(OMEGA, away)
+    together = smooth_orientation(weight=0.0)(OMEGA, away)
     angles = np.arange(360) * np.pi / 360
     for k in range(5):
         alone = angles[np.argmin([half_width(away[k], angle) for angle in angles])]
         assert together[k] == pytest.approx(alone)
-        assert apart(together[k], narrowest(OMEGA[k : k + 1], away[k : k + 1])[0]) < 2
+        assert apart(together[k], narrowest_angles(OMEGA[k : k + 1], away[k : k + 1])[0]) < 2
 
 
 def test_the_narrowest_angle():
     away = random_deviations(3, 20)
-    angle = narrowest(np.arange(1.0, 21.0), away)
+    angle = narrowest_angles(np.arange(1.0, 21.0), away)
     every = np.linspace(0, np.pi, 2000)
     for sets, found in zip(away, angle, strict=True):
         assert half_width(sets, found) <= min(half_width(sets, a) for a in every) * (1 + 1e-9)
@@ -102,7 +107,10 @@ def test_smooth_jumps_less():
     away = random_deviations(4, 60)
     jumps = [
         np.sum(apart(angle[1:], angle[:-1]) > 0.3)
-        for angle in (found(omega, away) for found in (narrowest, smooth(), smooth(weight=3.0)))
+        for angle in (
+            found(omega, away)
+            for found in (narrowest_angles, smooth_orientation(), smooth_orientation(weight=3.0))
+        )
     ]
     assert jumps[0] > jumps[1] >= jumps[2]
 
@@ -110,8 +118,8 @@ def test_smooth_jumps_less():
 def test_limited_forces_where_it_strays():
     omega, away = np.arange(1.0, 31.0), random_deviations(5, 30)
     nominal = np.linspace(0, 6, 30)  # beyond pi: directions have a period
-    free = narrowest(omega, away)
-    found = limited(limit=0.4, nominal=nominal)(omega, away)
+    free = narrowest_angles(omega, away)
+    found = limited_orientation(limit=0.4, nominal=nominal)(omega, away)
     strays = apart(free, nominal) > 0.4
     assert 0 < strays.sum() < 30
     np.testing.assert_allclose(apart(found[strays], nominal[strays]), 0, atol=1e-7)
@@ -121,38 +129,44 @@ def test_limited_forces_where_it_strays():
 def test_limited_by_a_number_and_by_the_smooth_one():
     omega, away = np.arange(1.0, 31.0), random_deviations(6, 30)
     np.testing.assert_allclose(
-        limited(limit=np.pi / 2, nominal=0.1)(omega, away), narrowest(omega, away)
+        limited_orientation(limit=np.pi / 2, nominal=0.1)(omega, away),
+        narrowest_angles(omega, away),
     )
-    assert np.all(apart(limited(limit=0.2, nominal=0.7)(omega, away), 0.7) <= 0.2 + 1e-9)
-    reference = smooth()(omega, away)
-    assert np.all(apart(limited(limit=0.2)(omega, away), reference) <= 0.2 + 1e-9)
+    assert np.all(
+        apart(limited_orientation(limit=0.2, nominal=0.7)(omega, away), 0.7) <= 0.2 + 1e-9
+    )
+    reference = smooth_orientation()(omega, away)
+    assert np.all(apart(limited_orientation(limit=0.2)(omega, away), reference) <= 0.2 + 1e-9)
 
 
 def test_a_line_of_plants_has_its_own_direction():
     """Sets of no width at all do not upset the path."""
     away = np.outer(np.exp(1j * np.linspace(0.3, 0.6, 5)), np.array([-1, 0.2, 2]))
-    for found in (narrowest, smooth(), limited()):
+    for found in (narrowest_angles, smooth_orientation(), limited_orientation()):
         assert np.all(apart(found(OMEGA, away), np.linspace(0.3, 0.6, 5)) < 0.1)
-    for found in (narrowest, smooth(), limited()):
+    for found in (narrowest_angles, smooth_orientation(), limited_orientation()):
         assert np.isfinite(found(OMEGA, 0 * away)).all()
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: smooth(weight=-1), "weight must not be negative, it is -1"),
-        (lambda: smooth(weight=np.nan), "weight must not be negative, it is nan"),
-        (lambda: limited(limit=0.0), r"limit must lie in \(0, pi/2\] rad, it is 0.0"),
-        (lambda: limited(limit=2.0), r"limit must lie in \(0, pi/2\]"),
-        (lambda: limited(limit=np.nan), r"limit must lie in \(0, pi/2\]"),
+        (lambda: smooth_orientation(weight=-1), "weight must not be negative, it is -1"),
+        (lambda: smooth_orientation(weight=np.nan), "weight must not be negative, it is nan"),
+        (lambda: limited_orientation(limit=0.0), r"limit must lie in \(0, pi/2\] rad, it is 0.0"),
+        (lambda: limited_orientation(limit=2.0), r"limit must lie in \(0, pi/2\]"),
+        (lambda: limited_orientation(limit=np.nan), r"limit must lie in \(0, pi/2\]"),
         (
-            lambda: limited(limit=0.1, nominal=np.zeros(3)),
+            lambda: limited_orientation(limit=0.1, nominal=np.zeros(3)),
             r"shape \(3,\) does not fit 5 frequencies",
         ),
-        (lambda: cheapest(lambda *_: np.zeros(5), 0.1), r"of shape \(5, 360\), without NaN"),
-        (lambda: cheapest(lambda *_: np.full((5, 360), np.nan), 0.1), "without NaN"),
         (
-            lambda: limited(limit=0.1, nominal=np.nan),
+            lambda: cheapest_orientation(lambda *_: np.zeros(5), 0.1),
+            r"of shape \(5, 360\), without NaN",
+        ),
+        (lambda: cheapest_orientation(lambda *_: np.full((5, 360), np.nan), 0.1), "without NaN"),
+        (
+            lambda: limited_orientation(limit=0.1, nominal=np.nan),
             "nominal orientation must be finite, it is nan",
         ),
     ],

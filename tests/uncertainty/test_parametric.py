@@ -9,7 +9,7 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import two_masses
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Real
-from workbench.uncertainty.parametric_models.model import parametric
+from workbench.uncertainty.parametric_models.model import parametric_lft
 from workbench.uncertainty.parametric_models.parameters import Parameter, samples, vertices
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 1e5, 60)
@@ -33,7 +33,7 @@ def parameters(axis="focus"):
 
 
 def drive(model, axis="focus", **options):
-    return parametric(model, parameters(axis), inputs=["u"], outputs=["f_en"], **options)
+    return parametric_lft(model, parameters(axis), inputs=["u"], outputs=["f_en"], **options)
 
 
 def printed(axis, delta):
@@ -113,7 +113,7 @@ def test_states_that_do_nothing_are_left_out_on_request():
 
     def system(**options):
         parts = [Parameter("a", 2.0, 0.5)]
-        return parametric(model, parts, inputs="u", outputs="y", **options)
+        return parametric_lft(model, parts, inputs="u", outputs="y", **options)
 
     assert system().states == 3
     assert system(keep_states=False).states == 1
@@ -128,7 +128,7 @@ def test_slow_states_beside_fast_ones_stay():
 
     parts = [Parameter("a", 2.0, 0.5)]
     kept, least = (
-        parametric(model, parts, inputs="u", outputs="y", keep_states=keep)
+        parametric_lft(model, parts, inputs="u", outputs="y", keep_states=keep)
         for keep in (True, False)
     )
     assert least.states == 2
@@ -140,7 +140,7 @@ def test_slow_states_beside_fast_ones_stay():
 def test_a_mass_that_may_vanish():
     wide = [Parameter(p.name, p.nominal, 1.2 if p.name == "m2" else 0.1) for p in parameters()]
     with pytest.raises(InputError, match=r"nominal and m2 = -4.8e-06 \(delta -1\); narrow"):
-        parametric(two_masses, wide, inputs=["u"], outputs=["f_en"])
+        parametric_lft(two_masses, wide, inputs=["u"], outputs=["f_en"])
 
 
 def test_a_model_that_is_singular_in_a_corner_only():
@@ -149,7 +149,7 @@ def test_a_model_that_is_singular_in_a_corner_only():
 
     def make(tolerance):
         parts = [Parameter(name, 1.0, tolerance) for name in "abc"]
-        return parametric(model, parts, inputs=["u"], outputs=["y"])
+        return parametric_lft(model, parts, inputs=["u"], outputs=["y"])
 
     with pytest.raises(InputError, match=r"a = 1.6 \(delta \+1\), b = 1.6 \(delta \+1\); narrow"):
         make(0.6)
@@ -174,7 +174,7 @@ def test_a_model_that_is_singular_in_a_corner_only():
 )
 def test_models_that_are_refused(model, message):
     with pytest.raises(InputError, match=message):
-        parametric(model, [Parameter("a", 2.0, 0.1)], inputs=["u"], outputs=["y"])
+        parametric_lft(model, [Parameter("a", 2.0, 0.1)], inputs=["u"], outputs=["y"])
 
 
 def test_lists_of_parameters_that_are_refused():
@@ -182,13 +182,13 @@ def test_lists_of_parameters_that_are_refused():
         return -a, 1.0, 1.0, 0.0
 
     with pytest.raises(InputError, match="more than one"):
-        parametric(model, [Parameter("a", 1.0, 0.1)] * 2, inputs="u", outputs="y")
+        parametric_lft(model, [Parameter("a", 1.0, 0.1)] * 2, inputs="u", outputs="y")
     with pytest.raises(InputError, match="at least one"):
-        parametric(model, [], inputs="u", outputs="y")
+        parametric_lft(model, [], inputs="u", outputs="y")
 
 
 def test_a_pole_on_the_grid():
-    integrator = parametric(
+    integrator = parametric_lft(
         lambda a: (0.0, a, 1.0, 0.0), [Parameter("a", 1.0, 0.1)], inputs="u", outputs="y"
     )
     with pytest.raises(InputError, match="pole"):

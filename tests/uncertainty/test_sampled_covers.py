@@ -15,7 +15,7 @@ from workbench.uncertainty import (
     StadiumCover,
     UncertaintyModel,
     feedback,
-    widened,
+    widened_responses,
 )
 
 T = 0.05
@@ -93,7 +93,7 @@ def test_a_delay_of_whole_samples_and_a_direct_term_are_covered():
 
 def test_thinned_widened_and_stored_responses_keep_their_sampling_time():
     responses = Responses(omega=OMEGA, values=VALUES, dt=T)
-    assert responses.thinned(10).dt == widened(responses, 0.9).dt == T
+    assert responses.thinned(10).dt == widened_responses(responses, 0.9).dt == T
     program = CircleCover(responses, 3)
     answer = wb.solve(program, method="steps").answer
     back = program.from_dataset(program.to_dataset(answer))

@@ -31,7 +31,7 @@ from workbench.bench.results import COMPARISON, Run
 from workbench.bench.run import Bound, default_bench
 from workbench.bench.store import Store
 from workbench.errors import InputError, RegistryError, UnknownNameError
-from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
+from workbench.executor import InProcess, Progress, Workers, finished_calls, no_progress
 from workbench.program import is_registered
 from workbench.solvers import ACCURACY, Options, Outcome
 
@@ -60,7 +60,7 @@ class Asked:
     threads: int = 1
     executor: Executor | None = None
 
-    def __call__(self, progress: Progress = silent) -> Dataset:
+    def __call__(self, progress: Progress = no_progress) -> Dataset:
         """The dataset of a comparison; cells that are not stored are computed."""
         with self._working() as executor, self._journal() as journal:
             cells = self._known(executor, journal, progress)
@@ -80,7 +80,7 @@ class Asked:
         }
         return cell_table(entries, cells.programs, cells.sizes, settings)
 
-    def planned(self, progress: Progress = silent) -> Cells:
+    def planned(self, progress: Progress = no_progress) -> Cells:
         """The cells before any is computed; those that are stored or unfit have a record."""
         with self._working() as executor, self._journal() as journal:
             return self._known(executor, journal, progress, stored=True)
@@ -109,7 +109,7 @@ class Asked:
         return cells
 
     def cells(
-        self, executor: Executor, progress: Progress = silent, *, stored: bool = False
+        self, executor: Executor, progress: Progress = no_progress, *, stored: bool = False
     ) -> Cells:
         """The cells by their labels; ``stored``: no need of a problem may be run to find them."""
         place = Site.here()
@@ -119,7 +119,7 @@ class Asked:
         )
         found: dict[str, Plan] = {}
         progress("problems", 0, len(self.problems))
-        for name, future in as_they_end(executor, calls):
+        for name, future in finished_calls(executor, calls):
             error = future.exception()
             found[name] = (
                 Plan(name, failure=Record.lost(error).message) if error else future.result()
@@ -171,7 +171,7 @@ class Asked:
         )
         total = len(cells.same)
         progress("cells", total - len(missing), total)
-        for done, (cell, future) in enumerate(as_they_end(executor, calls), start=1):
+        for done, (cell, future) in enumerate(finished_calls(executor, calls), start=1):
             record = _ended(cell, future, place)
             if journal is not None:
                 journal.keep(cell, record)
@@ -319,7 +319,7 @@ def asked_for(
     return Asked(names, chosen, tuple(accuracies), dict(parameters), **settings)
 
 
-def run_comparison(pattern: str, comparison: Asked, progress: Progress = silent) -> Run:
+def run_comparison(pattern: str, comparison: Asked, progress: Progress = no_progress) -> Run:
     """Compute the cells and write the comparison's folder. See `workbench.compare`."""
     data = comparison(progress)
     options = Options(seed=comparison.seed)

@@ -9,8 +9,8 @@ from workbench._core.heavy_types import Dataset
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.formats import netcdf
 from workbench.bench.results import Run
-from workbench.certificate import told_apart
-from workbench.executor import Row, shown
+from workbench.certificate import distinct_texts
+from workbench.executor import Row, row_entry
 from workbench.solution import Solution
 from workbench.solvers import Options, Outcome
 
@@ -42,13 +42,13 @@ def log(
     lines = [
         f"{info['problem']} {info['parameters']}",
         f"method {info['method'] or '-'}, options {info['options']}",
-        *(", ".join(f"{name} {shown(value)}" for name, value in row.items()) for row in rows),
+        *(", ".join(f"{name} {row_entry(value)}" for name, value in row.items()) for row in rows),
         f"claim: {solution.claim}. {solution.message}",
         f"outcome: {solution.outcome}. {solution.outcome.advice}",
     ]
     if solution.certificate is not None:
         for check in solution.certificate.checks:
-            value, limit = told_apart(check.value, check.limit, digits=3)
+            value, limit = distinct_texts(check.value, check.limit, digits=3)
             line = f"  {check.verdict}  {check.name}: {value} <= {limit} {check.where}"
             lines.append(line.rstrip())
         gap = solution.certificate.gap

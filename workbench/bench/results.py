@@ -31,7 +31,7 @@ from workbench.bench.store import CHECKSUMS, Store, damage
 from workbench.bench.sweep import SWEEP, ParameterSweep
 from workbench.bench.trust.information import run_information
 from workbench.bench.trust.untrusted import file_stem, own_file, possible_path, read_json, read_text
-from workbench.certificate import Certificate, told_apart
+from workbench.certificate import Certificate, distinct_texts
 from workbench.errors import ResultError
 from workbench.figures.printed import PrintedFigure
 from workbench.figures.styles import drawn_in, printing_style, settle
@@ -313,7 +313,7 @@ class Run(Fed):
         rows += [(name, f"{value:.6g}") for name, value in self.metrics.items()]
         if self.certificate is not None:
             rows += [
-                (check.name, AT_MOST.join(told_apart(check.value, check.limit, digits=3)))
+                (check.name, AT_MOST.join(distinct_texts(check.value, check.limit, digits=3)))
                 for check in self.certificate.checks
             ]
             if self.certificate.gap is not None:

@@ -33,7 +33,7 @@ from workbench.bench.store import Store, Writer, damage
 from workbench.bench.trust.information import FORMAT
 from workbench.certificate import Certificate, Check
 from workbench.errors import InputError, RegistryError, ResultError
-from workbench.executor import Context, Progress, Row, Watch, silent, unwatched
+from workbench.executor import Context, Progress, Row, Watch, no_progress, no_watch
 from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, solve
 from workbench.solvers import Options, Outcome, versions
@@ -53,8 +53,8 @@ class Bench:
 
     store: Store
     options: Options
-    progress: Progress = silent
-    watch: Watch = unwatched
+    progress: Progress = no_progress
+    watch: Watch = no_watch
     fresh: bool = False
     stored_only: bool = False
     executor: Executor | None = None
@@ -393,8 +393,8 @@ def need_same(question: Question, stored: Any, place: str) -> None:
 
 def default_bench(
     options: Options | None = None,
-    progress: Progress = silent,
-    watch: Watch = unwatched,
+    progress: Progress = no_progress,
+    watch: Watch = no_watch,
     *,
     fresh: bool = False,
     executor: Executor | None = None,

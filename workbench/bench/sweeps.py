@@ -19,7 +19,7 @@ from workbench.bench.results import Run
 from workbench.bench.run import Bound, default_bench
 from workbench.bench.sweep import SWEEP, ParameterSweep, SweptPoint, sweep_dataset
 from workbench.errors import InputError, UnknownNameError, WorkbenchError
-from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
+from workbench.executor import InProcess, Progress, Workers, finished_calls, no_progress
 from workbench.solvers import Options, Outcome
 
 
@@ -40,7 +40,7 @@ class Grid:
         calls = ((place, (_run, self.at(place), Site.here())) for place in places)
         found: dict[tuple[int, ...], SweptPoint] = {}
         progress("points", 0, len(places))
-        for place, future in as_they_end(executor, calls):
+        for place, future in finished_calls(executor, calls):
             error = future.exception()
             found[place] = future.result() if error is None else _failed(error)
             progress("points", len(found), len(places))
@@ -145,7 +145,7 @@ def _converted(problem: Problem, parameter: str, value: Any, others: Mapping[str
 
 
 def run_sweep(
-    grid: Grid, *, executor: Executor | None = None, jobs: int = 1, progress: Progress = silent
+    grid: Grid, *, executor: Executor | None = None, jobs: int = 1, progress: Progress = no_progress
 ) -> Run:
     """Run the points and store the sweep's folder. See `workbench.sweep`."""
     if jobs < 1:

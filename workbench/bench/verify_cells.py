@@ -16,7 +16,7 @@ from workbench.bench.cells.stored import light_records
 from workbench.bench.compare import asked_for
 from workbench.bench.comparison.layout import cell_labels
 from workbench.bench.comparison.numbers import counts
-from workbench.bench.comparison.verdicts import judged
+from workbench.bench.comparison.verdicts import judged_cells
 from workbench.bench.results import Run, root_of
 from workbench.bench.store import Store
 from workbench.solvers import Outcome
@@ -138,7 +138,9 @@ def _excluded(data: Dataset, again: Dataset) -> list[str]:
 
     renamed = again.assign_coords(repetition=again["repetition"] + data.sizes["repetition"])
     both = xr.concat([data, renamed], "repetition", data_vars="minimal", coords="minimal")
-    found = counts(judged(both))["contradictions"] - counts(judged(data))["contradictions"]
+    found = (
+        counts(judged_cells(both))["contradictions"] - counts(judged_cells(data))["contradictions"]
+    )
     return [f"re-run: {found} certificates exclude stored ones, or the other way round"] * (
         found > 0
     )

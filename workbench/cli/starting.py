@@ -125,7 +125,7 @@ def share(text: str | None, option: str) -> float | None:
 )
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
-    from workbench.certificate import told_apart
+    from workbench.certificate import distinct_texts
     from workbench.starter import write_study
 
     # A shell puts several files in the place of a pattern without quotes; --data takes the first.
@@ -155,7 +155,7 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.echo(f"assumed  {sentence}")
     if others := len(chosen.tested) - len(first):
         click.echo(f"assumed  {others} more, tested: {folder}/README.md")
-    peak, _ = told_apart(chosen.peak, 1.0, digits=3)
+    peak, _ = distinct_texts(chosen.peak, 1.0, digits=3)
     if not chosen.peak < 1:
         click.secho(
             f"! no controller was found that keeps its weights: at {chosen.bandwidth_hz:g} Hz the "

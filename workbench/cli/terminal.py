@@ -80,7 +80,7 @@ def certificate_word(one: Run) -> str:
 
 def print_details(one: Run) -> None:
     """Print the certificate of a run, check by check, and the path of its folder."""
-    from workbench.certificate import told_apart
+    from workbench.certificate import distinct_texts
 
     if one.certificate is not None:
         needs = tuple(f"{name}{mark}" for name in one.info["needs"] for mark in ":[")
@@ -89,13 +89,13 @@ def print_details(one: Run) -> None:
             if check in inherited:
                 continue
             sign = check.verdict
-            value, limit = told_apart(check.value, check.limit, digits=3)
+            value, limit = distinct_texts(check.value, check.limit, digits=3)
             click.echo(f"  {sign}  {check.name}: {value} <= {limit}")
         if inherited:
             click.echo(f"  holds  {len(inherited)} checks of its needs")
         gap = one.certificate.gap
         if gap is not None:
-            value, limit = told_apart(gap.value, gap.tolerance, digits=3)
+            value, limit = distinct_texts(gap.value, gap.tolerance, digits=3)
             click.echo(f"  optimality gap {value}{f' <= {limit}' if gap.required else ''}")
         for fact in one.certificate.facts:
             click.echo(f"  {fact}")
@@ -117,13 +117,13 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
     """
     from workbench.bench.comparison import (
         HEADS,
-        alike,
+        alike_methods,
         badge,
         changed_cells,
         changes_table,
         failures,
         rows,
-        unfit,
+        unfit_problems,
     )
 
     data = one.data
@@ -139,7 +139,7 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
     for cell in failures(data)[1]:
         click.echo(f"  {': '.join([' '.join(cell[:3]), *cell[3:5]])}")
         click.echo(f"    {cell[5].strip('`')}{folders}")
-    for title, sentences in (("unfit", unfit(data)), ("alike", alike(data))):
+    for title, sentences in (("unfit", unfit_problems(data)), ("alike", alike_methods(data))):
         for sentence in sentences:
             click.echo(f"  {title}: {sentence}")
     if changed is not None:

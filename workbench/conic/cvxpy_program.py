@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import Dataset
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.certify.cones.form import ConeKind, ConicForm
 from workbench.certify.cones.rays import dual_bound, excluded_radius
 from workbench.conic.claims import ConicallyStated, parsed_rational
@@ -255,7 +255,7 @@ def dual_of(answer: Dataset) -> list[Any] | None:
 def _distance(
     name: str, what: str, values: Sequence[float], labels: Sequence[str], tolerance: float
 ) -> Check:
-    value, where = worst(values, lambda place: f"of {labels[place[0]]}")
+    value, where = worst_value(values, lambda place: f"of {labels[place[0]]}")
     statement = f"distance from {what}, relative to 1 + the magnitudes of its terms"
     return Check(name, statement, value, tolerance, where=where)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench._core.arrays import EPS, RealArray
 from workbench._core.heavy_types import Dataset
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.certify.cones.rays import dual_bound
 from workbench.conic.claims import ConicallyStated, parsed_rational
@@ -99,7 +99,7 @@ class ConicProgram(ConicallyStated):
         # A row of large size must not hide the violation of another one.
         size = 1.0 + np.abs(form.b) + abs(form.A) @ np.abs(x)
         off = [relative_violation(cone, s[rows], size[rows]) for cone, rows in form.blocks]
-        value, where = worst(off, lambda place: f"of cone {place[0]}")
+        value, where = worst_value(off, lambda place: f"of cone {place[0]}")
         statement = "distance of b - A x from its cone, relative to 1 + |b| + |A| |x| of its rows"
         return [Check("solution", statement, value, tolerance, where=where)]
 

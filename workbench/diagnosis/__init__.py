@@ -13,20 +13,29 @@ from workbench._core.on_demand import on_demand
 if TYPE_CHECKING:
     from workbench.diagnosis.estimation.fault_loop import EstimationDemands, FaultLoop
     from workbench.diagnosis.estimation.front import FaultFront, FrontPoint
-    from workbench.diagnosis.estimation.front_bound import least_total
-    from workbench.diagnosis.estimation.front_filters import FrontFilter, few_states, full_order
+    from workbench.diagnosis.estimation.front_bound import least_total_error
+    from workbench.diagnosis.estimation.front_filters import (
+        FrontFilter,
+        full_order_filter,
+        low_order_filter,
+    )
     from workbench.diagnosis.estimation.laguerre import LaguerreBasis
     from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
-    from workbench.diagnosis.estimation.reached import Reached, best_design, stable_share
+    from workbench.diagnosis.estimation.reached import DemandReached, best_design, stable_share
     from workbench.diagnosis.estimation.weighting import Requirement
     from workbench.diagnosis.estimators.disturbed import DisturbedPlant
-    from workbench.diagnosis.estimators.estimator import Estimate, Estimator, estimate, placed
+    from workbench.diagnosis.estimators.estimator import (
+        Estimate,
+        Estimator,
+        estimate,
+        placed_estimator,
+    )
     from workbench.diagnosis.estimators.kalman import KalmanEstimator, Noise
     from workbench.diagnosis.estimators.observers import observer_gain
     from workbench.diagnosis.estimators.prototypes import prototype_poles
     from workbench.diagnosis.estimators.rotation import Rotation
     from workbench.diagnosis.evaluation.changes import cusum, cusum_threshold, glr, hysteresis
-    from workbench.diagnosis.evaluation.clusters import UNKNOWN, Clusters, confusion
+    from workbench.diagnosis.evaluation.clusters import UNKNOWN, Clusters, confusion_matrix
     from workbench.diagnosis.evaluation.events import events, matched_events
     from workbench.diagnosis.evaluation.performance import Detection, Roc, detection, intervals, roc
     from workbench.diagnosis.evaluation.quality import clean_level, drop_detector, quality_signal
@@ -42,8 +51,8 @@ if TYPE_CHECKING:
     from workbench.diagnosis.generators.exact import fault_detection, fault_isolation
     from workbench.diagnosis.generators.generator import (
         ResidualGenerator,
+        residual_response,
         structure_matrix,
-        transfer,
     )
     from workbench.diagnosis.generators.matching import (
         ModelMatch,
@@ -63,8 +72,8 @@ if TYPE_CHECKING:
         attainable_structures,
         detectability,
         isolability,
-        masking,
-        unattainable,
+        masking_inputs,
+        unattainable_faults,
     )
     from workbench.diagnosis.models.fault_model import FaultModel
     from workbench.diagnosis.models.parameter_faults import multiplicative_lft
@@ -76,6 +85,7 @@ __all__ = [
     "NO_FAULT",
     "UNKNOWN",
     "Clusters",
+    "DemandReached",
     "Detectability",
     "Detection",
     "DisturbedPlant",
@@ -95,7 +105,6 @@ __all__ = [
     "Noise",
     "ParityRelation",
     "PerformanceIndex",
-    "Reached",
     "Requirement",
     "ResidualGenerator",
     "Roc",
@@ -108,7 +117,7 @@ __all__ = [
     "best_design",
     "bounded_threshold",
     "clean_level",
-    "confusion",
+    "confusion_matrix",
     "cusum",
     "cusum_threshold",
     "detectability",
@@ -118,8 +127,7 @@ __all__ = [
     "events",
     "fault_detection",
     "fault_isolation",
-    "few_states",
-    "full_order",
+    "full_order_filter",
     "glr",
     "hysteresis",
     "index_checker",
@@ -127,8 +135,9 @@ __all__ = [
     "isolability",
     "isolable",
     "isolate",
-    "least_total",
-    "masking",
+    "least_total_error",
+    "low_order_filter",
+    "masking_inputs",
     "matched_events",
     "matching_bound",
     "model_matching",
@@ -138,14 +147,14 @@ __all__ = [
     "observer_gain",
     "parity_relation",
     "performance_index",
-    "placed",
+    "placed_estimator",
     "prototype_poles",
     "quality_signal",
     "quantile_threshold",
+    "residual_response",
     "roc",
     "stable_share",
     "structure_matrix",
-    "transfer",
-    "unattainable",
+    "unattainable_faults",
     "whitened_residual",
 ]

@@ -10,8 +10,8 @@ from workbench._core.on_demand import no_more_names
 from workbench.executor.cluster import Cluster
 from workbench.executor.context import Checkpoint, Context
 from workbench.executor.local import InProcess, Threads
-from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
-from workbench.executor.spread import as_they_end, spread
+from workbench.executor.progress import Progress, Row, Watch, no_progress, no_watch, row_entry
+from workbench.executor.spread import finished_calls, spread
 from workbench.executor.workers import Workers
 
 if not TYPE_CHECKING:
@@ -31,9 +31,9 @@ __all__ = [
     "Threads",
     "Watch",
     "Workers",
-    "as_they_end",
-    "shown",
-    "silent",
+    "finished_calls",
+    "no_progress",
+    "no_watch",
+    "row_entry",
     "spread",
-    "unwatched",
 ]

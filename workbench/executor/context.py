@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from workbench.errors import InputError, TimeLimitError
 from workbench.executor.local import InProcess, Threads
-from workbench.executor.progress import Progress, Row, Watch, silent, unwatched
+from workbench.executor.progress import Progress, Row, Watch, no_progress, no_watch
 from workbench.executor.spread import spread
 from workbench.solvers import Options
 
@@ -72,8 +72,8 @@ class Context:
 
     _: KW_ONLY
     options: Options = field(default_factory=Options)
-    progress: Progress = silent
-    watch: Watch = unwatched
+    progress: Progress = no_progress
+    watch: Watch = no_watch
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
     executor: Executor | None = None
     statement_seconds: float = 0.0

@@ -17,7 +17,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from workbench._core.compiled import watched_by
-from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
+from workbench.executor.progress import Progress, Row, Watch, no_progress, no_watch, row_entry
 from workbench.executor.worker import in_worker
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def shown_live(title: str) -> Iterator[tuple[Progress, Watch]]:
     Work inside other work has no display of its own: only the outermost one is shown.
     """
     with _display(title, PATIENCE) as display:
-        yield (silent, unwatched) if display is None else (display.show, display.watch)
+        yield (no_progress, no_watch) if display is None else (display.show, display.watch)
 
 
 @contextmanager
@@ -211,5 +211,5 @@ def _rounds(rows: Sequence[Row]) -> Table:
     for column in table.columns:
         column.justify = "right"
     for row in rows[-SHOWN_ROUNDS:]:
-        table.add_row(*map(shown, row.values()))
+        table.add_row(*map(row_entry, row.values()))
     return table

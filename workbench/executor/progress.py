@@ -13,34 +13,34 @@ Watch = Callable[[Sequence[Row]], None]
 """Called after every round of an iteration with the rows of all its rounds."""
 
 
-def silent(description: str, done: int, total: int) -> None:
+def no_progress(description: str, done: int, total: int) -> None:
     """Progress that is not shown.
 
     Examples
     --------
-    >>> from workbench.executor import InProcess, silent, spread
+    >>> from workbench.executor import InProcess, no_progress, spread
     >>> spread(abs, [-1, 2], InProcess(), progress=silent)
     [1, 2]
     """
 
 
-def unwatched(rows: Sequence[Row]) -> None:
+def no_watch(rows: Sequence[Row]) -> None:
     """Rounds that are not shown.
 
     Examples
     --------
-    >>> from workbench.executor import Context, unwatched
+    >>> from workbench.executor import Context, no_watch
     >>> Context(watch=unwatched).record({"round": 1, "peak": 0.9})
     """
 
 
-def shown(value: float | int | str) -> str:
+def row_entry(value: float | int | str) -> str:
     """An entry of a row as text.
 
     Examples
     --------
-    >>> from workbench.executor import shown
-    >>> shown(0.123456789), shown(12), shown("settled")
+    >>> from workbench.executor import row_entry
+    >>> row_entry(0.123456789), row_entry(12), row_entry("settled")
     ('0.1235', '12', 'settled')
     """
     if not isinstance(value, float):

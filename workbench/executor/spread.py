@@ -7,7 +7,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, as_completed, 
 from typing import Any, TypeVar
 
 from workbench.errors import ClusterError, InputError
-from workbench.executor.progress import Progress, silent
+from workbench.executor.progress import Progress, no_progress
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -18,7 +18,7 @@ def spread(
     items: Sequence[T],
     executor: Executor,
     *,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
     description: str = "",
     batch: int = 1,
 ) -> list[S]:
@@ -66,7 +66,7 @@ def _each(function: Callable[[T], S], items: Sequence[T]) -> list[S]:
     return [function(item) for item in items]
 
 
-def as_they_end(
+def finished_calls(
     executor: Executor, calls: Iterable[tuple[T, tuple[Any, ...]]], *, window: int | None = None
 ) -> Iterator[tuple[T, Future[Any]]]:
     """Yield labels and finished futures of many calls, as they end.
@@ -79,9 +79,9 @@ def as_they_end(
 
     Examples
     --------
-    >>> from workbench.executor import InProcess, as_they_end
+    >>> from workbench.executor import InProcess, finished_calls
     >>> calls = [("a", (abs, -1)), ("b", (max, 2, 3))]
-    >>> {label: future.result() for label, future in as_they_end(InProcess(), calls)}
+    >>> {label: future.result() for label, future in finished_calls(InProcess(), calls)}
     {'a': 1, 'b': 3}
     """
     waiting = iter(calls)

@@ -7,7 +7,7 @@ from typing import Any
 import control
 
 from workbench.answer import Answer, ProgramAnswer
-from workbench.certificate import CheckedAs
+from workbench.certificate import OriginalAnswerChecker
 from workbench.fitting.rational import Rational
 
 
@@ -37,6 +37,6 @@ class FittedSystem(ProgramAnswer, control.StateSpace):
         if fit._checked_by is not None:
             checker, tolerance, optimal = fit._checked_by
             made = vars(fit).get("certificate")
-            as_fit = CheckedAs(checker, fit)
+            as_fit = OriginalAnswerChecker(checker, fit)
             system.checked_by(as_fit, gap_tolerance=tolerance, optimal=optimal, certificate=made)
         return system

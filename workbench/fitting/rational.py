@@ -174,7 +174,7 @@ def conjugate_pairs(roots: ArrayLike) -> ComplexArray:
     return _ordered(np.array(done, dtype=complex))
 
 
-def from_system(system: StateSpace) -> Rational:
+def rational_of_system(system: StateSpace) -> Rational:
     """Zeros, poles and gain of a proper SISO continuous-time system.
 
     Raises

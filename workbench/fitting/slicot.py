@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
-from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.rational import Rational, rational_of_system
 from workbench.solvers import slicot_routine
 
 
@@ -33,4 +33,4 @@ def sb10yd(omega: RealArray, response: ComplexArray, order: int, minimum_phase: 
         )  # fmt: skip
     except Exception as error:  # slycot raises exception classes of its own
         raise SolverError(f"SB10YD: {' '.join(str(error).split())}") from None
-    return from_system(control.ss(a * scale, b * scale, c * size, d * size))
+    return rational_of_system(control.ss(a * scale, b * scale, c * size, d * size))

@@ -8,7 +8,7 @@ from workbench._core.heavy_types import Dataset
 from workbench.fitting.rational import Rational
 
 
-def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
+def rational_variables(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
     """Dataset variables ``zeros``, ``poles`` and ``gain`` of a function, each with a prefix.
 
     ``of`` names the function in the long names.
@@ -25,7 +25,7 @@ def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
     return variables | {f"{prefix}gain": ((), function.gain, about)}
 
 
-def function(data: Dataset, prefix: str = "") -> Rational:
+def stored_rational(data: Dataset, prefix: str = "") -> Rational:
     """The function that a dataset holds in variables with that prefix."""
     zeros, poles = (data[f"{prefix}{name}"].values for name in ("zeros", "poles"))
     return Rational(zeros, poles, float(data[f"{prefix}gain"]))

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from workbench.geometry.enclosing import EnclosingStadium, Stadium
     from workbench.geometry.stadium import NarrowestStadium, narrowest_stadium
     from workbench.geometry.stadium_arithmetic import (
-        around_nominal,
-        multiplied,
+        multiplied_sets,
+        sets_around_nominal,
         signed_distance,
         signed_distance_bounds,
     )
@@ -30,9 +30,9 @@ __all__ = [
     "SmallestAreaStadium",
     "SmallestCircle",
     "Stadium",
-    "around_nominal",
-    "multiplied",
+    "multiplied_sets",
     "narrowest_stadium",
+    "sets_around_nominal",
     "signed_distance",
     "signed_distance_bounds",
     "smallest_area_stadium",

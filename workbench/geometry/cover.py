@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench._core.arrays import EPS
 from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench.certificate import Check, these, worst
+from workbench.certificate import Check, counted_quantifier, worst_value
 from workbench.errors import InputError
 from workbench.geometry.figures import shape_figures
 from workbench.geometry.points import as_points
@@ -100,7 +100,7 @@ class Cover(Program):
     @property
     def quantifier(self) -> str:
         points = f"of {self.points.shape[-1]} points"
-        return these(math.prod(self.batch), f"set {points}", f"sets {points}")
+        return counted_quantifier(math.prod(self.batch), f"set {points}", f"sets {points}")
 
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
         center, radius = np.asarray(answer.center), np.asarray(answer.radius)
@@ -116,7 +116,7 @@ class Cover(Program):
             & (radius >= 0)
             & (half_length >= 0)
         )
-        improper, where = worst(~proper, self.place)
+        improper, where = worst_value(~proper, self.place)
         properness = Check(
             "proper",
             "centre, radius, half-length and angle are finite, no size is negative",
@@ -124,7 +124,7 @@ class Cover(Program):
             0.0,
             where=where if improper else "",
         )
-        excess, where = worst(self.excess(answer), self.place)
+        excess, where = worst_value(self.excess(answer), self.place)
         containment = Check(
             "containment",
             "largest distance of a point beyond its shape, less 8 eps of the largest |p|, "
@@ -139,7 +139,7 @@ class Cover(Program):
         shape = answer.center, answer.radius, answer.half_length, answer.angle
         excess = reach_beyond(self.points, *map(np.asarray, shape)).max(axis=-1)
         excess = relative(excess - 8 * EPS * self.reach, answer.radius)
-        value, where = worst(excess, self.place)
+        value, where = worst_value(excess, self.place)
         statement = "how far the points reach beyond their shape in a direction, over the radius"
         return [Check("support", statement, value, SUPPORT_TOLERANCE, where=where)]
 

@@ -13,7 +13,7 @@ import numpy as np
 from workbench._core.arrays import EPS
 from workbench._core.heavy_types import Dataset
 from workbench.answer import ProgramAnswer
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.errors import InputError
 from workbench.geometry.cover import Cover, relative
 from workbench.geometry.points import canonical_angle
@@ -103,12 +103,12 @@ class EnclosingStadium(Cover):
         checks = list(super().checks(answer, tolerance))
         if self.center is not None:
             away = relative(np.abs(answer.center - self.center), np.abs(self.center))
-            value, where = worst(away, self.place)
+            value, where = worst_value(away, self.place)
             statement = "distance from the centre asked for, relative to its size"
             checks.append(Check("centre given", statement, value, CENTRE_TOLERANCE, where=where))
         if self.angle is not None:
             turn = np.mod(answer.angle - self.angle + np.pi / 2, np.pi) - np.pi / 2
-            value, where = worst(np.abs(turn), self.place)
+            value, where = worst_value(np.abs(turn), self.place)
             statement = "distance from the angle asked for [rad]"
             checks.append(Check("angle given", statement, value, ANGLE_TOLERANCE, where=where))
         return checks

@@ -21,14 +21,14 @@ best.
 """
 
 
-def multiplied(factor: ArrayLike, sets: Stadium) -> Stadium:
+def multiplied_sets(factor: ArrayLike, sets: Stadium) -> Stadium:
     """Stadiums (F,) multiplied by complex numbers (F,).
 
     Examples
     --------
-    >>> from workbench.geometry import multiplied, narrowest_stadium
+    >>> from workbench.geometry import multiplied_sets, narrowest_stadium
     >>> stadiums = narrowest_stadium([[0, 2, 4, 2 + 1j]])
-    >>> multiplied(2j, stadiums).radius.round(6).tolist()  # twice as large, turned by 90 degrees
+    >>> multiplied_sets(2j, stadiums).radius.round(6).tolist()  # doubled, turned by 90 deg
     [1.0]
     """
     factor = np.asarray(factor, dtype=complex)
@@ -37,7 +37,7 @@ def multiplied(factor: ArrayLike, sets: Stadium) -> Stadium:
     return Stadium(sets.center * factor, sets.radius * size, sets.half_length * size, angle)
 
 
-def around_nominal(nominal: Array, relative: Stadium) -> Stadium:
+def sets_around_nominal(nominal: Array, relative: Stadium) -> Stadium:
     """The sets nominal * (1 + delta) of relative deviations delta in stadiums (F,).
 
     nominal: complex (F,).
@@ -45,12 +45,12 @@ def around_nominal(nominal: Array, relative: Stadium) -> Stadium:
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.geometry import around_nominal, narrowest_stadium
+    >>> from workbench.geometry import sets_around_nominal, narrowest_stadium
     >>> deviations = narrowest_stadium([[-0.1, 0.1, 0.05j]])
-    >>> around_nominal(np.array([2.0]), deviations).center.shape
+    >>> sets_around_nominal(np.array([2.0]), deviations).center.shape
     (1,)
     """
-    placed = multiplied(nominal, relative)
+    placed = multiplied_sets(nominal, relative)
     return Stadium(nominal + placed.center, placed.radius, placed.half_length, placed.angle)
 
 

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from workbench.identification.rational_models.sign_perturbed import SignPerturbedRegion
     from workbench.identification.rational_models.storage import RationalModels
     from workbench.identification.rational_models.uncertainty import ModelUncertainty
-    from workbench.identification.record_tests.finding import Finding, Tested
+    from workbench.identification.record_tests.finding import Finding, TestedAssumption
     from workbench.identification.record_tests.report import RecordReport
     from workbench.identification.recursive.armax import RecursiveARMAX
     from workbench.identification.recursive.arx import RecursiveARX
@@ -83,7 +83,7 @@ if TYPE_CHECKING:
     from workbench.identification.responses.periodic import (
         PeriodicResponse,
         ResponseEstimate,
-        from_periods,
+        periodic_response,
     )
     from workbench.identification.responses.periodic_local import (
         PeriodicLocalResponse,
@@ -143,7 +143,7 @@ __all__ = [
     "SpectralResponse",
     "StateSpaceFit",
     "SteppedSine",
-    "Tested",
+    "TestedAssumption",
     "TransferFunctionEstimate",
     "arx",
     "as_experiments",
@@ -155,7 +155,6 @@ __all__ = [
     "filtered_least_squares",
     "fit_parameters",
     "fit_rational_model",
-    "from_periods",
     "harmonic_distortion",
     "impulse_response",
     "impulse_response_deviations",
@@ -168,6 +167,7 @@ __all__ = [
     "output_error",
     "periodic_local_polynomial",
     "periodic_local_rational",
+    "periodic_response",
     "random_multisine",
     "read_record",
     "read_response",

@@ -13,7 +13,7 @@ from workbench._core.on_demand import on_demand
 if TYPE_CHECKING:
     from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
     from workbench.mu.frequency.axis_norm import linf_norm
-    from workbench.mu.frequency.complex_part import with_complex_part
+    from workbench.mu.frequency.complex_part import complex_part_added
     from workbench.mu.frequency.norms import SystemNorm, h2_norm, h_infinity_norm
     from workbench.mu.frequency.peak import peak
     from workbench.mu.frequency.peak_bounds import Peak, PeakChecker
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
     from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
     from workbench.mu.robust.branch import branch_and_bound
     from workbench.mu.robust.conditions import Conditions, condition_systems, conditions
-    from workbench.mu.robust.destabilising import destabilising
+    from workbench.mu.robust.destabilising import destabilising_perturbation
     from workbench.mu.robust.element_sensitivity import MarginSensitivity, margin_sensitivity
     from workbench.mu.robust.gain_room import GainRoom, RoomChecker, gain_room
     from workbench.mu.robust.margin import robust_performance, robust_stability
     from workbench.mu.robust.margin_bounds import PerformanceMargin, StabilityMargin
     from workbench.mu.robust.performance import performance_peak, performance_sweep
     from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
-    from workbench.mu.robust.sensitivity import sensitivity
+    from workbench.mu.robust.sensitivity import bound_sensitivity
     from workbench.mu.robust.skew import SkewBounds, skew_bounds
     from workbench.mu.robust.skewed_bounds import SkewedPeak, WorstCaseChecker, WorstCaseGain
     from workbench.mu.robust.skewed_peak import skewed_peak
     from workbench.mu.robust.worst_case import worst_case_gain
     from workbench.mu.upper.bound import upper_bound
-    from workbench.mu.upper.gradient import gradient
+    from workbench.mu.upper.gradient import bound_gradient
     from workbench.mu.upper.program import MuUpperBound, UpperBound
     from workbench.structure import Complex, Full, Real, Structure
 else:
@@ -83,17 +83,19 @@ __all__ = [
     "UpperBound",
     "WorstCaseChecker",
     "WorstCaseGain",
+    "bound_gradient",
+    "bound_sensitivity",
     "branch_and_bound",
     "bundle_plot",
+    "complex_part_added",
     "condition_systems",
     "conditions",
     "coprime_margin",
-    "destabilising",
+    "destabilising_perturbation",
     "disk_gain",
     "disk_phase",
     "frequency_sweep",
     "gain_room",
-    "gradient",
     "guaranteed_probability",
     "h2_norm",
     "h_infinity_norm",
@@ -109,10 +111,8 @@ __all__ = [
     "rank_one_mu",
     "robust_performance",
     "robust_stability",
-    "sensitivity",
     "skew_bounds",
     "skewed_peak",
     "upper_bound",
-    "with_complex_part",
     "worst_case_gain",
 ]

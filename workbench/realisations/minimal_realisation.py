@@ -49,8 +49,8 @@ class MinimalRealisation(Answer):
     Examples
     --------
     >>> import control
-    >>> from workbench.realisations import minimal
-    >>> found = minimal(control.tf([1.0, 2.0], [1.0, 3.0, 2.0]))
+    >>> from workbench.realisations import minimal_realisation
+    >>> found = minimal_realisation(control.tf([1.0, 2.0], [1.0, 3.0, 2.0]))
     >>> found.system.nstates, found.removed.real.round(6).tolist()
     (1, [-2.0])
     """
@@ -80,7 +80,7 @@ class MinimalRealisation(Answer):
         )
 
 
-def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalRealisation:
+def minimal_realisation(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalRealisation:
     """A realisation without the states that have no effect between input and output.
 
     Those are states that no input reaches or no output shows, and pairs of poles and zeros that
@@ -104,8 +104,9 @@ def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalReal
     Examples
     --------
     >>> import control
-    >>> from workbench.realisations import minimal
-    >>> found = minimal(control.tf([1.0, 2.0], [1.0, 2.0, 0.0]) * control.tf([1.0], [1.0, 5.0]))
+    >>> from workbench.realisations import minimal_realisation
+    >>> system = control.tf([1.0, 2.0], [1.0, 2.0, 0.0]) * control.tf([1.0], [1.0, 5.0])
+    >>> found = minimal_realisation(system)
     >>> found.system.nstates, found.system.poles().real.round(9).tolist()
     (2, [0.0, -5.0])
     >>> found.error < 1e-12, found.holds

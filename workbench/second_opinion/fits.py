@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
-from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.certificate import THIS_SYSTEM, Check, worst_value
 from workbench.executor.effort import tries
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response
@@ -40,7 +40,7 @@ def realisation_agrees(
         Sizes (F,) of the data.
     """
     apart = np.abs(plain_response(system, omega)[:, 0, 0] - fitted)
-    value, where = worst(
+    value, where = worst_value(
         apart / np.maximum(np.maximum(size, np.abs(fitted)), np.finfo(float).tiny),
         lambda i: f"at {omega[i]:.6g} rad/s",
     )
@@ -54,7 +54,7 @@ def within(
     system: Any, omega: RealArray, data: ComplexArray, weight: RealArray, error: float
 ) -> Check:
     """Check that the distance of a realisation from data (F,) is at most a weighted error."""
-    value, where = worst(
+    value, where = worst_value(
         weight * np.abs(plain_response(system, omega)[:, 0, 0] - data),
         lambda i: f"at {omega[i]:.6g} rad/s",
     )
@@ -69,7 +69,7 @@ def covers(system: Any, omega: RealArray, magnitude: RealArray) -> Check:
     grid = np.exp(np.interp(place, index, np.log(omega)))
     data = np.exp(np.interp(place, index, np.log(magnitude)))
     short = data / np.abs(plain_response(system, grid)[:, 0, 0]) - 1
-    value, where = worst(short, lambda i: f"at {grid[i]:.6g} rad/s")
+    value, where = worst_value(short, lambda i: f"at {grid[i]:.6g} rad/s")
     statement = "data over the realisation, also between the data, less 1"
     over = f"at {count} frequencies, between the data too"
     return Check("sampled cover", statement, value, RESPONSE_ROUNDING, where=where, over=over)

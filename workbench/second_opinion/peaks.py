@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import Array, ComplexArray
-from workbench.certificate import THIS_SYSTEM, Check, excess, these
+from workbench.certificate import THIS_SYSTEM, Check, counted_quantifier, excess
 from workbench.executor.effort import tries
 from workbench.second_opinion.loops import BALL_SHARE, SAMPLED_ROUNDING
 from workbench.second_opinion.perturbations import (
@@ -210,7 +210,9 @@ def all_decay(members: Sequence[Any], name: str) -> Check:
     """Check that powers of the transition matrices of all systems decay."""
     rates = [sum(growth(one.A, one.dt)) for one in members]
     statement = "largest logarithmic growth per sample of systems that must be stable, and rounding"
-    return Check(name, statement, max(rates), 0.0, over=these(len(rates), "system", "systems"))
+    return Check(
+        name, statement, max(rates), 0.0, over=counted_quantifier(len(rates), "system", "systems")
+    )
 
 
 def regularity(loop: ComplexArray) -> float:

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 
 from workbench._core.on_demand import no_more_names
 from workbench.simulation.cascade import Cascade, Part
-from workbench.simulation.controllers import Controller, idle, in_discrete_time, linear
+from workbench.simulation.controllers import (
+    Controller,
+    discrete_system,
+    linear_controller,
+    zero_controller,
+)
 from workbench.simulation.converters import Converter
 from workbench.simulation.ensemble_scores import (
     ErrorScores,
@@ -21,11 +26,18 @@ from workbench.simulation.ensemble_scores import (
 )
 from workbench.simulation.gain_control import wobbled_gain
 from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
-from workbench.simulation.noise import band_limited
+from workbench.simulation.noise import band_limited_noise
 from workbench.simulation.play import play
 from workbench.simulation.repetitive import Repetitive
-from workbench.simulation.switching import blend, following, ramped, removed, silenced, total
-from workbench.systems.sampling import continued, hold, respond, sampled
+from workbench.simulation.switching import (
+    adder,
+    blend,
+    fault_subtractor,
+    interval_gate,
+    ramped_gain,
+    tracking_controller,
+)
+from workbench.systems.sampling import continuous_system, hold, respond, sampled_model
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -40,25 +52,25 @@ __all__ = [
     "SampledLoop",
     "Schedule",
     "Trajectory",
+    "adder",
     "balloon_size",
-    "band_limited",
+    "band_limited_noise",
     "blend",
     "bootstrap_weights",
-    "continued",
+    "continuous_system",
+    "discrete_system",
     "error_scores",
-    "following",
+    "fault_subtractor",
     "group_means",
     "hold",
-    "idle",
-    "in_discrete_time",
-    "linear",
+    "interval_gate",
+    "linear_controller",
     "percentile_interval",
     "play",
-    "ramped",
-    "removed",
+    "ramped_gain",
     "respond",
-    "sampled",
-    "silenced",
-    "total",
+    "sampled_model",
+    "tracking_controller",
     "wobbled_gain",
+    "zero_controller",
 ]

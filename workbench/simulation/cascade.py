@@ -36,8 +36,8 @@ class Part:
 
     Examples
     --------
-    >>> from workbench.simulation import Part, total
-    >>> part = Part("sum", total(), given=["a", "b"])
+    >>> from workbench.simulation import Part, adder
+    >>> part = Part("sum", adder(), given=["a", "b"])
     >>> part.signals
     ('sum',)
     """
@@ -75,8 +75,8 @@ class Cascade:
 
     Examples
     --------
-    >>> from workbench.simulation import Cascade, Part, ramped, total
-    >>> parts = [Part("r", ramped(6.0, 1.0, 0.1), ["y"]), Part("u", total(), ["r", "y"])]
+    >>> from workbench.simulation import Cascade, Part, ramped_gain, adder
+    >>> parts = [Part("r", ramped_gain(6.0, 1.0, 0.1), ["y"]), Part("u", adder(), ["r", "y"])]
     >>> Cascade(["y"], parts, previous=["u_last"]).signals
     ('y', 'u_last', 'r', 'u')
     """

@@ -69,19 +69,19 @@ class Controller:
             raise InputError(f"the controller reads {self.reads} measurements; there are {given}")
 
 
-def idle(*, outputs: int = 1) -> Controller:
+def zero_controller(*, outputs: int = 1) -> Controller:
     """Controller with zero outputs, so that only the excitation acts on the plant: an open loop.
 
     Examples
     --------
-    >>> from workbench.simulation import idle, play
-    >>> play(idle(), [[3.0], [4.0]]).ravel().tolist()
+    >>> from workbench.simulation import zero_controller, play
+    >>> play(zero_controller(), [[3.0], [4.0]]).ravel().tolist()
     [0.0, 0.0]
     """
     return Controller(_idle, np.zeros(0), np.zeros(0), outputs=outputs)
 
 
-def linear(
+def linear_controller(
     system: StateSpace | TransferFunction, dt: float, *, measurements: Sequence[int] = (0,)
 ) -> Controller:
     """Controller from a linear system; a continuous one is discretised by the bilinear transform.
@@ -92,8 +92,8 @@ def linear(
     Examples
     --------
     >>> import control
-    >>> from workbench.simulation import linear, play
-    >>> integrator = linear(control.tf([1.0], [1.0, 0.0]), dt=1.0)
+    >>> from workbench.simulation import linear_controller, play
+    >>> integrator = linear_controller(control.tf([1.0], [1.0, 0.0]), dt=1.0)
     >>> play(integrator, [[1.0]] * 3).ravel().round(6).tolist()
     [0.5, 1.5, 2.5]
     """
@@ -103,7 +103,7 @@ def linear(
         raise InputError(
             f"{len(measurements)} measurements for a controller of {system.ninputs} inputs"
         )
-    system = in_discrete_time(system, dt)
+    system = discrete_system(system, dt)
     sizes = [system.nstates, system.ninputs, system.noutputs]
     matrices = [matrix.ravel() for matrix in (system.A, system.B, system.C, system.D)]
     parameters = np.concatenate([sizes, list(measurements), *matrices])
@@ -114,7 +114,7 @@ def linear(
     return Controller(_linear, state, parameters, outputs=outputs, reads=reads, dt=dt, carried=n)
 
 
-def in_discrete_time(system: StateSpace | TransferFunction, dt: float) -> StateSpace:
+def discrete_system(system: StateSpace | TransferFunction, dt: float) -> StateSpace:
     """Discretise a continuous system by the bilinear transform; a discrete one is returned as is.
 
     Raises InputError if a discrete system has another sampling period than `dt` [s].
@@ -122,8 +122,8 @@ def in_discrete_time(system: StateSpace | TransferFunction, dt: float) -> StateS
     Examples
     --------
     >>> import control
-    >>> from workbench.simulation import in_discrete_time
-    >>> K = in_discrete_time(control.tf([1.0], [1.0, 0.0]), dt=0.2)
+    >>> from workbench.simulation import discrete_system
+    >>> K = discrete_system(control.tf([1.0], [1.0, 0.0]), dt=0.2)
     >>> round(float(K.D[0, 0]), 6), K.dt  # the trapezoidal rule
     (0.1, 0.2)
     """
@@ -140,7 +140,7 @@ def in_discrete_time(system: StateSpace | TransferFunction, dt: float) -> StateS
 def _idle(
     state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
 ) -> None:
-    """Step of `idle`."""
+    """Step of `zero_controller`."""
     output[:] = 0.0
 
 
@@ -148,7 +148,7 @@ def _idle(
 def _linear(
     state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
 ) -> None:
-    """Step of `linear`; the parameters are n, m, p, the indices of the inputs, A, B, C and D."""
+    """Step of `linear_controller`; parameters: n, m, p, indices of inputs, A, B, C, D."""
     n, m, p = int(parameters[0]), int(parameters[1]), int(parameters[2])
     at_a = 3 + m
     at_b = at_a + n * n

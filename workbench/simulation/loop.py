@@ -32,7 +32,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.simulation.cascade import Cascade, Turn, alone, carried, turn_table, turns
 from workbench.simulation.controllers import Controller
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.simulation.plain import plain_loop
 from workbench.simulation.steps import address_of
 from workbench.systems.sampling import hold, lowpass_weights, split_delay
@@ -62,7 +62,7 @@ class Trajectory(NamedTuple):
     >>> import control
     >>> import numpy as np
     >>> from workbench._core.compiled import compiled
-    >>> from workbench.simulation import SampledLoop, linear
+    >>> from workbench.simulation import SampledLoop, linear_controller
     >>> @compiled
     ... def sense(position, exogenous, parameters, signals):
     ...     signals[0] = exogenous[0] - position[0]
@@ -75,7 +75,7 @@ class Trajectory(NamedTuple):
     >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
     >>> none = np.zeros(0)
     >>> loop = SampledLoop(G, sense, none, read, none, wide, wide, 1, 1, 1, 1e4, 0.01)
-    >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
+    >>> K, nothing = linear_controller(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
     >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
     >>> found.command.shape, found.saturated_outputs.tolist()
     ((500, 1), [0])
@@ -116,7 +116,7 @@ class SampledLoop:
     >>> import control
     >>> import numpy as np
     >>> from workbench._core.compiled import compiled
-    >>> from workbench.simulation import SampledLoop, linear
+    >>> from workbench.simulation import SampledLoop, linear_controller
     >>> @compiled
     ... def sense(position, exogenous, parameters, signals):
     ...     signals[0] = exogenous[0] - position[0]
@@ -129,7 +129,7 @@ class SampledLoop:
     >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
     >>> none = np.zeros(0)
     >>> loop = SampledLoop(G, sense, none, read, none, wide, wide, 1, 1, 1, 1e4, 0.01)
-    >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
+    >>> K, nothing = linear_controller(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
     >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
     >>> round(float(found.position[-1, 0]), 4)  # 9 / (1 + 9)
     0.9
@@ -271,7 +271,7 @@ class SampledLoop:
         if cascade.plain:
             stop = plain_loop(made, sense, read, ends, measured, row, rest, *span)
         else:
-            loop = machine()[0]
+            loop = compiled_loop()[0]
             stop = loop(turn_table(made), sense, read, ends, measured, row, *rest, *span)
         if stop < last:
             name = names[int(np.flatnonzero(~np.isfinite(row))[0])]

@@ -22,7 +22,7 @@ from workbench.simulation.steps import VECTOR, call3, call4
 
 
 @cache
-def machine() -> tuple[Any, Any, Any]:
+def compiled_loop() -> tuple[Any, Any, Any]:
     """The compiled loop, and the first and last part of a sample, `look` and `move`.
 
     Controllers are passed by their addresses: otherwise each would need its own compiled loop. The

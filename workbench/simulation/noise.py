@@ -11,7 +11,7 @@ from scipy import fft
 from workbench.errors import InputError
 
 
-def band_limited(
+def band_limited_noise(
     rng: np.random.Generator, shape: tuple[int, int], rms: float, band_hz: float, dt: float
 ) -> NDArray[np.float64]:
     """Gaussian noise (N, channels) of standard deviation `rms`, white from 0 to `band_hz` [Hz].
@@ -23,9 +23,9 @@ def band_limited(
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.simulation import band_limited
+    >>> from workbench.simulation import band_limited_noise
     >>> rng = np.random.default_rng(0)
-    >>> noise = band_limited(rng, (10000, 1), rms=2.0, band_hz=100.0, dt=1 / 1000.0)
+    >>> noise = band_limited_noise(rng, (10000, 1), rms=2.0, band_hz=100.0, dt=1 / 1000.0)
     >>> noise.shape, bool(abs(noise.std() / 2.0 - 1) < 0.1)
     ((10000, 1), True)
     """

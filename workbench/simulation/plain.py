@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 
 
 def plain_loop(
@@ -28,7 +28,7 @@ def plain_loop(
     It does the same as the compiled loop. ``turns`` holds for each part step, state, parameters,
     wires, inputs and outputs.
     """
-    _, look, move = machine()
+    _, look, move = compiled_loop()
     sense_parameters, read_parameters = ends
     for k in range(first, last):
         look(k, read, read_parameters, measured, row, *groups)

@@ -21,8 +21,8 @@ def play(controller: Controller, measurement: ArrayLike) -> RealArray:
 
     Examples
     --------
-    >>> from workbench.simulation import play, total
-    >>> play(total(), [[1.0, 2.0], [3.0, 4.0]]).ravel().tolist()
+    >>> from workbench.simulation import play, adder
+    >>> play(adder(), [[1.0, 2.0], [3.0, 4.0]]).ravel().tolist()
     [3.0, 7.0]
     """
     if not isinstance(controller, Controller):

@@ -26,7 +26,7 @@ from workbench._core.arrays import RealArray
 from workbench._core.compiled import kernel
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.simulation.controllers import Controller, in_discrete_time
+from workbench.simulation.controllers import Controller, discrete_system
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Repetitive:
 
         omega = 2 * math.pi * self.corner_hz
         butterworth = control.tf([omega**2], [1.0, math.sqrt(2.0) * omega, omega**2])
-        return in_discrete_time(butterworth, self.dt)
+        return discrete_system(butterworth, self.dt)
 
     @property
     def delay_samples(self) -> float:

@@ -14,7 +14,7 @@ from workbench._core.arrays import RealArray
 from workbench._core.compiled import kernel
 from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.errors import InputError
-from workbench.simulation.controllers import Controller, in_discrete_time
+from workbench.simulation.controllers import Controller, discrete_system
 
 
 def blend() -> Controller:
@@ -29,31 +29,31 @@ def blend() -> Controller:
     return Controller(_blend, np.zeros(0), np.zeros(0))
 
 
-def removed(*, gain: float = 1.0) -> Controller:
+def fault_subtractor(*, gain: float = 1.0) -> Controller:
     """Part that reads (w, a, f) and gives a - (1 - w) gain f: it subtracts an estimated fault f.
 
     Examples
     --------
-    >>> from workbench.simulation import play, removed
-    >>> play(removed(), [[1.0, 5.0, 2.0], [0.0, 5.0, 2.0]]).ravel().tolist()
+    >>> from workbench.simulation import play, fault_subtractor
+    >>> play(fault_subtractor(), [[1.0, 5.0, 2.0], [0.0, 5.0, 2.0]]).ravel().tolist()
     [5.0, 3.0]
     """
     return Controller(_removed, np.zeros(0), np.array([gain], float))
 
 
-def total() -> Controller:
+def adder() -> Controller:
     """Part that gives the sum of its inputs.
 
     Examples
     --------
-    >>> from workbench.simulation import play, total
-    >>> play(total(), [[1.0, 2.0, 3.0]]).ravel().tolist()
+    >>> from workbench.simulation import play, adder
+    >>> play(adder(), [[1.0, 2.0, 3.0]]).ravel().tolist()
     [6.0]
     """
     return Controller(_total, np.zeros(0), np.zeros(0))
 
 
-def silenced(intervals: Sequence[tuple[float, float]], dt: float) -> Controller:
+def interval_gate(intervals: Sequence[tuple[float, float]], dt: float) -> Controller:
     """Part that reads w and gives w, but 0 in intervals (from, until) [s]: false alarms.
 
     Time starts when the part is first in charge. `dt` is the sampling period [s]. Raises
@@ -61,8 +61,8 @@ def silenced(intervals: Sequence[tuple[float, float]], dt: float) -> Controller:
 
     Examples
     --------
-    >>> from workbench.simulation import play, silenced
-    >>> play(silenced([(1.0, 3.0)], dt=1.0), [[1.0]] * 4).ravel().tolist()
+    >>> from workbench.simulation import play, interval_gate
+    >>> play(interval_gate([(1.0, 3.0)], dt=1.0), [[1.0]] * 4).ravel().tolist()
     [1.0, 0.0, 0.0, 1.0]
     """
     times = np.array(intervals, float).reshape(-1, 2)
@@ -72,7 +72,7 @@ def silenced(intervals: Sequence[tuple[float, float]], dt: float) -> Controller:
     return Controller(_silenced, np.zeros(1), times.ravel() / dt - 0.5, dt=dt)
 
 
-def ramped(rate: float, start: float, dt: float) -> Controller:
+def ramped_gain(rate: float, start: float, dt: float) -> Controller:
     """Part that reads a and gives a with a gain of 1 that changes by `rate` [dB/s] from `start` on.
 
     Time [s] starts when the part is first in charge. `dt` is the sampling period [s]. Raises
@@ -80,8 +80,8 @@ def ramped(rate: float, start: float, dt: float) -> Controller:
 
     Examples
     --------
-    >>> from workbench.simulation import play, ramped
-    >>> louder = play(ramped(rate=20.0, start=0.0, dt=1.0), [[1.0]] * 3)
+    >>> from workbench.simulation import play, ramped_gain
+    >>> louder = play(ramped_gain(rate=20.0, start=0.0, dt=1.0), [[1.0]] * 3)
     >>> louder.ravel().round(6).tolist()  # 20 dB in a second
     [1.0, 10.0, 100.0]
     """
@@ -91,7 +91,7 @@ def ramped(rate: float, start: float, dt: float) -> Controller:
     return Controller(_ramped, np.zeros(1), np.array([grown, start / dt]), dt=dt)
 
 
-def following(
+def tracking_controller(
     system: StateSpace | TransferFunction,
     dt: float,
     rate: float,
@@ -116,14 +116,14 @@ def following(
     Examples
     --------
     >>> import control
-    >>> from workbench.simulation import following, play
-    >>> K = following(control.tf([1.0, 5.0], [1.0, 0.1]), dt=1e-3, rate=100.0)
+    >>> from workbench.simulation import tracking_controller, play
+    >>> K = tracking_controller(control.tf([1.0, 5.0], [1.0, 0.1]), dt=1e-3, rate=100.0)
     >>> play(K, [[1.0, 1.0, 0.0]] * 3).shape
     (3, 1)
     """
     from scipy.signal import place_poles
 
-    discrete = in_discrete_time(system, dt)
+    discrete = discrete_system(system, dt)
     n = discrete.nstates
     if (discrete.ninputs, discrete.noutputs) != (1, 1):
         raise InputError(
@@ -161,14 +161,14 @@ def _blend(state: RealArray, parameters: RealArray, given: RealArray, told: Real
 
 @kernel
 def _removed(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `removed`."""
+    """Step of `fault_subtractor`."""
     w = given[0]
     told[0] = given[1] - (1.0 - w) * parameters[0] * given[2] if 0.0 <= w <= 1.0 else np.nan
 
 
 @kernel
 def _total(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `total`."""
+    """Step of `adder`."""
     told[0] = 0.0
     for i in range(len(given)):
         told[0] += given[i]
@@ -176,7 +176,7 @@ def _total(state: RealArray, parameters: RealArray, given: RealArray, told: Real
 
 @kernel
 def _silenced(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `silenced`; the state counts samples, the parameters are the intervals in samples."""
+    """Step of `interval_gate`; the state counts samples; parameters: the intervals in samples."""
     told[0] = given[0]
     for i in range(0, len(parameters), 2):
         if parameters[i] <= state[0] < parameters[i + 1]:
@@ -186,14 +186,14 @@ def _silenced(state: RealArray, parameters: RealArray, given: RealArray, told: R
 
 @kernel
 def _ramped(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `ramped`; the state counts samples; parameters are growth and start in samples."""
+    """Step of `ramped_gain`; the state counts samples; parameters: growth and start in samples."""
     told[0] = given[0] * parameters[0] ** max(state[0] - parameters[1], 0.0)
     state[0] += 1.0
 
 
 @kernel
 def _following(state: RealArray, p: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `following`.
+    """Step of `tracking_controller`.
 
     The state is x, work space for the next x, and output and share of the previous sample.
     """

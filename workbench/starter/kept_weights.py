@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from workbench.bench.problem import import_file
-from workbench.certificate import told_apart
+from workbench.certificate import distinct_texts
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options
@@ -109,8 +109,8 @@ def kept_weights(
         frequencies = dict.fromkeys(f"{one.choices.bandwidth_hz:g}" for one in every)
         told.reasons["bandwidth_hz"] = (
             f"the largest of {', '.join(frequencies)} Hz at which a certified peak of mu is below "
-            f"1, {told_apart(best.peak, 1.0, digits=3)[0]}; at {chosen.bandwidth_hz:g} Hz it is "
-            f"{told_apart(_best(every[: len(models)]).peak, 1.0, digits=3)[0]}"
+            f"1, {distinct_texts(best.peak, 1.0, digits=3)[0]}; at {chosen.bandwidth_hz:g} Hz it "
+            f"is {distinct_texts(_best(every[: len(models)]).peak, 1.0, digits=3)[0]}"
         )
     if best.found is None:
         return told

@@ -7,13 +7,13 @@ from workbench.study.answers import answers
 from workbench.study.checks import check
 from workbench.study.declarations import array, arrays, dim, part, system, variables
 from workbench.study.draws import (
-    claim_of,
     coverage_p,
+    draws_summary,
     independent_seeds,
-    over_draws,
+    interval_text,
     share_interval,
     share_of_draws,
-    with_interval,
+    verdict_of_share,
 )
 from workbench.study.study import Study
 from workbench.study.views import figure, lines, metric, table
@@ -27,19 +27,19 @@ __all__ = [
     "array",
     "arrays",
     "check",
-    "claim_of",
     "coverage_p",
     "dim",
+    "draws_summary",
     "figure",
     "independent_seeds",
+    "interval_text",
     "lines",
     "metric",
-    "over_draws",
     "part",
     "share_interval",
     "share_of_draws",
     "system",
     "table",
     "variables",
-    "with_interval",
+    "verdict_of_share",
 ]

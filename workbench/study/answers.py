@@ -8,7 +8,7 @@ from typing import Any
 
 from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer
-from workbench.certificate import Check, Checker, quantified
+from workbench.certificate import Check, Checker, quantified_checks
 from workbench.errors import InputError
 from workbench.study.declarations import Declaration, Function, PartDeclaration
 from workbench.study.packing import packed_datasets, unpacked_datasets
@@ -127,7 +127,7 @@ def checks_of(
     for label, (checker, answer) in found.items():
         if answer is None:
             continue
-        for check in quantified(checker.quantifier, checks(checker, answer)):
+        for check in quantified_checks(checker.quantifier, checks(checker, answer)):
             kind = (check.name, check.statement, check.limit, check.over, check.proven)
             other = worst.get(kind)
             if other is None or not check.value <= other.value:

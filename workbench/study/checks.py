@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.certificate import Check, quantified
+from workbench.certificate import Check, quantified_checks
 from workbench.errors import InputError
 from workbench.study.declarations import Declaration, Function
 
@@ -39,7 +39,7 @@ class Checked(Declaration):
             return
         over = self.over(study) if callable(self.over) else self.over
         if isinstance(value, list):  # the function returned checks itself
-            yield from quantified(over, value)
+            yield from quantified_checks(over, value)
             return
         limit = self.at_most(study) if callable(self.at_most) else self.at_most
         if limit is None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench._core.heavy_types import Dataset
 from workbench.errors import InputError
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 
 Function = Callable[..., Any]
 
@@ -347,21 +347,25 @@ class System(Declaration):
         if value is None:
             return {}
         if self.over is None:
-            return stored(self.prefix(None), value)
+            return stored_system(self.prefix(None), value)
         every = value if isinstance(value, Mapping) else dict(zip(labels, value, strict=True))
         return {
             key: one
             for label in labels
             if every.get(label) is not None
-            for key, one in stored(self.prefix(label), every[label]).items()
+            for key, one in stored_system(self.prefix(label), every[label]).items()
         }
 
     def restored(self, data: Dataset) -> Any:
         """The system, or the systems by label; systems that are not stored are left out."""
         if self.over is None:
-            return restored(data, self.prefix(None)) if f"{self.prefix(None)}_A" in data else None
+            return (
+                restored_system(data, self.prefix(None))
+                if f"{self.prefix(None)}_A" in data
+                else None
+            )
         return {
-            label: restored(data, self.prefix(label))
+            label: restored_system(data, self.prefix(label))
             for label in data[self.over].values.tolist()
             if f"{self.prefix(label)}_A" in data
         }

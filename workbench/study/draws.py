@@ -43,7 +43,7 @@ def independent_seeds(rng: np.random.Generator, *shape: int) -> NDArray[np.int64
     return rng.integers(2**31, size=shape)
 
 
-def over_draws(values: DataArray, *also: str) -> DataArray:
+def draws_summary(values: DataArray, *also: str) -> DataArray:
     """Mean and interval of a number over its draws, along the dimension ``summary``.
 
     Draws without a value (NaN) do not count; if no draw has a value, the summary is NaN.
@@ -60,8 +60,8 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
     Examples
     --------
     >>> import xarray as xr
-    >>> from workbench.study import over_draws
-    >>> summary = over_draws(xr.DataArray([1.0, 2.0, 3.0], dims="draw"))
+    >>> from workbench.study import draws_summary
+    >>> summary = draws_summary(xr.DataArray([1.0, 2.0, 3.0], dims="draw"))
     >>> summary.to_series().round(3).to_dict()
     {'mean': 2.0, 'low': 1.1, 'high': 2.9}
     """
@@ -81,14 +81,14 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
     return found
 
 
-def with_interval(summary: DataArray, *, form: str = "{:.3g}") -> str:
-    """Mean and interval, as `over_draws` gives them, in words: ``0.52 (0.41 to 0.66)``.
+def interval_text(summary: DataArray, *, form: str = "{:.3g}") -> str:
+    """Mean and interval, as `draws_summary` gives them, in words: ``0.52 (0.41 to 0.66)``.
 
     Examples
     --------
     >>> import xarray as xr
-    >>> from workbench.study import over_draws, with_interval
-    >>> with_interval(over_draws(xr.DataArray([1.0, 2.0, 3.0], dims="draw")))
+    >>> from workbench.study import draws_summary, interval_text
+    >>> interval_text(draws_summary(xr.DataArray([1.0, 2.0, 3.0], dims="draw")))
     '2 (1.1 to 2.9)'
     """
     mean, low, high = (form.format(float(one)) for one in summary.transpose("summary"))
@@ -157,7 +157,7 @@ def share_interval(holds: DataArray, *kept: str, confidence: float = 0.99) -> Da
     return xr.concat(every, "summary").assign_coords(summary=list(SUMMARY))
 
 
-def claim_of(share: float) -> str:
+def verdict_of_share(share: float) -> str:
     """The verdict on a claim that holds in this share of the draws.
 
     "holds" for a share of at least `SURE`, "fails" for one of at most 1 - `SURE`, "undecided"
@@ -165,8 +165,8 @@ def claim_of(share: float) -> str:
 
     Examples
     --------
-    >>> from workbench.study import claim_of
-    >>> claim_of(1.0), claim_of(0.5), claim_of(0.0)
+    >>> from workbench.study import verdict_of_share
+    >>> verdict_of_share(1.0), verdict_of_share(0.5), verdict_of_share(0.0)
     ('holds', 'undecided', 'fails')
     """
     if not 0.0 <= share <= 1.0:

@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from workbench.synthesis.h_infinity.loop_shaping import LoopShaping
     from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
     from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
-    from workbench.synthesis.h_infinity.singular_plants.regularised import regularised
+    from workbench.synthesis.h_infinity.singular_plants.regularised import regularise
     from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
-    from workbench.synthesis.implementation.approximation import approximated, approximations
-    from workbench.synthesis.implementation.continuation import continuous_time
-    from workbench.synthesis.implementation.discretise import discretised
+    from workbench.synthesis.implementation.approximation import approximate, approximations
+    from workbench.synthesis.implementation.continuation import continuous_controller
+    from workbench.synthesis.implementation.discretise import discretise
     from workbench.synthesis.implementation.export import export, load_controller
     from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
     from workbench.synthesis.implementation.implemented import ImplementedController
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.implementation.working_point.point import WorkingPoint
     from workbench.synthesis.limits.analytic_basis import AnalyticBasis
     from workbench.synthesis.limits.dual_bound import DualCertificate
-    from workbench.synthesis.limits.dual_search import highest_proven
+    from workbench.synthesis.limits.dual_search import highest_certificate
     from workbench.synthesis.limits.least_mu import (
         LargestLeastMu,
         LargestLeastMuChecker,
@@ -81,17 +81,17 @@ if TYPE_CHECKING:
     from workbench.synthesis.reduction.approximated_system import ApproximatedSystem
     from workbench.synthesis.switching.boxes import SwitchedBox, proven_share
     from workbench.synthesis.switching.controllers import (
-        controller_replaced,
-        measurement_dropped,
-        measurement_filtered,
-        unswitched,
+        dropout_modes,
+        filtering_modes,
+        replacement_modes,
+        unswitched_modes,
     )
     from workbench.synthesis.switching.deviations import Deviations
     from workbench.synthesis.switching.loops import (
         ControllerMode,
         SampledPlant,
         SwitchedLoop,
-        closed_transition,
+        closed_loop_transition,
         switched_loop,
     )
     from workbench.synthesis.switching.modes import Mode
@@ -167,18 +167,19 @@ __all__ = [
     "SwitchedStability",
     "WorkingLoop",
     "WorkingPoint",
-    "approximated",
+    "approximate",
     "approximations",
-    "closed_transition",
-    "continuous_time",
-    "controller_replaced",
+    "closed_loop_transition",
+    "continuous_controller",
     "demanded_plant",
-    "discretised",
+    "discretise",
+    "dropout_modes",
     "equalising_gain",
     "export",
+    "filtering_modes",
     "fixed_point",
     "gap_metric",
-    "highest_proven",
+    "highest_certificate",
     "hinf",
     "known_disturbance_bound",
     "largest_least_mu",
@@ -186,15 +187,14 @@ __all__ = [
     "least_norm_in_box",
     "load_controller",
     "lqg",
-    "measurement_dropped",
-    "measurement_filtered",
     "proven_share",
     "reduce_order",
-    "regularised",
+    "regularise",
+    "replacement_modes",
     "sampled_conditions",
     "sampled_robustness",
     "second_order_sections",
     "switched_loop",
-    "unswitched",
+    "unswitched_modes",
     "weight",
 ]

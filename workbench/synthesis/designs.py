@@ -23,10 +23,10 @@ from workbench.structure import Structure
 from workbench.synthesis.h_infinity.loop_shaping import LoopShaping
 from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
 from workbench.synthesis.h_infinity.program import HinfSynthesis
-from workbench.synthesis.h_infinity.riccati import central
+from workbench.synthesis.h_infinity.riccati import central_controller
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 
 DESIGN_GAINS = tuple(np.geomspace(0.5, 4.0, 13))
 """Gains that multiply the reference controller in loop shaping."""
@@ -43,7 +43,7 @@ class DesignTask:
         nominal performance on it.
     regular
         Plant for which H-infinity and mu controllers are designed: the same plant, made regular by
-        `regularised`.
+        `regularise`.
     quadratic
         Plant for which LQG is designed: it has no perturbation, and its noise has finite variance
         in the outputs.
@@ -69,7 +69,7 @@ class DesignTask:
     >>> import control
     >>> from workbench.executor import Context
     >>> from workbench.structure import Complex
-    >>> from workbench.synthesis import DESIGNS, DesignTask, regularised
+    >>> from workbench.synthesis import DESIGNS, DesignTask, regularise
     >>> from workbench.uncertainty import generalised_plant
     >>> G = control.tf([1.0], [1.0, 1.0])
     >>> parts = [
@@ -89,7 +89,7 @@ class DesignTask:
     ...     measurement="e",
     ... )
     >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> regular = regularised(plant, 0.1)
+    >>> regular = regularise(plant, 0.1)
     >>> task = DesignTask(
     ...     plant,
     ...     regular,
@@ -177,7 +177,7 @@ def loop_shaping(task: DesignTask, context: Context) -> StateSpace:
         program = task.shaped(gain=gain)
         K = program.controller(_answer(program, context))
         loop = nominal.close(K)
-        tried.append((norm((loop.A, loop.B, loop.C, loop.D)), gain, K))
+        tried.append((hinf_norm((loop.A, loop.B, loop.C, loop.D)), gain, K))
     best: StateSpace = min(tried, key=lambda each: each[:2])[2]
     return best
 
@@ -192,7 +192,9 @@ def full_block(task: DesignTask, context: Context) -> StateSpace:
         try:
             part = task.full_block_plant(size)
             P = part.system
-            return central(P.A, P.B, P.C, P.D, part.controls, part.measurements, 1e-2).gamma
+            return central_controller(
+                P.A, P.B, P.C, P.D, part.controls, part.measurements, 1e-2
+            ).gamma
         except SolverError:
             return math.inf
 

@@ -22,7 +22,7 @@ def stable(A: np.ndarray) -> bool:
     return bool(modes.real.max() < -rounding)
 
 
-def norm(system: Matrices, tolerance: float = 1e-9) -> float:
+def hinf_norm(system: Matrices, tolerance: float = 1e-9) -> float:
     """H-infinity norm of a continuous-time realisation; infinite if it is not stable.
 
     `tolerance` is the relative accuracy. The states are balanced first, because slow modes would be

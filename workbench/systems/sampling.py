@@ -51,7 +51,7 @@ def split_delay(delay: float) -> tuple[int, float]:
     return whole, delay - whole
 
 
-def sampled(system: Any, dt: float, *, delay_samples: float = 0.0) -> StateSpace:
+def sampled_model(system: Any, dt: float, *, delay_samples: float = 0.0) -> StateSpace:
     """Exact discrete-time model of a system whose held inputs arrive late.
 
     ``dt`` [s]: the sampling time; ``delay_samples`` [samples]: how late they arrive. Within [k, k +
@@ -72,9 +72,9 @@ def sampled(system: Any, dt: float, *, delay_samples: float = 0.0) -> StateSpace
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.simulation import sampled
+    >>> from workbench.simulation import sampled_model
     >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> late = sampled(G, 0.1, delay_samples=0.5)
+    >>> late = sampled_model(G, 0.1, delay_samples=0.5)
     >>> late.nstates, bool(np.isclose(late.dcgain(), 1.0))
     (2, True)
     """
@@ -93,7 +93,7 @@ def sampled(system: Any, dt: float, *, delay_samples: float = 0.0) -> StateSpace
 def held_matrices(
     parts: tuple[RealArray, RealArray, RealArray, RealArray], period: float, delay: float
 ) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """A, B, C and D of `sampled`, from those of a system in continuous time."""
+    """A, B, C and D of `sampled_model`, from those of a system in continuous time."""
     A, B, C, D = parts
     n, m = B.shape
     whole, rest = split_delay(delay)
@@ -138,7 +138,7 @@ def _states_of(system: Any) -> StateSpace:
     return as_states(system_of(system, "system"), "system")
 
 
-def continued(system: Any) -> StateSpace:
+def continuous_system(system: Any) -> StateSpace:
     """The continuous system whose bilinear transform is the given discrete system.
 
     Its response at frequency (2/T) tan(w T / 2) equals that of the discrete system at w, so both
@@ -148,9 +148,9 @@ def continued(system: Any) -> StateSpace:
     Examples
     --------
     >>> import control
-    >>> from workbench.simulation import continued, in_discrete_time
+    >>> from workbench.simulation import continuous_system, discrete_system
     >>> G = control.ss([[-3.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> round(float(continued(in_discrete_time(G, 0.1)).poles()[0].real), 6)
+    >>> round(float(continuous_system(discrete_system(G, 0.1)).poles()[0].real), 6)
     -3.0
     """
     import control
@@ -183,7 +183,7 @@ def respond(system: Any, inputs: ArrayLike) -> RealArray:
     """
     system = _states_of(system)
     if system.isctime(strict=True):
-        raise InputError("the system is continuous; `sampled` is how to sample it")
+        raise InputError("the system is continuous; `sampled_model` is how to sample it")
     u = np.ascontiguousarray(inputs, float)
     if u.ndim != 2 or u.shape[1] != system.ninputs:
         raise InputError(f"inputs have shape {u.shape}; they must be (N, {system.ninputs})")

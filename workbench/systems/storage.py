@@ -8,7 +8,7 @@ from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.systems.realisation import realisation
 
 
-def stored(name: str, system: StateSpace) -> dict[str, Any]:
+def stored_system(name: str, system: StateSpace) -> dict[str, Any]:
     """The system as variables of a dataset, under a name; `restored` reads them back."""
     state, output, entering = (f"{name}_{kind}" for kind in ("state", "output", "input"))
     dims = {
@@ -29,7 +29,7 @@ def stored(name: str, system: StateSpace) -> dict[str, Any]:
     return parts | {f"{name}_dt": ((), float(system.dt or 0.0), about)}
 
 
-def restored(data: Dataset, name: str) -> StateSpace:
+def restored_system(data: Dataset, name: str) -> StateSpace:
     """The system that `stored` put into the dataset under this name."""
     A, B, C, D = (data[f"{name}_{part}"].values for part in "ABCD")
     return realisation((A, B, C, D), float(data[f"{name}_dt"]))

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from workbench.uncertainty.algebra.coefficients import ss, tf
     from workbench.uncertainty.algebra.connections import append, block, feedback, series
     from workbench.uncertainty.algebra.interconnect import interconnect
-    from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
-    from workbench.uncertainty.algebra.rational_delays import without_dead_time
+    from workbench.uncertainty.algebra.lft import block_matrix, inverse, left_divide
+    from workbench.uncertainty.algebra.rational_delays import dead_time_approximation
     from workbench.uncertainty.algebra.system import UncertainSystem
     from workbench.uncertainty.algebra.uncertain_elements import (
         complex_scalar,
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate
     from workbench.uncertainty.covers.orientation import (
         Orientation,
-        cheapest,
-        limited,
-        narrowest,
-        smooth,
+        cheapest_orientation,
+        limited_orientation,
+        narrowest_angles,
+        smooth_orientation,
     )
     from workbench.uncertainty.covers.stadium_cover import StadiumCover
     from workbench.uncertainty.covers.steps import CoverSteps
@@ -45,15 +45,15 @@ if TYPE_CHECKING:
     from workbench.uncertainty.matrix_sets.sets import MatrixSets
     from workbench.uncertainty.parametric_models.estimate_region import EstimateRegion
     from workbench.uncertainty.parametric_models.members import members
-    from workbench.uncertainty.parametric_models.model import ParametricModel, parametric
+    from workbench.uncertainty.parametric_models.model import ParametricModel, parametric_lft
     from workbench.uncertainty.parametric_models.parameters import (
         Parameter,
         levels,
         samples,
         vertices,
     )
-    from workbench.uncertainty.responses.between_lines import between_lines
-    from workbench.uncertainty.responses.extrapolation import widened
+    from workbench.uncertainty.responses.between_lines import refined_responses
+    from workbench.uncertainty.responses.extrapolation import widened_responses
     from workbench.uncertainty.responses.plants import Responses
 else:
     __getattr__, __dir__ = on_demand(__name__)
@@ -77,13 +77,14 @@ __all__ = [
     "UncertainSystem",
     "UncertaintyModel",
     "append",
-    "between_lines",
     "block",
+    "block_matrix",
     "central_nominal",
-    "cheapest",
+    "cheapest_orientation",
     "complex_scalar",
     "contains",
     "cover_of_estimate",
+    "dead_time_approximation",
     "delay",
     "dynamics",
     "feedback",
@@ -92,18 +93,17 @@ __all__ = [
     "inverse",
     "left_divide",
     "levels",
-    "limited",
-    "matrix",
+    "limited_orientation",
     "members",
-    "narrowest",
-    "parametric",
+    "narrowest_angles",
+    "parametric_lft",
     "real",
+    "refined_responses",
     "samples",
     "series",
-    "smooth",
+    "smooth_orientation",
     "ss",
     "tf",
     "vertices",
-    "widened",
-    "without_dead_time",
+    "widened_responses",
 ]

@@ -13,7 +13,7 @@ from pydantic import Field
 from workbench import Run, problem, ref
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.synthesis import MuSynthesis, approximated
+from workbench.synthesis import MuSynthesis, approximate
 
 from ..drive.plants import Gain
 from ..drive.plants import controller as reference
@@ -76,5 +76,5 @@ def controller(
                 f"order = {order} reduces the controller of an earlier method: name it by after"
             )
         if K.nstates > order:
-            K = approximated(K, order, plant=plant)
+            K = approximate(K, order, plant=plant)
     return LoopController(plant, start=K, units=SIGNAL_UNITS)

@@ -21,7 +21,7 @@ from workbench.fitting.rational import Rational
 from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
-from workbench.uncertainty.covers.storage import shape
+from workbench.uncertainty.covers.storage import cover_sets
 
 from ..drive.plants import controller
 from ..drive.shared_parameters import TABLES, Frequencies
@@ -112,7 +112,7 @@ class CoverVariants(Study):
         omega = 2 * np.pi * frequency.values
         found = []
         for variant in VARIANTS:
-            sets = shape(self.runs[variant].data, "second")
+            sets = cover_sets(self.runs[variant].data, "second")
             fitted = self.model(variant).sizes(omega)
             found.append([sets.radius, sets.half_length, *fitted])
         return np.array(found)

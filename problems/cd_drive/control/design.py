@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from workbench import Run, ref
-from workbench.synthesis import regularised
+from workbench.synthesis import regularise
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
-from workbench.uncertainty.covers.storage import rational
+from workbench.uncertainty.covers.storage import cover_function
 
 from ..drive.plants import Gain
 from ..drive.tables import Axis
@@ -39,7 +39,7 @@ def uncertainty(axis: Axis, covered: Run | None) -> UncertaintyModel | Parametri
     """Uncertain plant u [V] -> f_en [units]: that of a cover's run, or the parametric one."""
     if covered is None:
         return parametric_plant(axis)
-    nominal, W_c, W_r = (rational(covered.data, name) for name in ("nominal", "W_c", "W_r"))
+    nominal, W_c, W_r = (cover_function(covered.data, name) for name in ("nominal", "W_c", "W_r"))
     assert nominal is not None and W_c is not None
     return UncertaintyModel(nominal, W_c, W_r)
 
@@ -57,7 +57,7 @@ def synthesis_plant(
 
     Raises InputError as `performance_weight`.
     """
-    return regularised(
+    return regularise(
         generalised(axis, uncertain, speed).channel(performance=("z_p", "z_u"), exogenous="w_p"),
         MEASUREMENT_NOISE,
     )

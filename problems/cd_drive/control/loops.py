@@ -8,7 +8,7 @@ Tolerant Control of CD-players (2003).
 from __future__ import annotations
 
 from workbench._core.heavy_types import StateSpace
-from workbench.simulation import sampled
+from workbench.simulation import sampled_model
 
 from ..drive.plants import Gain, controller, nominal_parameters, plant, total_gain, total_gains
 from ..drive.tables import Axis, Values, drives
@@ -35,6 +35,6 @@ def open_loop(axis: Axis, system: StateSpace, delay: float | None = None) -> Sta
     K = control.ss(controller(axis))
     if delay is None:
         return system * K
-    return sampled(system, PERIOD, delay_samples=delay) * control.sample_system(
+    return sampled_model(system, PERIOD, delay_samples=delay) * control.sample_system(
         K, PERIOD, "bilinear"
     )

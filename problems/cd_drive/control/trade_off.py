@@ -27,8 +27,8 @@ from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
 from workbench.synthesis import known_disturbance_bound
-from workbench.synthesis.h_infinity.riccati import central
-from workbench.systems.norms import norm
+from workbench.synthesis.h_infinity.riccati import central_controller
+from workbench.systems.norms import hinf_norm
 from workbench.uncertainty import GeneralisedPlant, generalised_plant
 
 from ..drive.disc import VELOCITY
@@ -122,7 +122,7 @@ class TradeOff:
     @cached_property
     def _resonance(self) -> float:
         """The largest gain of the actuator, u [V] -> x [m]."""
-        size: float = norm((self.G.A, self.G.B, self.G.C, self.G.D))
+        size: float = hinf_norm((self.G.A, self.G.B, self.G.C, self.G.D))
         return size / optical_gain(self.axis)
 
     @cached_property
@@ -133,7 +133,7 @@ class TradeOff:
     def effort(self, K: StateSpace) -> float:
         """Control effort c of the nominal loop."""
         loop = self.nominal.channel(performance="z_u").close(K)
-        return norm((loop.A, loop.B, loop.C, loop.D))
+        return hinf_norm((loop.A, loop.B, loop.C, loop.D))
 
     def design(self, share: float) -> tuple[float, StateSpace]:
         """Sigma, and the controller with the least norm of [z_p; share z_sd; sigma z_u] and c
@@ -152,7 +152,7 @@ class TradeOff:
 
             system = shocked.weighted(performance=[1.0, share, sigma]).system
             parts = (system.A, system.B, system.C, system.D)
-            return control.ss(*central(*parts, shocked.controls, shocked.measurements).K)
+            return control.ss(*central_controller(*parts, shocked.controls, shocked.measurements).K)
 
         def excess(log_sigma: float) -> float:
             return math.log(self.effort(made(math.exp(log_sigma))) / EFFORT)

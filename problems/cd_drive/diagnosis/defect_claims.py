@@ -8,7 +8,7 @@ from typing import NamedTuple
 from workbench import Check
 from workbench._core.heavy_types import DataArray
 from workbench._core.tables import markdown
-from workbench.study import claim_of, share_of_draws
+from workbench.study import share_of_draws, verdict_of_share
 from workbench.study.draws import SURE
 
 
@@ -41,5 +41,5 @@ def claims_in_words(claims: Sequence[Claim]) -> str:
     """A table of the statements that hold in 95 % of the draws, fail in as many, or are
     undecided.
     """
-    rows = [[one.words, f"{one.share:.1%}", claim_of(one.share)] for one in claims]
+    rows = [[one.words, f"{one.share:.1%}", verdict_of_share(one.share)] for one in claims]
     return markdown(["statement", "holds in, of the draws", "claim"], rows)

@@ -15,7 +15,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench.diagnosis import clean_level
 from workbench.diagnosis.evaluation.performance import Interval
-from workbench.simulation import Cascade, Controller, linear
+from workbench.simulation import Cascade, Controller, linear_controller
 
 from ..drive.disc import VELOCITY, Defect, Disc
 from ..drive.plants import controller
@@ -95,7 +95,7 @@ def run(
     ]
     times = np.arange(SETTLING, SETTLING + evaluated - SHOCK_PERIOD, SHOCK_PERIOD)
     played = shocks(bench, [(float(t), acceleration, SHOCK_DURATION) for t in times], samples)
-    law = law or linear(controller(bench.axis), PERIOD)
+    law = law or linear_controller(controller(bench.axis), PERIOD)
     whole = bench.closed_loop(law, played, disc=disc, defects=placed, seed=seed)
     skip = round(SETTLING * RATE)
     arrays: dict[str, Any] = {

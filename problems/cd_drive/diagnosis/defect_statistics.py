@@ -7,7 +7,7 @@ import math
 from workbench._core.arrays import RealArray
 from workbench.diagnosis import cusum, glr
 from workbench.diagnosis.evaluation.performance import Interval
-from workbench.simulation import linear, play
+from workbench.simulation import linear_controller, play
 
 from ..laboratory.bench_setup import PERIOD
 from ..laboratory.experiment import measurements
@@ -30,7 +30,9 @@ def high_passed(signal: RealArray) -> RealArray:
     import control
 
     corner = 2 * math.pi * ERROR_CORNER
-    return play(linear(control.tf([1.0, 0.0], [1.0, corner]), PERIOD), signal[:, None])[:, 0]
+    return play(linear_controller(control.tf([1.0, 0.0], [1.0, corner]), PERIOD), signal[:, None])[
+        :, 0
+    ]
 
 
 def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str, RealArray]:

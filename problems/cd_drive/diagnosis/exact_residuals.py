@@ -25,7 +25,7 @@ from workbench.diagnosis import FaultModel, fault_detection
 from workbench.study import Study, array, check, dim, figure, metric, system, table
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
-from workbench.systems.sampling import respond, sampled
+from workbench.systems.sampling import respond, sampled_model
 
 from ..control.control_problem import optical_gain
 from ..drive.actuator import transfer_coefficients
@@ -137,7 +137,7 @@ class ExactResiduals(Study):
         for sign in CONDITIONS.values():
             turned = realisation((Q.A, Q.B * [1.0, sign], Q.C, Q.D * [1.0, sign]), 0.0)
             found.append(
-                respond(sampled(_joined(turned, self.model(1.0)), PERIOD), given)[::STRIDE, 0]
+                respond(sampled_model(_joined(turned, self.model(1.0)), PERIOD), given)[::STRIDE, 0]
             )
         return np.array(found, np.float32)
 

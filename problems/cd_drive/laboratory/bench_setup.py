@@ -16,7 +16,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.simulation import Converter, band_limited
+from workbench.simulation import Converter, band_limited_noise
 
 from ..drive.actuator import SERIES_RESISTANCE, Actuator, specific_model
 from ..drive.plants import (
@@ -169,7 +169,7 @@ def optical_noise(
     It is white from 0 to `band` [Hz]. The noises of the two diodes are independent with half of the
     power each, so their sum is as noisy as their difference.
     """
-    return band_limited(rng, (samples, 2), drive.K_opt * size / np.sqrt(2), band, 1 / RATE)
+    return band_limited_noise(rng, (samples, 2), drive.K_opt * size / np.sqrt(2), band, 1 / RATE)
 
 
 def electronics_noise(rng: np.random.Generator, samples: int, steps: float) -> RealArray:

@@ -19,7 +19,7 @@ from workbench._core.tables import markdown
 from workbench.bench.declare import Ref
 from workbench.executor import Context
 from workbench.identification import IdentificationWarning
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -27,9 +27,9 @@ from workbench.study import (
     check,
     coverage_p,
     dim,
+    draws_summary,
     figure,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
@@ -161,7 +161,7 @@ class ClosedLoop(Study):
     @part
     def heard(self, context: Context, seed: DataArray, told: list[Told]) -> Any:
         """The records of all draws, and the warnings that estimation gave for them."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = list(zip(seed.values.tolist(), told, strict=True))
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", IdentificationWarning)
@@ -280,15 +280,15 @@ class ClosedLoop(Study):
     # --- what is told -------------------------------------------------------------------------
 
     errors = metric(
-        template="error_{parameter}_{summary}", value=lambda answer: over_draws(_errors(answer))
+        template="error_{parameter}_{summary}", value=lambda answer: draws_summary(_errors(answer))
     )
     errors_over_mass = metric(
         template="error_{parameter}_over_mass_{summary}",
-        value=lambda answer: over_draws(_errors_over_mass(answer)),
+        value=lambda answer: draws_summary(_errors_over_mass(answer)),
     )
     half_widths = metric(
         template="half_width_{parameter}_{summary}",
-        value=lambda half_width, table_value: over_draws(half_width / table_value),
+        value=lambda half_width, table_value: draws_summary(half_width / table_value),
     )
     covered_each = metric(
         template="covered_{parameter}", value=lambda answer: _covers_truth(answer).mean("draw")
@@ -297,12 +297,12 @@ class ClosedLoop(Study):
     levels = metric("level_{signal}", value=lambda level: level.max("draw"))
     largest_um = metric(
         template="largest_error_{summary}_um",
-        value=lambda largest_error: over_draws(1e6 * largest_error),
+        value=lambda largest_error: draws_summary(1e6 * largest_error),
     )
 
     @metric
     def told_numbers(self, answer: Dataset) -> dict[str, DataArray]:
-        found = {name: over_draws(answer[name]) for name in NUMBERS if name != "unproven"}
+        found = {name: draws_summary(answer[name]) for name in NUMBERS if name != "unproven"}
         return {
             f"{name}_{end}": one.sel(summary=end)
             for name, one in found.items()

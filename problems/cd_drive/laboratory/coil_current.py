@@ -24,7 +24,7 @@ from workbench.identification import (
     ParameterFit,
     PeriodicResponse,
     SteppedSine,
-    from_periods,
+    periodic_response,
     sine_fit,
 )
 
@@ -145,7 +145,7 @@ class CoilExperiment:
     def settled(self, raw: PeriodicResponse, current: Current, mass: float) -> PeriodicResponse:
         """v_r/u without the transient of the first resonance; the mass [kg] is the told one."""
         v = without_transient(current.v, self.frequency, self._pole(raw, mass), DISCARDED)
-        return from_periods(self.frequency, current.u, v, transients=DISCARDED)
+        return periodic_response(self.frequency, current.u, v, transients=DISCARDED)
 
     def fit(
         self, response: ComplexArray, variance: RealArray, degrees: float, mass: float

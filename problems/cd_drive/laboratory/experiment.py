@@ -27,9 +27,9 @@ from workbench.simulation import (
     Converter,
     SampledLoop,
     Schedule,
-    idle,
     respond,
-    sampled,
+    sampled_model,
+    zero_controller,
 )
 
 from ..drive import photo_diodes
@@ -149,7 +149,7 @@ class Laboratory:
         import control
 
         optics = control.ss(-ANTIALIASING, ANTIALIASING, -self.parameters.K_optn, 0.0)
-        return sampled(optics * _plant(self)[0, 0], PERIOD, delay_samples=self.delay)
+        return sampled_model(optics * _plant(self)[0, 0], PERIOD, delay_samples=self.delay)
 
     def coil(self, excitation: ArrayLike, seed: int = 0) -> CoilRecord:
         """Apply an excitation u [V] (N,) from rest and measure the coil's current, without optics.
@@ -173,7 +173,9 @@ class Laboratory:
         seed: int = 0,
     ) -> Record:
         """Apply an excitation u [V] (N,) without control while the diodes see a disc."""
-        return self.closed_loop(idle(), excitation, disc=disc, defects=defects, seed=seed)
+        return self.closed_loop(
+            zero_controller(), excitation, disc=disc, defects=defects, seed=seed
+        )
 
     def closed_loop(
         self,
@@ -238,7 +240,7 @@ def _plant(laboratory: Laboratory) -> StateSpace:
 @cache
 def _sampled(laboratory: Laboratory) -> StateSpace:
     """Exact sampled model from u to x, v_r and u_m."""
-    return sampled(_plant(laboratory), PERIOD, delay_samples=laboratory.delay)
+    return sampled_model(_plant(laboratory), PERIOD, delay_samples=laboratory.delay)
 
 
 @remembered(megabytes=100)  # the same seed gives the same noise, so that strategies can be compared

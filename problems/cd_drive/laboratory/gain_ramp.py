@@ -17,21 +17,21 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation import Cascade, Part, linear, ramped
-from workbench.simulation.machine import machine
+from workbench.simulation import Cascade, Part, linear_controller, ramped_gain
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     table,
-    with_interval,
 )
 
 from ..drive.disc import Disc
@@ -137,8 +137,8 @@ class GainRamp(Study):
         deviation = self.deviation * red_book(self.axis).deviation
         slope = DIRECTIONS[direction] * SPEED
         law = [
-            Part("K", linear(controller(self.axis), PERIOD), ["f_en"], tells=["u_k"]),
-            Part("ramp", ramped(slope, SETTLED, PERIOD), ["u_k"], tells=["u"]),
+            Part("K", linear_controller(controller(self.axis), PERIOD), ["f_en"], tells=["u_k"]),
+            Part("ramp", ramped_gain(slope, SETTLED, PERIOD), ["u_k"], tells=["u"]),
         ]
         return self.bench(drive).closed_loop(
             Cascade(MEASUREMENTS, law),
@@ -165,7 +165,7 @@ class GainRamp(Study):
     @part
     def ended(self, context: Context, seed: DataArray) -> RealArray:
         """Endings (drives, draws, directions, 3)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def endings(place: tuple[int, ...]) -> list[Ending]:
             one = seed[place]
@@ -220,11 +220,11 @@ class GainRamp(Study):
 
     changes = metric(
         template="change_{direction}_{summary}",
-        value=lambda change: over_draws(abs(change), "drive"),
+        value=lambda change: draws_summary(abs(change), "drive"),
     )
     frequencies = metric(
         template="frequency_{direction}_{summary}_hz",
-        value=lambda frequency: over_draws(frequency, "drive"),
+        value=lambda frequency: draws_summary(frequency, "drive"),
     )
     share_full = metric(
         template="full_{direction}", value=lambda full: full.mean(["drive", "draw"])
@@ -245,9 +245,9 @@ class GainRamp(Study):
             for direction in DIRECTIONS:
                 at = one.sel(direction=direction)
                 cells += [
-                    with_interval(over_draws(at["change"]), form="{:.1f}"),
+                    interval_text(draws_summary(at["change"]), form="{:.1f}"),
                     f"{float(at['model']):.1f}",
-                    with_interval(over_draws(at["frequency"]), form="{:.0f}"),
+                    interval_text(draws_summary(at["frequency"]), form="{:.0f}"),
                     f"{float(at['model_frequency']):.0f}",
                 ]
             rows.append([str(name), *cells, f"{printed.get(str(name), np.nan):.1f}"])
@@ -261,7 +261,7 @@ class GainRamp(Study):
         place = np.arange(12)
         for panel, direction in zip(panels, DIRECTIONS, strict=True):
             one = answer.sel(direction=direction)
-            told = over_draws(abs(one["change"])).transpose("summary", ...).values
+            told = draws_summary(abs(one["change"])).transpose("summary", ...).values
             mean, low, high = told
             look: Any = {"fmt": "o", "capsize": 3, "color": figures.BLUE, "label": "ramp, 90 %"}
             panel.errorbar(place, mean, [mean - low, high - mean], **look)

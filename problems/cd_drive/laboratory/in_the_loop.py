@@ -16,8 +16,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from workbench._core.arrays import ComplexArray, RealArray
-from workbench.identification import PeriodicResponse, SteppedSine, from_periods, sine_fit
-from workbench.simulation import linear, sampled
+from workbench.identification import PeriodicResponse, SteppedSine, periodic_response, sine_fit
+from workbench.simulation import linear_controller, sampled_model
 
 from ..drive.disc import Disc
 from ..drive.photo_diodes import TRACK_PITCH
@@ -90,7 +90,7 @@ class Chain(NamedTuple):
         s = 2j * np.pi * frequency
         hold = (1 - np.exp(-s * PERIOD)) / (s * PERIOD) * np.exp(-s * PERIOD * self.delay)
         corner = self.control_corner
-        u_m = sampled(control.ss(-corner, corner, 1.0, 0.0), PERIOD, delay_samples=self.delay)
+        u_m = sampled_model(control.ss(-corner, corner, 1.0, 0.0), PERIOD, delay_samples=self.delay)
         control_signal = u_m(np.exp(s * PERIOD), squeeze=False)[0, 0]
         lens_signal = hold * self.error_corner / (s + self.error_corner)
         found: ComplexArray = -self.gain * lens_signal / control_signal
@@ -172,7 +172,7 @@ class LoopExperiment:
         axis = self.bench.axis
         size = self.deviation * red_book(axis).deviation if self.disturbances else 0.0
         disc = Disc.along(axis, size, rotation=ROTATION)
-        law = linear(self.scale * controller(axis), PERIOD)
+        law = linear_controller(self.scale * controller(axis), PERIOD)
         return self.bench.closed_loop(law, self.signal, disc=disc, seed=seed)
 
     def measured(self, seed: int, told: Told) -> LoopRecord:
@@ -213,7 +213,7 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     count more. So noise power and input power are smoothed over neighbouring frequencies.
     """
     u, y = amplitudes(np.stack([record.u_m, error]), sine, turning)
-    estimate = from_periods(sine.frequencies_hz, u, y)
+    estimate = periodic_response(sine.frequencies_hz, u, y)
     scatter = y - estimate.response[:, 0] * u
     steps = pool_steps(sine.frequencies_hz)
     noise = np.sum(abs(scatter) ** 2, axis=1) / (EVALUATED - 1) / EVALUATED

@@ -18,21 +18,21 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import SteppedSine, sine_fit, total_harmonic_distortion
-from workbench.simulation import linear
-from workbench.simulation.machine import machine
+from workbench.simulation import linear_controller
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -133,7 +133,7 @@ class Linearity(Study):
     @part
     def spectra(self, grids: list[RealArray], seed: DataArray, context: Context) -> Any:
         """Harmonics (draw, loop, channel, step, MOST_HARMONICS) of every record."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         trials = dict(zip(LOOPS, zip((open_loop, closed_loop), grids, strict=True), strict=True))
 
         def played(place: tuple[int, ...]) -> ComplexArray:
@@ -181,23 +181,23 @@ class Linearity(Study):
 
     means = metric(
         template="{channel}_{loop}_percent_{summary}",
-        value=lambda thd: over_draws(thd.mean("step")),
+        value=lambda thd: draws_summary(thd.mean("step")),
     )
     medians = metric(
         template="{channel}_{loop}_median_percent_{summary}",
-        value=lambda thd: over_draws(thd.median("step")),
+        value=lambda thd: draws_summary(thd.median("step")),
     )
     most = metric(
         template="{channel}_{loop}_largest_percent_{summary}",
-        value=lambda thd: over_draws(thd.max("step")),
+        value=lambda thd: draws_summary(thd.max("step")),
     )
     first = metric(
         template="input_closed_first_percent_{summary}",
-        value=lambda thd: over_draws(thd.sel(loop="closed", channel="input").isel(step=0)),
+        value=lambda thd: draws_summary(thd.sel(loop="closed", channel="input").isel(step=0)),
     )
     last = metric(
         template="input_closed_last_percent_{summary}",
-        value=lambda thd: over_draws(thd.sel(loop="closed", channel="input").isel(step=-1)),
+        value=lambda thd: draws_summary(thd.sel(loop="closed", channel="input").isel(step=-1)),
     )
     with_harmonics = metric(
         template="{channel}_{loop}_{harmonics}_harmonics_percent",
@@ -209,11 +209,11 @@ class Linearity(Study):
 
     @table
     def thd_(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
-        told, rows = over_draws(answer["thd"]), []
+        told, rows = draws_summary(answer["thd"]), []
         for loop in LOOPS:
             for n, frequency in enumerate(answer["frequency"].sel(loop=loop).values):
                 one = told.sel(loop=loop).isel(step=n)
-                cells = [with_interval(one.sel(channel=name), form="{:.2f}") for name in CHANNELS]
+                cells = [interval_text(one.sel(channel=name), form="{:.2f}") for name in CHANNELS]
                 rows.append([loop, f"{frequency:.1f}", *cells])
         return ["loop", "frequency [Hz]", "THD of input [%]", "of output [%]"], rows
 
@@ -221,7 +221,7 @@ class Linearity(Study):
     def _thd(self, answer: Dataset) -> Figure:
         drawn, panels = figures.axes(1, 2, size=(9.0, 3.8), sharey=True)
         styles = dict(zip(CHANNELS, ("--", "-"), strict=True))
-        told = over_draws(answer["thd"])
+        told = draws_summary(answer["thd"])
         for panel, loop in zip(panels, LOOPS, strict=True):
             one, title = answer.sel(loop=loop), f"{self.laboratory.axis}, {self.laboratory.drive}"
             for channel, style in styles.items():
@@ -267,7 +267,7 @@ def closed_loop(
     bench: Laboratory, frequency: RealArray, seed: int, disc: Disc = ORDINARY_DISC
 ) -> ComplexArray:
     """Harmonics (2, F, MOST_HARMONICS) of the control signal and of the normalised error."""
-    law = linear(controller(bench.axis), PERIOD)
+    law = linear_controller(controller(bench.axis), PERIOD)
     sweep = SteppedSine(frequency, PERIODS, closed_loop_amplitude(bench.axis, frequency), 1 / RATE)
     rest = np.zeros(round(RUN_UP * RATE))
     excitation = np.concatenate([rest, *(samples for _, samples in sweep)])

@@ -17,7 +17,7 @@ from workbench import figures, problem
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.identification import PeriodicResponse, from_periods
+from workbench.identification import PeriodicResponse, periodic_response
 from workbench.study import (
     Study,
     array,
@@ -25,9 +25,9 @@ from workbench.study import (
     check,
     coverage_p,
     dim,
+    draws_summary,
     figure,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
@@ -125,7 +125,7 @@ class OpenLoop(Study):
     )
     raw = part(
         lambda self, currents: [
-            from_periods(self.experiment.frequency, one.u, one.v, transients=DISCARDED)
+            periodic_response(self.experiment.frequency, one.u, one.v, transients=DISCARDED)
             for one in currents
         ]
     )
@@ -269,11 +269,11 @@ class OpenLoop(Study):
 
     errors = metric(
         template="error_{parameter}_{summary}",
-        value=lambda answer: over_draws(abs(answer["estimate"] / answer["truth"] - 1)),
+        value=lambda answer: draws_summary(abs(answer["estimate"] / answer["truth"] - 1)),
     )
     errors_at_told_mass = metric(
         template="error_{parameter}_told_mass_{summary}",
-        value=lambda self, answer: over_draws(self.at_told_mass(answer)),
+        value=lambda self, answer: draws_summary(self.at_told_mass(answer)),
     )
     covered_each = metric(
         template="covered_{parameter}", value=lambda answer: _covers_truth(answer).mean("draw")
@@ -283,13 +283,13 @@ class OpenLoop(Study):
         template="bias_{parameter}", value=lambda answer: answer["truth"] / answer["table"] - 1
     )
     tests = metric(
-        template="{assumption}_p_{summary}", value=lambda assumption_p: over_draws(assumption_p)
+        template="{assumption}_p_{summary}", value=lambda assumption_p: draws_summary(assumption_p)
     )
     ringing = metric(
-        template="transient_p_{summary}", value=lambda transient_p: over_draws(transient_p)
+        template="transient_p_{summary}", value=lambda transient_p: draws_summary(transient_p)
     )
     misfit = metric(
-        template="chi_square_{summary}", value=lambda chi_square: over_draws(chi_square)
+        template="chi_square_{summary}", value=lambda chi_square: draws_summary(chi_square)
     )
 
     @table

@@ -19,18 +19,18 @@ from workbench import Check, figures, problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     check,
     dim,
+    draws_summary,
     figure,
+    interval_text,
     metric,
-    over_draws,
     part,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -117,7 +117,7 @@ class OpticalGain(Study):
     def scans(self, seed: DataArray, context: Context) -> list[list[Scan]]:
         """A scan of every drive in every draw, each with its own noise."""
         scan = focus_scan if self.axis == "focus" else radial_scan
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def scanned(place: tuple[int, ...]) -> Scan:
             one = seed[place]
@@ -219,11 +219,11 @@ class OpticalGain(Study):
 
     errors = metric(
         template="error_{quantity}_{summary}",
-        value=lambda self, found: over_draws(abs(self.error(found)), "drive"),
+        value=lambda self, found: draws_summary(abs(self.error(found)), "drive"),
     )
     errors_without_told = metric(
         template="error_{quantity}_known_distance_{summary}",
-        value=lambda self, found, told: over_draws(abs(self.error(found * told)), "drive"),
+        value=lambda self, found, told: draws_summary(abs(self.error(found * told)), "drive"),
     )
     coverage = metric(
         template="covered_{quantity}",
@@ -237,7 +237,7 @@ class OpticalGain(Study):
     )
     spread = metric(
         template="spread_{quantity}_{summary}",
-        value=lambda found: over_draws(found.groupby("draw").map(spread)),
+        value=lambda found: draws_summary(found.groupby("draw").map(spread)),
     )
 
     @table
@@ -245,7 +245,7 @@ class OpticalGain(Study):
         heads = ["drive"]
         for name, unit in OPTICAL_GAINS.items():
             heads += [f"{SIGNS[name]} [{unit}]", "99 %", "Table A.3", "covered"]
-        covered, told = self.covered(found, half_width).mean("draw"), over_draws(found)
+        covered, told = self.covered(found, half_width).mean("draw"), draws_summary(found)
         rows = []
         for number, drive in enumerate(found["drive"].values):
             row = [str(drive)]
@@ -254,7 +254,7 @@ class OpticalGain(Study):
                 width = float(half_width.sel(at).mean("draw"))
                 share = f"{float(covered.sel(at)):.0%}"
                 row += [
-                    with_interval(told.sel(at), form="{:.0f}"),
+                    interval_text(told.sel(at), form="{:.0f}"),
                     f"{width:.1%}",
                     f"{true:.0f}",
                     share,

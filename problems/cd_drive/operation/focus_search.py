@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.compiled import kernel
-from workbench.simulation import Cascade, Controller, Part, blend, following
+from workbench.simulation import Cascade, Controller, Part, blend, tracking_controller
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.plants import controller
@@ -71,7 +71,7 @@ class Search:
         """The search and the reference controller, only one of which gives the command at a
         time.
         """
-        follower = following(controller("focus"), PERIOD, FOLLOWING)
+        follower = tracking_controller(controller("focus"), PERIOD, FOLLOWING)
         parts = [
             Part("search", self.law, given=["f_en", "sum", "u_last"], tells=["closed", "ramp"]),
             Part("seen", blend(), given=["closed", "f_en"]),

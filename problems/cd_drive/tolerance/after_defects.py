@@ -16,21 +16,21 @@ from workbench import figures, problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     check,
-    claim_of,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
+    verdict_of_share,
 )
 from workbench.study.draws import SURE
 
@@ -118,7 +118,7 @@ class AfterDefects(Study):
     @part
     def found(self, seed: DataArray, context: Context) -> Any:
         """Clean levels, times after the defects and losses, for every draw and loop."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [(loop, int(one)) for one in seed.values for loop in LOOPS]
         every = context.spread(lambda cell: self.one_draw(*cell), cells, "draws")
         return tuple(
@@ -235,11 +235,11 @@ class AfterDefects(Study):
 
     times_ms = metric(
         template="{signal}_after_{kind}_{loop}_{summary}_ms",
-        value=lambda after: over_draws(1e3 * after),
+        value=lambda after: draws_summary(1e3 * after),
     )
     settling_ms = metric(
         template="{signal_without_noise}_settles_{loop}_{summary}_ms",
-        value=lambda settles: over_draws(1e3 * settles),
+        value=lambda settles: draws_summary(1e3 * settles),
     )
 
     share_lost = metric("lost_{loop}", value=lambda lost: (lost > 0).mean("draw"))
@@ -251,14 +251,14 @@ class AfterDefects(Study):
         for loop in LOOPS:
             for kind in KINDS:
                 one = 1e3 * after.sel(loop=loop, kind=kind)
-                told = [with_interval(over_draws(one.sel(signal=name))) for name in SIGNALS]
+                told = [interval_text(draws_summary(one.sel(signal=name))) for name in SIGNALS]
                 share = float(share_of_draws(one.sel(signal="error") > one.sel(signal="sum")))
-                rows.append([loop, kind, *told, f"{share:.0%}", claim_of(share)])
+                rows.append([loop, kind, *told, f"{share:.0%}", verdict_of_share(share)])
             one = 1e3 * settles.sel(loop=loop)
             error, total = (one.sel(signal_without_noise=name) for name in SIGNALS[:2])
-            told = [with_interval(over_draws(each)) for each in (error, total)]
+            told = [interval_text(draws_summary(each)) for each in (error, total)]
             share = float(share_of_draws(error > total))
-            row = [loop, "scratch, settled", *told, "", f"{share:.0%}", claim_of(share)]
+            row = [loop, "scratch, settled", *told, "", f"{share:.0%}", verdict_of_share(share)]
             rows.append(row)
         heads = ["loop", "after a", *(f"{name} [ms]" for name in SIGNALS)]
         return [*heads, "error longer than sum in draws", "claim"], rows
@@ -278,7 +278,7 @@ class AfterDefects(Study):
             figures.label(
                 panel, "time from its end [ms]", words, f"{self.axis}, a scratch, fig. 7.4"
             )
-        told = 1e3 * over_draws(answer["after"].sel(signal=list(SIGNALS[:2])))
+        told = 1e3 * draws_summary(answer["after"].sel(signal=list(SIGNALS[:2])))
         for k, (name, mark) in enumerate(zip(SIGNALS[:2], "os", strict=True)):
             for n, loop in enumerate(LOOPS):
                 mean, low, high = told.sel(signal=name, loop=loop).transpose("summary", ...).values

@@ -16,22 +16,22 @@ from workbench import figures, problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
-    claim_of,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
+    verdict_of_share,
 )
 from workbench.study.draws import SURE
 
@@ -127,7 +127,7 @@ class FalseDetections(Study):
     @part
     def met(self, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (draws, strategies, cases, 3)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         axis = self.experiment.axis
         cells = [
             (name, ScratchDraw.drawn(axis, int(one))) for one in seed.values for name in STRATEGIES
@@ -186,7 +186,8 @@ class FalseDetections(Study):
     # --- what is told -------------------------------------------------------------------------
 
     errors_um = metric(
-        template="error_{strategy}_{case}_{summary}_um", value=lambda error: over_draws(1e6 * error)
+        template="error_{strategy}_{case}_{summary}_um",
+        value=lambda error: draws_summary(1e6 * error),
     )
     errors_without_noise_um = metric(
         template="error_{strategy}_{case}_without_noise_um",
@@ -211,9 +212,9 @@ class FalseDetections(Study):
         rows = []
         for name in STRATEGIES:
             one = 1e6 * error.sel(strategy=name)
-            told = [with_interval(over_draws(one.sel(case=case))) for case in CASES]
+            told = [interval_text(draws_summary(one.sel(case=case))) for case in CASES]
             share = float(share_of_draws(one < 1e6 * error.sel(strategy="reference"), "case")[0])
-            claim = "" if name == "reference" else claim_of(share)
+            claim = "" if name == "reference" else verdict_of_share(share)
             times = f"{float((lost.sel(strategy=name, case='with') > 0).mean()):.0%}"
             rows.append([titled(name), *told, times, claim])
         heads = ["strategy", *(f"{case} it [um]" for case in CASES), "lost in draws"]

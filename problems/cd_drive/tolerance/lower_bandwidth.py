@@ -18,9 +18,15 @@ from workbench import Check, figures, problem
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, THIS_SYSTEM
 from workbench.mu import conditions
-from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_transition, discretised
+from workbench.synthesis import (
+    LeadLag,
+    MuController,
+    MuSynthesis,
+    closed_loop_transition,
+    discretise,
+)
 from workbench.systems import loop_response
-from workbench.systems.storage import stored
+from workbench.systems.storage import stored_system
 
 from ..control.control_problem import SIGNAL_UNITS
 from ..control.loops import plants
@@ -139,7 +145,9 @@ class LowerBandwidth(MuSynthesis):
         """Largest modulus of the sampled nominal loop's poles, with one sample of delay."""
         nominal = plants(self.axis, "own", "printed")["nominal"]
         return float(
-            abs(np.linalg.eigvals(closed_transition(nominal, discretised(K, PERIOD), 1.0))).max()
+            abs(
+                np.linalg.eigvals(closed_loop_transition(nominal, discretise(K, PERIOD), 1.0))
+            ).max()
         )
 
     def responses(self, K: StateSpace, frequency: Any) -> tuple[Any, Any]:
@@ -158,8 +166,8 @@ class LowerBandwidth(MuSynthesis):
         return found
 
     def to_dataset(self, answer: MuController) -> Dataset:
-        sampled = discretised(answer.K, PERIOD)
-        return super().to_dataset(answer).assign(stored("sampled", sampled))
+        sampled = discretise(answer.K, PERIOD)
+        return super().to_dataset(answer).assign(stored_system("sampled", sampled))
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
         figure, panels = figures.axes(3, 1, size=(7.2, 8.6), sharex=True)

@@ -18,7 +18,7 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.diagnosis import Estimator, Rotation
-from workbench.simulation import in_discrete_time, sampled
+from workbench.simulation import discrete_system, sampled_model
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.systems import bandwidths, loop_response
 from workbench.systems.connection import generalised_plant
@@ -210,7 +210,7 @@ def changes(bandwidth: DataArray) -> DataArray:
 def sampled_drives(axis: Axis) -> dict[str, StateSpace]:
     """u [V] -> f_en [units] of every drive, including hold and delay."""
     every = plants(axis, "own", "printed")
-    return {name: sampled(one, PERIOD, delay_samples=DELAY) for name, one in every.items()}
+    return {name: sampled_model(one, PERIOD, delay_samples=DELAY) for name, one in every.items()}
 
 
 def every_law(axis: Axis) -> dict[tuple[str, str], StateSpace]:
@@ -235,7 +235,7 @@ def law(axis: Axis, observer: Estimator | None, seen: str) -> StateSpace:
     """f_en -> u: the controller, with f_en or its estimate as input, plus u_p of an observer."""
     import control
 
-    K = in_discrete_time(controller(axis), PERIOD)
+    K = discrete_system(controller(axis), PERIOD)
     if observer is None:
         return control.ss(K)
     last = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], PERIOD)

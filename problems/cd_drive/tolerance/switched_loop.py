@@ -27,15 +27,15 @@ import numpy as np
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.simulation import sampled
+from workbench.simulation import sampled_model
 from workbench.synthesis import (
     ControllerMode,
     SampledPlant,
-    controller_replaced,
-    discretised,
-    measurement_dropped,
-    measurement_filtered,
-    unswitched,
+    discretise,
+    dropout_modes,
+    filtering_modes,
+    replacement_modes,
+    unswitched_modes,
 )
 from workbench.systems.realisation import modal_form
 
@@ -68,7 +68,7 @@ def lens_model(
     outputs = np.zeros((2, n + 1))
     outputs[0, :n], outputs[1, n] = C4[0], 1.0
     B = np.vstack([B4, [[0.0]]])
-    P = sampled(control.ss(A, B, outputs, 0.0), PERIOD, delay_samples=delay)
+    P = sampled_model(control.ss(A, B, outputs, 0.0), PERIOD, delay_samples=delay)
     return SampledPlant(P.A, P.B, P.C[:1], P.C[1:], K_optn * MICRO, PERIOD, filtered)
 
 
@@ -79,18 +79,18 @@ def regulators(
 
     Raises InputError for an unknown strategy, a missing K', and a K' with another slow pole than K.
     """
-    sampled_K = discretised(K, PERIOD)
+    sampled_K = discretise(K, PERIOD)
     if strategy == "none":
-        return unswitched(sampled_K)
+        return unswitched_modes(sampled_K)
     if strategy == "open":
-        return measurement_dropped(sampled_K)
+        return dropout_modes(sampled_K)
     if strategy == "filter":
-        return measurement_filtered(sampled_K, discretised(low_pass(), PERIOD))
+        return filtering_modes(sampled_K, discretise(low_pass(), PERIOD))
     if strategy != "lower":
         raise InputError(f'strategy is {strategy!r}; it must be "none", "open", "filter", "lower"')
     if lower is None:
         raise InputError('strategy "lower" needs a controller K\'; none is given')
-    return controller_replaced(sampled_K, discretised(lower, PERIOD))
+    return replacement_modes(sampled_K, discretise(lower, PERIOD))
 
 
 def filtered(omega: RealArray) -> ComplexArray:

@@ -18,13 +18,13 @@ from workbench.simulation import (
     Controller,
     Part,
     Repetitive,
+    adder,
     blend,
-    following,
-    in_discrete_time,
-    linear,
-    removed,
-    silenced,
-    total,
+    discrete_system,
+    fault_subtractor,
+    interval_gate,
+    linear_controller,
+    tracking_controller,
 )
 
 from ..diagnosis.position_estimator.model import kalman
@@ -49,7 +49,7 @@ def stand_in_filter() -> StateSpace:
     """Discrete stand-in F for the fault filter: it returns the part of a signal that the low-pass
     removes.
     """
-    return in_discrete_time(1 - low_pass(), PERIOD)
+    return discrete_system(1 - low_pass(), PERIOD)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,12 +113,12 @@ class Strategies:
         seen = diode_quality(self.level, DIST_MIN, DIST_MAX)
         return [
             Part("detector", seen, MEASUREMENTS, tells=("quality", "dist", "error_read")),
-            Part("w_Q", silenced(self.false, PERIOD), ["quality"]),
+            Part("w_Q", interval_gate(self.false, PERIOD), ["quality"]),
         ]
 
     @property
     def _law(self) -> Controller:
-        return linear(self.controller, PERIOD)
+        return linear_controller(self.controller, PERIOD)
 
     def _reference(self) -> list[Part]:
         """Figure 8.2: the loop is opened, and the controller continues with an error of 0."""
@@ -131,7 +131,7 @@ class Strategies:
         return [
             Part("trusted", blend(), ["w_Q", "f_en"]),
             Part("REP", self.repetitive.controller, ["trusted"]),
-            Part("seen", total(), ["trusted", "REP"]),
+            Part("seen", adder(), ["trusted", "REP"]),
             Part("K", self._law, ["seen"], tells=["u"]),
         ]
 
@@ -143,7 +143,7 @@ class Strategies:
             Part("estimator", estimator, ["f_en", "u_last", "w_Q"], tells=told),
             Part("seen", blend(), ["w_Q", "f_en", "f_en_hat"]),
             Part("K", self._law, ["seen"], tells=["u_k"]),
-            Part("u", total(), ["u_k", "u_p"]),
+            Part("u", adder(), ["u_k", "u_p"]),
         ]
 
     def _removed(self) -> list[Part]:
@@ -151,8 +151,8 @@ class Strategies:
         K_optn = find_drive(self.axis, "nominal").K_optn
         F = stand_in_filter() if self.F is None else self.F
         return [
-            Part("u_f", linear(F / K_optn, PERIOD), ["f_en"]),
-            Part("seen", removed(gain=K_optn), ["w_Q", "f_en", "u_f"]),
+            Part("u_f", linear_controller(F / K_optn, PERIOD), ["f_en"]),
+            Part("seen", fault_subtractor(gain=K_optn), ["w_Q", "f_en", "u_f"]),
             Part("K", self._law, ["seen"], tells=["u"]),
         ]
 
@@ -166,12 +166,12 @@ class Strategies:
             )
         if not self.bumpless:
             return [
-                Part("K", linear(self.controller, PERIOD), ["f_en"], tells=["u_k"]),
-                Part("K'", linear(other, PERIOD), ["f_en"], tells=["u_k'"]),
+                Part("K", linear_controller(self.controller, PERIOD), ["f_en"], tells=["u_k"]),
+                Part("K'", linear_controller(other, PERIOD), ["f_en"], tells=["u_k'"]),
                 Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
             ]
-        follower = following(self.controller, PERIOD, FOLLOWING)
-        substitute = following(other, PERIOD, FOLLOWING, substitute=True)
+        follower = tracking_controller(self.controller, PERIOD, FOLLOWING)
+        substitute = tracking_controller(other, PERIOD, FOLLOWING, substitute=True)
         return [
             Part("K", follower, ["f_en", "w_Q", "u_last"], tells=["u_k"]),
             Part("K'", substitute, ["f_en", "w_Q", "u_last"], tells=["u_k'"]),

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, ref
-from workbench.uncertainty import Responses, widened
+from workbench.uncertainty import Responses, widened_responses
 
 from ..drive.plants import Gain, responses_of, systems_of
 from ..drive.shared_parameters import grid
@@ -73,4 +73,4 @@ def measured_drives(
         unit="units/V",
         known=systems_of(axis, models, gains, gain, False),
     )
-    return measured if content is None else widened(measured, content)
+    return measured if content is None else widened_responses(measured, content)

@@ -15,8 +15,8 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.uncertainty.algebra.lft import left_divide, matrix
-from workbench.uncertainty.parametric_models.model import ParametricModel, parametric
+from workbench.uncertainty.algebra.lft import block_matrix, left_divide
+from workbench.uncertainty.parametric_models.model import ParametricModel, parametric_lft
 from workbench.uncertainty.parametric_models.parameters import Parameter
 
 from ..drive.actuator import SERIES_RESISTANCE
@@ -48,10 +48,12 @@ def two_masses(
     mass = element(m1, lens) + element(m2, arm)
     damping = element(b1, arm) + element(b2, lens - arm)
     stiffness = element(k1, arm) + element(k2, lens - arm)
-    current = matrix([[0.0, 0.0, -Bl, 0.0, 1.0]]) / (R + SERIES_RESISTANCE)
-    force = matrix([[-stiffness, -damping, np.zeros((2, 1))]]) + lens[:, None] @ (Bl * current)
+    current = block_matrix([[0.0, 0.0, -Bl, 0.0, 1.0]]) / (R + SERIES_RESISTANCE)
+    force = block_matrix([[-stiffness, -damping, np.zeros((2, 1))]]) + lens[:, None] @ (
+        Bl * current
+    )
     speeds = np.eye(2, 5, k=2)
-    change = matrix(
+    change = block_matrix(
         [[speeds], [left_divide(mass, force)]]
     )  # rows of the states, columns of the states and u
     return change @ np.eye(5, 4), change @ np.eye(5)[:, 4:], K_total * np.eye(1, 4), 0.0
@@ -70,7 +72,7 @@ def parametric_plant(axis: Axis, reduced: bool = True) -> ParametricModel:
     uncertain = uncertain_parameters(axis, reduced)
     names = [parameter.name for parameter in uncertain]
     certain = {n: entry.nominal for n, entry in nominal_table(axis).items() if n not in names}
-    return parametric(partial(two_masses, **certain), uncertain, inputs=["u"], outputs=["f_en"])
+    return parametric_lft(partial(two_masses, **certain), uncertain, inputs=["u"], outputs=["f_en"])
 
 
 def parametric_nominal(axis: Axis) -> StateSpace:

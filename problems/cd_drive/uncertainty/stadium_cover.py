@@ -10,7 +10,13 @@ from __future__ import annotations
 from typing import Literal
 
 from workbench import Run, problem
-from workbench.uncertainty import Orientation, StadiumCover, limited, narrowest, smooth
+from workbench.uncertainty import (
+    Orientation,
+    StadiumCover,
+    limited_orientation,
+    narrowest_angles,
+    smooth_orientation,
+)
 from workbench.uncertainty.covers.sets import Form
 
 from ..drive.plants import Gain
@@ -19,9 +25,9 @@ from ..drive.tables import Axis, Values
 from .measured_drives import Content, LeaveOut, Order, Source, identified_drives, measured_drives
 
 ORIENTATIONS: dict[str, Orientation] = {
-    "narrowest": narrowest,
-    "limited": limited(),
-    "smooth": smooth(),
+    "narrowest": narrowest_angles,
+    "limited": limited_orientation(),
+    "smooth": smooth_orientation(),
 }
 
 

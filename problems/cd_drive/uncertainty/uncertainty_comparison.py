@@ -15,7 +15,7 @@ import numpy as np
 from workbench import Check, Run, figures, problem, ref
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench.certificate import worst
+from workbench.certificate import worst_value
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty.covers.sets import (
     circles_about_nominal,
@@ -236,4 +236,4 @@ def _named(variant: DataArray) -> DataArray:
 def _worst(ratio: DataArray) -> tuple[float, str]:
     """The largest ratio, and the frequency at which it occurs."""
     frequency = ratio["frequency"].values
-    return worst(ratio.values, lambda place: f"at {frequency[place[1]]:.4g} Hz")
+    return worst_value(ratio.values, lambda place: f"at {frequency[place[1]]:.4g} Hz")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_cells import LEVELS, heuristic, inaccurate, invalid, made, nothing, solved, synthetic
 
-from workbench.bench.comparison import judged
+from workbench.bench.comparison import judged_cells
 from workbench.bench.comparison.drawings import drawings
 from workbench.bench.comparison.layout import NUMBERS, seconds
 from workbench.bench.comparison.profiles import performance_ratios, profile
@@ -22,7 +22,7 @@ ALL = {"performance-profile", "cactus", "scaling", "accuracy-against-time", "agr
 @pytest.fixture(scope="module")
 def many():
     """Figures of twelve methods."""
-    return drawings(judged(synthetic(problems=7, methods=12, repetitions=2)))
+    return drawings(judged_cells(synthetic(problems=7, methods=12, repetitions=2)))
 
 
 @pytest.mark.cases(0)
@@ -77,7 +77,7 @@ def timed(**seconds):
         for i, time in enumerate(times):
             cell = nothing("failed") if time is None else solved(solve=time, statement=0.0)
             cells[f"p{i}", method] = cell
-    return judged(made(cells, sizes={"p0": 1.0, "p1": 2.0, "p2": 4.0}))
+    return judged_cells(made(cells, sizes={"p0": 1.0, "p1": 2.0, "p2": 4.0}))
 
 
 def test_a_profile_by_hand():
@@ -121,7 +121,7 @@ def points(figure):
 def test_an_answer_far_below_its_bound_does_not_look_exact():
     cells = {("p", "bad"): inaccurate(0.02, -0.98, scale=1.0), ("p", "good"): solved(1.0, 0.0)}
     cells |= {("p", "open"): inaccurate(1.0, np.inf), ("p", "none"): invalid()}  # without a time
-    figure = drawings(judged(made(cells)))["accuracy-against-time"]
+    figure = drawings(judged_cells(made(cells)))["accuracy-against-time"]
     drawn = points(figure)
     assert [(name, gap) for name, gap, _ in drawn] == [
         ("method:bad", -0.98), ("method:bad", -0.98), ("method:good", 0.0), ("method:open", NONE),
@@ -138,7 +138,7 @@ def test_an_answer_far_below_its_bound_does_not_look_exact():
 
 
 def test_the_axis_has_negative_gaps_only_where_there_are_some():
-    figure = drawings(judged(made({("p", "a"): solved(1.0, 1e-8), ("p", "b"): solved()})))
+    figure = drawings(judged_cells(made({("p", "a"): solved(1.0, 1e-8), ("p", "b"): solved()})))
     panel = figure["accuracy-against-time"].axes[0]
     low, high = panel.transAxes.inverted().transform(panel.transData.transform([[1, 0], [1, 1e-8]]))
     assert low[1] < 0.2 < high[1] < 1
@@ -148,21 +148,21 @@ def test_the_axis_has_negative_gaps_only_where_there_are_some():
 def test_methods_of_a_program_differ_in_colour():
     cells = {("p", f"first {k}"): solved() for k in range(7)}
     cells |= {("q", name): solved() for name in ("first 0", "other")}
-    looks = method_looks(judged(made(cells, programs={"p": "P", "q": "Q"})))
+    looks = method_looks(judged_cells(made(cells, programs={"p": "P", "q": "Q"})))
     assert len({looks[f"first {k}"].colour for k in range(7)}) == 7
     assert looks["other"].colour != looks["first 0"].colour
 
 
 def test_a_wrong_claim_is_crossed():
     cells = {("p", "bad"): inaccurate(2.0, 0.5), ("p", "good"): solved()}
-    figure = drawings(judged(made(cells)))["accuracy-against-time"]
+    figure = drawings(judged_cells(made(cells)))["accuracy-against-time"]
     crosses = [line for line in figure.axes[0].get_lines() if line.get_marker() == "x"]
     assert [line.get_gid() for line in crosses] == ["method:bad"]
 
 
 def test_many_problems_share_a_panel():
     cells = {(f"p{k}", "a"): solved() for k in range(9)}
-    figure = drawings(judged(made(cells, LEVELS)))["accuracy-against-time"]
+    figure = drawings(judged_cells(made(cells, LEVELS)))["accuracy-against-time"]
     assert [panel.get_title() for panel in figure.axes] == ["9 problems"]
 
 
@@ -180,13 +180,13 @@ def test_many_problems_share_a_panel():
     ],
 )
 def test_there_is_no_figure_of_what_there_is_not(cells, names):
-    assert drawings(judged(made(cells))).keys() == names
+    assert drawings(judged_cells(made(cells))).keys() == names
 
 
 def test_every_program_has_figures_of_its_own():
     cells = {("p", "a"): solved(), ("q", "b"): solved(), ("q", "c"): nothing("failed")}
     programs = {"p": "SmallestCircle", "q": "MuUpperBound"}
-    found = drawings(judged(made(cells, programs=programs)))
+    found = drawings(judged_cells(made(cells, programs=programs)))
     names = [f"accuracy-against-time-{one}" for one in ("smallest-circle", "mu-upper-bound")]
     assert set(names) <= found.keys()
     labels = [text.get_text() for text in found[names[0]].legends[0].get_texts()]
@@ -194,8 +194,8 @@ def test_every_program_has_figures_of_its_own():
 
 
 def test_of_one_problem_the_profiles_would_say_nothing_more():
-    assert "cactus" not in drawings(judged(made({("p", "a"): solved()})))
-    assert "cactus" in drawings(judged(made({("p", "a"): solved(), ("q", "a"): solved()})))
+    assert "cactus" not in drawings(judged_cells(made({("p", "a"): solved()})))
+    assert "cactus" in drawings(judged_cells(made({("p", "a"): solved(), ("q", "a"): solved()})))
 
 
 # --- numbers that are none ----------------------------------------------------------------------
@@ -205,7 +205,7 @@ def test_of_one_problem_the_profiles_would_say_nothing_more():
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
 def test_every_figure_is_drawn_whatever_its_numbers_are(value):
     """In one cell of every variable, then in all cells of the gap and of the times."""
-    data = judged(synthetic(problems=2, methods=2, repetitions=1))
+    data = judged_cells(synthetic(problems=2, methods=2, repetitions=1))
     spoilt = data.copy(deep=True)
     for place, name in enumerate(NUMBERS):
         spoilt[name].values.flat[place] = value

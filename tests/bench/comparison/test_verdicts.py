@@ -7,19 +7,19 @@ from hypothesis import strategies as st
 from lanes import examples
 from made_cells import heuristic, inaccurate, invalid, made, nothing, proven, solved
 
-from workbench.bench.comparison import SAFETY, judged
+from workbench.bench.comparison import SAFETY, judged_cells
 from workbench.errors import ResultError
 
 
 def verdicts(*cells, level="middle", **options):
     """Verdicts of the cells of one problem, in their order."""
     data = made({("p", f"m{k}"): cell for k, cell in enumerate(cells)}, (level,), **options)
-    return judged(data)["verdict"].values.ravel().tolist()
+    return judged_cells(data)["verdict"].values.ravel().tolist()
 
 
 def reasons(*cells):
     data = made({("p", f"m{k}"): cell for k, cell in enumerate(cells)})
-    return judged(data)["reason"].values.ravel().tolist()
+    return judged_cells(data)["reason"].values.ravel().tolist()
 
 
 ALONE = {
@@ -119,7 +119,7 @@ def test_coarse_answers_do_not_accuse_fine_ones():
         ("p", "coarse", "low"): solved(1.0 - 2e-3, np.nan),
         ("p", "coarse", "high"): nothing(""),
     }
-    found = judged(made(cells, ("low", "high")))["verdict"].sel(by_method="fine").values
+    found = judged_cells(made(cells, ("low", "high")))["verdict"].sel(by_method="fine").values
     assert found.ravel().tolist() == ["inaccurate", "inaccurate"]
 
 
@@ -245,7 +245,9 @@ def test_units_of_the_objective_make_no_difference(cells, factor):
 @given(st.lists(CELLS, min_size=1, max_size=5), CELLS)
 def test_a_cell_of_another_problem_makes_no_difference(cells, other):
     data = {("p", f"m{k}"): cell for k, cell in enumerate(cells)}
-    both = judged(made(data | {("q", "m0"): other}))["verdict"].sel(problem="p").values.ravel()
+    both = (
+        judged_cells(made(data | {("q", "m0"): other}))["verdict"].sel(problem="p").values.ravel()
+    )
     assert both.tolist()[: len(cells)] == verdicts(*cells)
 
 
@@ -263,7 +265,7 @@ def test_a_worse_heuristic_speaks_against_no_optimum(cells):
 
 def test_every_repetition_is_a_cell_of_its_own():
     cells = {("p", "a", "middle", 0): solved(), ("p", "a", "middle", 1): inaccurate(1.5)}
-    found = judged(made(cells, repetitions=2))
+    found = judged_cells(made(cells, repetitions=2))
     assert found["verdict"].values.ravel().tolist() == ["solved", "wrong"]
     assert "a at middle, repetition 1" in str(found["reason"].values[0, 0, 0, 1])
 
@@ -274,7 +276,7 @@ def test_every_repetition_is_a_cell_of_its_own():
 def test_an_older_comparison_is_refused_with_what_to_do():
     old = made({("p", "a"): solved()}).isel(repetition=0, drop=True)
     with pytest.raises(ResultError, match=r"dimensions problem, by_method, accuracy; .* again"):
-        judged(old)
+        judged_cells(old)
 
 
 @pytest.mark.parametrize(
@@ -288,4 +290,4 @@ def test_an_older_comparison_is_refused_with_what_to_do():
 )
 def test_another_dataset_is_refused(spoil, words):
     with pytest.raises(ResultError, match=words):
-        judged(spoil(made({("p", "a"): solved()})))
+        judged_cells(spoil(made({("p", "a"): solved()})))

@@ -12,7 +12,7 @@ import pytest
 
 from workbench import solve
 from workbench.collections import read_plant
-from workbench.synthesis import HinfSynthesis, regularised
+from workbench.synthesis import HinfSynthesis, regularise
 from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.systems.standard_plant import standard_plant
 
@@ -57,6 +57,6 @@ def test_a_plant_has_a_certified_controller(folder, name):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("size", [1e-2, 1e-4])
 def test_a_plant_is_made_regular(folder, name, size):
-    regular = regularised(read_plant(folder / f"{name}.mat"), size)
+    regular = regularise(read_plant(folder / f"{name}.mat"), size)
     checked(standard_plant(regular))
     assert solve(HinfSynthesis(regular)).certificate.holds

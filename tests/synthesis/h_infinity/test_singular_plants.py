@@ -16,7 +16,7 @@ from workbench.synthesis import (
     MixedSensitivity,
     MuSynthesis,
     hinf,
-    regularised,
+    regularise,
 )
 from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.normalised import SingularPlantError, has_rank
@@ -253,8 +253,8 @@ def test_what_cannot_be_stabilised_is_refused():
 def test_a_plant_made_regular_meets_the_assumptions(kind):
     plant = kind(0)
     for size in (1e-2, 1e-4):
-        checked(standard_plant(regularised(plant, size)))
-    checked(standard_plant(regularised(plant)))
+        checked(standard_plant(regularise(plant, size)))
+    checked(standard_plant(regularise(plant)))
     given = standard_plant(plant)
     for perturbed in (made_regular, wholly_perturbed):
         found = perturbed(given, 1e-3)
@@ -263,13 +263,13 @@ def test_a_plant_made_regular_meets_the_assumptions(kind):
 
 
 def test_a_regular_plant_is_not_touched():
-    plant = HinfSynthesis(regularised(no_noise(0), 1e-2)).plant
+    plant = HinfSynthesis(regularise(no_noise(0), 1e-2)).plant
     given = standard_plant(plant)
     assert made_regular(given) is given
 
 
 def test_names_of_signals_at_every_frequency():
-    labels = regularised(repeated_controls(0)).system.output_labels
+    labels = regularise(repeated_controls(0)).system.output_labels
     assert [name for name in labels if name.startswith("regular_")] == ["regular_u0", "regular_u1"]
 
 

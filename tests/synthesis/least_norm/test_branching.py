@@ -6,7 +6,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.synthesis import least_norm_in_box
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 from workbench.uncertainty import GeneralisedPlant
 
 
@@ -26,7 +26,7 @@ def norms_of(plant, gains):
     found = []
     for gain in gains:
         loop = plant.close(control.ss([], [], [], gain))
-        found.append(norm((loop.A, loop.B, loop.C, loop.D)))
+        found.append(hinf_norm((loop.A, loop.B, loop.C, loop.D)))
     return np.array(found)
 
 

@@ -8,8 +8,8 @@ from workbench.bench.comparison.files import cell_columns, need_table_file, writ
 from workbench.bench.comparison.layout import DIMS, METHOD, UNFIT, need_comparison
 from workbench.bench.comparison.numbers import badge, counts, shifted_mean
 from workbench.bench.comparison.study import Comparison
-from workbench.bench.comparison.tables import HEADS, alike, failures, rows, unfit
-from workbench.bench.comparison.verdicts import SAFETY, judged
+from workbench.bench.comparison.tables import HEADS, alike_methods, failures, rows, unfit_problems
+from workbench.bench.comparison.verdicts import SAFETY, judged_cells
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -21,7 +21,7 @@ __all__ = [
     "SAFETY",
     "UNFIT",
     "Comparison",
-    "alike",
+    "alike_methods",
     "badge",
     "cell_columns",
     "changed_cells",
@@ -29,11 +29,11 @@ __all__ = [
     "changes_table",
     "counts",
     "failures",
-    "judged",
+    "judged_cells",
     "need_comparison",
     "need_table_file",
     "rows",
     "shifted_mean",
-    "unfit",
+    "unfit_problems",
     "write_cells",
 ]

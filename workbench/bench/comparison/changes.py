@@ -12,7 +12,7 @@ from workbench._core.heavy_types import Dataset
 from workbench._core.tables import markdown
 from workbench.bench.comparison.layout import DIMS, METHOD, cell_labels
 from workbench.bench.comparison.numbers import certified_times, combined_verdicts, largest_gap
-from workbench.bench.comparison.verdicts import judged
+from workbench.bench.comparison.verdicts import judged_cells
 from workbench.errors import InputError
 
 CONFIDENCE = 0.95
@@ -50,7 +50,7 @@ def changes(old: Dataset, new: Dataset) -> Dataset:
     """
     import xarray as xr
 
-    old, new = judged(old), judged(new)
+    old, new = judged_cells(old), judged_cells(new)
     _need_same_parameters(old, new)
     common: dict[str, list[str]] = {}
     only: dict[str, list[str]] = {"only_old": [], "only_new": []}

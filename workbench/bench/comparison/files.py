@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench._core.heavy_types import Dataset
 from workbench.bench.comparison.layout import COORDINATES, DIMS, asked_cells, command
-from workbench.bench.comparison.verdicts import judged
+from workbench.bench.comparison.verdicts import judged_cells
 from workbench.errors import InputError
 
 FORMATS = (".csv", ".parquet")
@@ -72,7 +72,7 @@ def need_table_file(path: str | Path) -> Path:
 
 def cell_columns(data: Dataset) -> dict[str, list[Any]]:
     """The cells as columns, by name with unit; None for unknown numbers."""
-    data = judged(data)
+    data = judged_cells(data)
     places = np.argwhere(asked_cells(data))
     found: dict[str, list[Any]] = {}
     for name in COORDINATES:

@@ -12,7 +12,7 @@ from workbench.bench.comparison.drawings import drawings
 from workbench.bench.comparison.layout import asked_cells
 from workbench.bench.comparison.numbers import badge, counts
 from workbench.bench.comparison.tables import tables
-from workbench.bench.comparison.verdicts import judged
+from workbench.bench.comparison.verdicts import judged_cells
 from workbench.certificate import Check
 from workbench.errors import ResultError
 from workbench.executor import Context
@@ -42,10 +42,10 @@ class Comparison(Study):
 
     def compute(self, context: Context) -> Dataset:
         """The cells, with their verdicts."""
-        return judged(self.cells(context))
+        return judged_cells(self.cells(context))
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        data = judged(answer)
+        data = judged_cells(answer)
         stored = answer["verdict"].values if "verdict" in answer else data["outcome"].values
         excluded = counts(data)["contradictions"]
         other = int(np.sum(stored != data["verdict"].values))
@@ -56,16 +56,16 @@ class Comparison(Study):
         ]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
-        found = counts(judged(answer))
+        found = counts(judged_cells(answer))
         share = found["certified"] / found["cells"] if found["cells"] else float("nan")
         return {"certified_share": share, **found}
 
     def facts(self, answer: Dataset) -> list[str]:
         """Fact: if a comparison holds, its cells agree; that does not certify any of them."""
-        return [badge(judged(answer))]
+        return [badge(judged_cells(answer))]
 
     def tables(self, answer: Dataset) -> dict[str, str]:
-        return tables(judged(answer))
+        return tables(judged_cells(answer))
 
     def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return drawings(judged(answer))
+        return drawings(judged_cells(answer))

@@ -135,7 +135,7 @@ def agreement(data: Dataset) -> Rows:
     return ["method", *names], table
 
 
-def unfit(data: Dataset) -> list[str]:
+def unfit_problems(data: Dataset) -> list[str]:
     """One sentence for each problem that a method cannot take, with the reason."""
     found = {}
     for place in zip(*np.nonzero(data["outcome"].values == UNFIT), strict=True):
@@ -144,7 +144,7 @@ def unfit(data: Dataset) -> list[str]:
     return list(found.values())
 
 
-def alike(data: Dataset) -> list[str]:
+def alike_methods(data: Dataset) -> list[str]:
     """One sentence for each method whose single computation serves several accuracy levels."""
     found, here = [], tried(data)
     levels = data["accuracy"].values
@@ -161,8 +161,8 @@ def alike(data: Dataset) -> list[str]:
 def tables(data: Dataset) -> dict[str, str]:
     """Every table of a dataset with verdicts, in Markdown, by file stem."""
     heads, failed = failures(data)
-    notes = "".join(f"\nUnfit: {text}\n" for text in unfit(data))
-    notes += "".join(f"\nAlike: {text}\n" for text in alike(data))
+    notes = "".join(f"\nUnfit: {text}\n" for text in unfit_problems(data))
+    notes += "".join(f"\nAlike: {text}\n" for text in alike_methods(data))
     return {
         "means": _by_program(data),
         "failures": markdown(heads, failed) if failed else "Every cell is certified.\n",

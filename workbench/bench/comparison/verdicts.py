@@ -58,7 +58,7 @@ CERTIFIED = (str(Outcome.SOLVED), str(Outcome.INFEASIBLE), str(Outcome.UNBOUNDED
 """Certified verdicts: the answer, or the claim that there is none, has a certificate that holds."""
 
 
-def judged(data: Dataset) -> Dataset:
+def judged_cells(data: Dataset) -> Dataset:
     """The dataset with the variables ``verdict`` and ``reason``, made from all its cells.
 
     For a cell that is wrong, in a contradiction or inaccurate, the reason is a sentence that says

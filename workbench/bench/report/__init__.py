@@ -30,7 +30,7 @@ from workbench.bench.results import damaged, open_run, unreadable
 from workbench.bench.store import CHECKSUMS
 from workbench.bench.trust.untrusted import own_file, possible_path
 from workbench.errors import ResultError
-from workbench.executor import InProcess, Progress, silent
+from workbench.executor import InProcess, Progress, no_progress
 from workbench.executor.live import shown_live
 
 __all__ = ["failed_runs", "report", "single_page"]
@@ -134,7 +134,7 @@ def single_page(run: str | Path, output: str | Path | None = None) -> Path:
     if target.is_dir():
         raise ResultError(f"{target} is a folder; the name of a page is needed: {target / name}")
     _outside_of_results(target)
-    (drawn,) = draw_runs([found.path], InProcess(), silent)
+    (drawn,) = draw_runs([found.path], InProcess(), no_progress)
     inline = [_inline(one.svg, f"f{place}-") for place, one in enumerate(drawn.figures)]
     figures = [
         FigureView(one.name, _embedded(one), *pixels_of(one.png), svg.markup if svg else None)

@@ -27,7 +27,7 @@ from workbench.input_checks import need_positive
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, response
-from workbench.systems.sampling import sampled
+from workbench.systems.sampling import sampled_model
 from workbench.uncertainty import UncertaintyModel
 
 BOUNDARY_POINTS = 24
@@ -183,7 +183,7 @@ class FaultLoop:
         G = self.filter * self.model.systems()["G"]
         if self.dt is None:
             return G
-        return bilinear_continuous(sampled(G, self.dt, delay_samples=self.delay_samples))
+        return bilinear_continuous(sampled_model(G, self.dt, delay_samples=self.delay_samples))
 
     @cached_property
     def plant(self) -> GeneralisedPlant:

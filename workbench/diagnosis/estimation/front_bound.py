@@ -53,7 +53,7 @@ class ToeplitzLimit:
     leaks: bool
 
 
-def least_total(
+def least_total_error(
     demands: EstimationDemands, error: float, corner: float, *, coefficients: int = COEFFICIENTS
 ) -> float:
     """Lower bound on E + 3 rms for all stable filters with this relative error, nominal plant.
@@ -81,13 +81,13 @@ def least_total(
     Examples
     --------
     >>> import control
-    >>> from workbench.diagnosis import EstimationDemands, least_total
+    >>> from workbench.diagnosis import EstimationDemands, least_total_error
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
     >>> demands = EstimationDemands(
     ...     error_above_hz=0.5, leakage_below_hz=0.05, gain=2.0, disturbance=room, noise=1e-4,
     ...     noise_band_hz=1.0
     ... )
-    >>> bound = least_total(demands, error=0.5, corner=1.0, coefficients=16)
+    >>> bound = least_total_error(demands, error=0.5, corner=1.0, coefficients=16)
     >>> bool(0 < bound < 3e-3)
     True
     """

@@ -46,7 +46,8 @@ class FrontFilter:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, LaguerreBasis, full_order
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, LaguerreBasis
+    >>> from workbench.diagnosis import full_order_filter
     >>> from workbench.fitting import Rational
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
@@ -58,7 +59,7 @@ class FrontFilter:
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
     >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
     >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
-    >>> found = full_order(loop, grid, LaguerreBasis(loop, 1.0), 6, error=0.5, leakage=2e-3)
+    >>> found = full_order_filter(loop, grid, LaguerreBasis(loop, 1.0), 6, error=0.5, leakage=2e-3)
     >>> found.answer.K.noutputs, found.removal is None
     (1, True)
     """
@@ -84,7 +85,7 @@ class FrontFilter:
         return max(bounds) * (1 + PEAK_TOLERANCE) <= 1.0
 
 
-def full_order(
+def full_order_filter(
     loop: FaultLoop,
     frequency_hz: ArrayLike,
     basis: LaguerreBasis,
@@ -105,7 +106,8 @@ def full_order(
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, LaguerreBasis, full_order
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, LaguerreBasis
+    >>> from workbench.diagnosis import full_order_filter
     >>> from workbench.fitting import Rational
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
@@ -117,7 +119,7 @@ def full_order(
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
     >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
     >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
-    >>> found = full_order(loop, grid, LaguerreBasis(loop, 1.0), 6, error=0.5, leakage=2e-3)
+    >>> found = full_order_filter(loop, grid, LaguerreBasis(loop, 1.0), 6, error=0.5, leakage=2e-3)
     >>> found.meets, found.point.error <= 0.5 * (1 + 1e-6)
     (True, True)
     """
@@ -127,7 +129,7 @@ def full_order(
     return certified_filter(loop, basis.filter(point.coefficients), point, error, leakage, peak)
 
 
-def few_states(
+def low_order_filter(
     loop: FaultLoop,
     frequency_hz: RealArray,
     F: StateSpace,
@@ -140,8 +142,9 @@ def few_states(
     """The best filter with the poles of a reduction of F, up to an order; F = 0 is kept.
 
     Filters that are certified to meet all requirements come first. ``frequency_hz`` (F,) [Hz]:
-    grid, to which frequencies about the reduced poles are added. peak: as in `full_order`. Raises
-    SolverError if no reduction has poles that meet the relative error, the leakage and the peak.
+    grid, to which frequencies about the reduced poles are added. peak: as in `full_order_filter`.
+    Raises SolverError if no reduction has poles that meet the relative error, the leakage and the
+    peak.
 
     Examples
     --------
@@ -151,8 +154,8 @@ def few_states(
     ...     EstimationDemands,
     ...     FaultLoop,
     ...     LaguerreBasis,
-    ...     few_states,
-    ...     full_order,
+    ...     low_order_filter,
+    ...     full_order_filter,
     ... )
     >>> from workbench.fitting import Rational
     >>> from workbench.uncertainty import UncertaintyModel
@@ -166,8 +169,8 @@ def few_states(
     >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
     >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
     >>> limits = {"error": 0.5, "leakage": 2e-3}
-    >>> F = full_order(loop, grid, LaguerreBasis(loop, 1.0), 6, **limits).F
-    >>> few_states(loop, grid, F, 3, **limits).F.nstates <= 3
+    >>> F = full_order_filter(loop, grid, LaguerreBasis(loop, 1.0), 6, **limits).F
+    >>> low_order_filter(loop, grid, F, 3, **limits).F.nstates <= 3
     True
     """
     if not F.C.any() and not F.D.any():  # F = 0, which needs no states
@@ -176,7 +179,7 @@ def few_states(
         one = np.ones((len(frequency_hz), 1), complex)
         nothing = FaultFront(loop, frequency_hz).least(one, error, leakage=leakage, peak=peak)
         return certified_filter(loop, control.ss([], [], [], 0.0), nothing, error, leakage, peak)
-    program = estimation(loop, error, leakage)
+    program = loop_estimation(loop, error, leakage)
 
     def tried(poles: StateSpace) -> FrontFilter | None:
         """The best filter with these poles; None if none meets the error and the leakage."""
@@ -216,7 +219,7 @@ def few_states(
     return min(meeting or found, key=lambda each: each.point.total)
 
 
-def estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation:
+def loop_estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation:
     """The fault estimation of a loop with its requirements."""
     return FaultEstimation(loop.plant, "f", requirements=loop.requirements(error, leakage))
 
@@ -230,7 +233,7 @@ def certified_filter(
     peak: float | None = None,
 ) -> FrontFilter:
     """A filter with its certified bounds. Raises SolverError for one that is not stable."""
-    answer = estimation(loop, error, leakage).answer(F)
+    answer = loop_estimation(loop, error, leakage).answer(F)
     if answer is None:
         raise SolverError(f"the filter is not stable: poles {np.sort(F.poles().real)[-2:]}")
     removal = None if peak is None else removal_conditions(loop, F, peak)

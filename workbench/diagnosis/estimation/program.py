@@ -38,7 +38,7 @@ from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.realisation import in_words
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 
 LEAST_TOLERANCE = 0.02
 """Largest relative distance between a claimed least norm and the recomputed one: twice that of the
@@ -321,8 +321,8 @@ class FaultEstimation(Program):
         bounds = np.vstack([answer.peaks, answer.stacked])
         return xr.Dataset(
             {
-                **stored("plant", self.plant.system),
-                **stored("filter", answer.K),
+                **stored_system("plant", self.plant.system),
+                **stored_system("filter", answer.K),
                 "peak": (("requirement", "bound"), bounds, one | {"long_name": "mixed mu"}),
                 "least": ((), answer.least, one | {"long_name": "no lower nominal norm was found"}),
                 "round_peak": ("round", list(answer.history), one),
@@ -347,7 +347,7 @@ class FaultEstimation(Program):
             _of_bounds(restored_peak(data, f"proven_{number}"), *row)
             for number, row in enumerate(bounds.tolist())
         )
-        F = restored(data, "filter")
+        F = restored_system(data, "filter")
         return FaultFilter(F, bounds[:-1], bounds[-1], least=least, history=history, proven=proven)
 
     def figures(self, answer: FaultFilter) -> dict[str, Figure]:

@@ -35,7 +35,7 @@ STEPS = 512
 
 
 @dataclass(frozen=True)
-class Reached:
+class DemandReached:
     """How much of a demand is met: on which share of the set, with limits raised by which factor.
 
     The requirements hold for all perturbations of the set that are at most ``share`` as large, with
@@ -43,8 +43,8 @@ class Reached:
 
     Examples
     --------
-    >>> from workbench.diagnosis import Reached
-    >>> Reached(1.0, 1.0).as_asked, Reached(0.9, 1.2).as_asked
+    >>> from workbench.diagnosis import DemandReached
+    >>> DemandReached(1.0, 1.0).as_asked, DemandReached(0.9, 1.2).as_asked
     (True, False)
     """
 
@@ -90,9 +90,9 @@ def stable_share(loop: FaultLoop) -> float:
 
 def best_design(
     loops: Sequence[FaultLoop],
-    least_factor: Callable[[Reached], float],
-    designed: Callable[[Reached], Design | None],
-) -> tuple[Reached, Design]:
+    least_factor: Callable[[DemandReached], float],
+    designed: Callable[[DemandReached], Design | None],
+) -> tuple[DemandReached, Design]:
     """The design that meets a demand, or the one that comes nearest to it; and how near it comes.
 
     Parameters
@@ -134,15 +134,15 @@ def best_design(
     >>> reached.share, round(reached.factor, 2), design
     (1.0, 1.51, 'a filter')
     """
-    asked = Reached(1.0, 1.0)
+    asked = DemandReached(1.0, 1.0)
     found = designed(asked)
     if found is not None:
         return asked, found
     share = min(map(stable_share, loops))
-    factor = max(1.0, (1 + FACTOR_ROOM) * least_factor(Reached(share, 1.0)))
+    factor = max(1.0, (1 + FACTOR_ROOM) * least_factor(DemandReached(share, 1.0)))
 
-    def tried(steps: int) -> tuple[Reached, Design] | None:
-        reached = Reached(share, factor * (1 + STEP) ** steps)
+    def tried(steps: int) -> tuple[DemandReached, Design] | None:
+        reached = DemandReached(share, factor * (1 + STEP) ** steps)
         found = designed(reached)
         return None if found is None else (reached, found)
 

@@ -35,10 +35,10 @@ class DisturbedPlant:
     --------
     >>> import control
     >>> from workbench.diagnosis import DisturbedPlant, Rotation
-    >>> from workbench.simulation import sampled
+    >>> from workbench.simulation import sampled_model
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
+    >>> model = DisturbedPlant(sampled_model(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> model.dt, model.seen  # two states of the lens and two of the oscillator
     (0.001, 4)
     """

@@ -49,13 +49,14 @@ class Estimate(NamedTuple):
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import DisturbedPlant, Rotation, estimate, placed
-    >>> from workbench.simulation import sampled
+    >>> from workbench.diagnosis import DisturbedPlant, Rotation, estimate, placed_estimator
+    >>> from workbench.simulation import sampled_model
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
+    >>> model = DisturbedPlant(sampled_model(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
-    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> poles = np.concatenate([poles, model.rotation.poles(1e-3, 8.0)])
+    >>> estimator = placed_estimator(model, poles)
     >>> found = estimate(estimator.controller, np.zeros(10), np.zeros(10), np.ones(10))
     >>> found.outputs.shape, found.disturbance.shape, found.frequency_hz.tolist()[:1]
     ((10, 1), (10,), [5.0])
@@ -79,13 +80,14 @@ class Estimator:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import DisturbedPlant, Estimator, Rotation, placed
-    >>> from workbench.simulation import sampled
+    >>> from workbench.diagnosis import DisturbedPlant, Estimator, Rotation, placed_estimator
+    >>> from workbench.simulation import sampled_model
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
+    >>> model = DisturbedPlant(sampled_model(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
-    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> poles = np.concatenate([poles, model.rotation.poles(1e-3, 8.0)])
+    >>> estimator = placed_estimator(model, poles)
     >>> bool(abs(Estimator(model, estimator.gain).poles()).max() < 1)
     True
     """
@@ -161,20 +163,21 @@ def _check_quality(quality: float) -> None:
         raise InputError(f"quality is {quality}; it must be 0 to 1")
 
 
-def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
+def placed_estimator(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
     """The estimator with these discrete poles (seen,); raises InputError as `observer_gain`.
 
     Examples
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import DisturbedPlant, Rotation, placed
-    >>> from workbench.simulation import sampled
+    >>> from workbench.diagnosis import DisturbedPlant, Rotation, placed_estimator
+    >>> from workbench.simulation import sampled_model
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
+    >>> model = DisturbedPlant(sampled_model(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
-    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> poles = np.concatenate([poles, model.rotation.poles(1e-3, 8.0)])
+    >>> estimator = placed_estimator(model, poles)
     >>> bool(
     ...     np.isclose(abs(estimator.poles()).max(), np.exp(-8.0 * 1e-3))
     ... )  # the oscillator's decay
@@ -199,13 +202,14 @@ def estimate(
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import DisturbedPlant, Rotation, estimate, placed
-    >>> from workbench.simulation import sampled
+    >>> from workbench.diagnosis import DisturbedPlant, Rotation, estimate, placed_estimator
+    >>> from workbench.simulation import sampled_model
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
+    >>> model = DisturbedPlant(sampled_model(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
-    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> poles = np.concatenate([poles, model.rotation.poles(1e-3, 8.0)])
+    >>> estimator = placed_estimator(model, poles)
     >>> d = np.sin(2 * np.pi * 5.0 * 1e-3 * np.arange(3000))
     >>> y = control.forced_response(model.plant, inputs=[0 * d, d]).outputs.ravel()
     >>> found = estimate(estimator.controller, y, 0 * d, np.ones(3000))

@@ -93,10 +93,10 @@ class KalmanEstimator:
     --------
     >>> import control
     >>> from workbench.diagnosis import DisturbedPlant, KalmanEstimator, Noise, Rotation
-    >>> from workbench.simulation import sampled
+    >>> from workbench.simulation import sampled_model
     >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
     >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
-    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency_hz=5.0))
+    >>> model = DisturbedPlant(sampled_model(lens, 1e-3), Rotation(frequency_hz=5.0))
     >>> estimator = KalmanEstimator(model, Noise(0.0, 1e-3, 1e-2, 1.0))
     >>> bool(abs(estimator.settled.poles()).max() < 1)
     True

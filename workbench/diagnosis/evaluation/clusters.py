@@ -89,7 +89,7 @@ class Clusters:
         return np.where(far, UNKNOWN, found).astype(np.int64)
 
 
-def confusion(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
+def confusion_matrix(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
     """Confusion matrix (K, K + 1): how many samples of a true kind (row) got which kind (column).
 
     The last column counts negative numbers, which stand for none of the kinds. Raises InputError
@@ -97,8 +97,8 @@ def confusion(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
 
     Examples
     --------
-    >>> from workbench.diagnosis import confusion
-    >>> confusion([0, 0, 1, 1], [0, 1, 1, -1], kinds=2).tolist()
+    >>> from workbench.diagnosis import confusion_matrix
+    >>> confusion_matrix([0, 0, 1, 1], [0, 1, 1, -1], kinds=2).tolist()
     [[1, 1, 0], [0, 1, 1]]
     """
     need_whole(kinds, "kinds")

@@ -21,16 +21,16 @@ from workbench.diagnosis.generators.generator import (
     ResidualGenerator,
     denominator,
     realised,
+    residual_response,
     stacked,
-    transfer,
 )
 from workbench.diagnosis.models.decoupling import Parity
 from workbench.diagnosis.models.detectability import (
     detectability,
     frequencies,
-    masking,
+    masking_inputs,
     need_faults,
-    unattainable,
+    unattainable_faults,
 )
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
@@ -161,7 +161,7 @@ def _residual(
     omega: Array | None,
 ) -> ResidualGenerator:
     """The generator of the residual with one row of a structure."""
-    hidden = unattainable(model, row, omega=omega)
+    hidden = unattainable_faults(model, row, omega=omega)
     if hidden:
         raise InputError(_explanation(model, number, row, hidden, omega))
     shown = tuple(name for name, one in zip(model.faults, row, strict=True) if one)
@@ -244,7 +244,7 @@ def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[st
     names = (*model.controls, *parity.decoupled, *shown)
     dt = model.dt
     at = LEAK_FREQUENCIES * (np.pi / dt if dt else parity.rate)
-    gains = np.abs(transfer(found.Q, model, names, at)).max(axis=(0, 1))
+    gains = np.abs(residual_response(found.Q, model, names, at)).max(axis=(0, 1))
     leak, most = gains[: -len(shown)].max(initial=0.0), gains[-len(shown) :].max()
     if not leak <= LARGEST_LEAK * most:
         worst = names[int(gains[: -len(shown)].argmax())]
@@ -278,7 +278,7 @@ def _explanation(
     for name in hidden:
         place = test.faults.index(name)
         if not test.weak[place]:
-            masks = masking(model, name, (*model.disturbances, *zeros))
+            masks = masking_inputs(model, name, (*model.disturbances, *zeros))
             kinds = [
                 f"{'the fault' if mask in zeros else 'the disturbance'} {mask}" for mask in masks
             ]

@@ -53,7 +53,7 @@ class ResidualGenerator:
     noise: tuple[str, ...]
 
 
-def transfer(
+def residual_response(
     Q: StateSpace, model: FaultModel, names: Sequence[str], omega: ArrayLike
 ) -> NDArray[np.complex128]:
     """The response (F, q, k) from k inputs of the model to the residuals r = Q [y; u].
@@ -73,12 +73,12 @@ def transfer(
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import FaultModel, fault_detection, transfer
+    >>> from workbench.diagnosis import FaultModel, fault_detection, residual_response
     >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
     >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
     >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
     >>> generator = fault_detection(model, poles=-3.0, omega=0.0)
-    >>> abs(transfer(generator.Q, model, ["f", "d", "u"], [0.0])).round(6).ravel().tolist()
+    >>> abs(residual_response(generator.Q, model, ["f", "d", "u"], [0.0])).round(6).ravel().tolist()
     [1.0, 0.0, 0.0]
     """
     if not isinstance(model, FaultModel):
@@ -113,7 +113,7 @@ def structure_matrix(
         `detectability`. None: it must react at one of some random frequencies around the model's
         poles (weak structure).
 
-    Raises InputError as `transfer` does.
+    Raises InputError as `residual_response` does.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def structure_matrix(
         at = np.pi / model.dt * 10.0 ** (spread - 1.6) if model.dt else rate * 10.0**spread
     else:
         at = frequencies(model, omega)
-    found = np.abs(transfer(Q, model, model.faults, at))
+    found = np.abs(residual_response(Q, model, model.faults, at))
     parts = np.abs(response(Q, at)[:, :, : len(model.outputs)])
     reacts = found > CANCELLED_GAIN_SHARE * (parts @ np.abs(model.response(model.faults, at)))
     over = np.any if omega is None else np.all

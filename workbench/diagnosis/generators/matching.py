@@ -21,14 +21,19 @@ from workbench.answer import Answer
 from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
-from workbench.diagnosis.generators.generator import Poles, ResidualGenerator, realised, transfer
+from workbench.diagnosis.generators.generator import (
+    Poles,
+    ResidualGenerator,
+    realised,
+    residual_response,
+)
 from workbench.diagnosis.models.decoupling import Parity
-from workbench.diagnosis.models.detectability import frequencies, masking, need_faults
+from workbench.diagnosis.models.detectability import frequencies, masking_inputs, need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
 from workbench.second_opinion import loops
 from workbench.synthesis.h_infinity.hinf import hinf
-from workbench.synthesis.h_infinity.singular_plants.regularised import regularised
+from workbench.synthesis.h_infinity.singular_plants.regularised import regularise
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation
@@ -127,7 +132,7 @@ def model_matching(
         model.dt,
     )
     generalised = GeneralisedPlant(plant, None, k, int(R.noutputs))
-    K = hinf(regularised(generalised, regularisation), gamma=gamma, method=method).lti
+    K = hinf(regularise(generalised, regularisation), gamma=gamma, method=method).lti
     names = [f"r{i + 1}" for i in range(k)]
     generator = ResidualGenerator(
         followed_by(base.Q, K, names), followed_by(R, K, names), model.faults, model.noise
@@ -169,18 +174,18 @@ def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.diagnosis import FaultModel, null_space_generator, transfer
+    >>> from workbench.diagnosis import FaultModel, null_space_generator, residual_response
     >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
     >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
     >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
     >>> Q = null_space_generator(model, poles=-3.0).Q
-    >>> float(abs(transfer(Q, model, ["u", "d"], [0.1, 1.0, 10.0])).max().round(9))
+    >>> float(abs(residual_response(Q, model, ["u", "d"], [0.1, 1.0, 10.0])).max().round(9))
     0.0
     """
     need_faults(model)
     parity = Parity(model, model.disturbances)
     if not parity.count:
-        masks = masking(model, model.faults[0], model.disturbances)
+        masks = masking_inputs(model, model.faults[0], model.disturbances)
         raise InputError(
             f"{len(model.outputs)} outputs and {len(model.disturbances)} disturbances leave no "
             f"residual: {', '.join(masks)} can imitate every fault; measure more, or let some "
@@ -218,7 +223,7 @@ def matching_bound(
     omega = frequencies(model, omega)
     target = response(M_r, omega)
     target = np.concatenate([target, np.zeros((*target.shape[:2], len(model.noise)))], axis=2)
-    rows = transfer(Q_1, model, (*model.faults, *model.noise), omega)
+    rows = residual_response(Q_1, model, (*model.faults, *model.noise), omega)
     _, sizes, V = np.linalg.svd(rows, full_matrices=False)
     V = V * (sizes > RESPONSE_RANK_SHARE * sizes.max(axis=1, keepdims=True))[:, :, None]
     left = target - (target @ V.conj().swapaxes(1, 2)) @ V

@@ -19,7 +19,7 @@ from workbench._core.arrays import Array
 from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.answer import Answer, RepeatedChecker
 from workbench.certificate import Check
-from workbench.diagnosis.generators.generator import structure_matrix, transfer
+from workbench.diagnosis.generators.generator import residual_response, structure_matrix
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError, UnknownNameError
@@ -205,7 +205,7 @@ class IndexChecker(RepeatedChecker):
     def second_opinion(self, answer: PerformanceIndex) -> list[Check]:
         omega = np.geomspace(*_band(self.model, self.band), tries(SAMPLED_FREQUENCIES))
         top, bottom = (
-            np.linalg.norm(transfer(self.Q, self.model, names, omega), axis=2)
+            np.linalg.norm(residual_response(self.Q, self.model, names, omega), axis=2)
             for names in (self.disturbances, self.faults)
         )
         ratio = np.max(top / bottom, axis=0) / answer.upper
@@ -228,11 +228,11 @@ def _peak(
     """The lower and upper bound of a residual's index, and the frequency of the lower one."""
 
     def ratio(omega: Array) -> Array:
-        top = np.linalg.norm(transfer(Q, model, disturbances, omega)[:, residual], axis=1)
+        top = np.linalg.norm(residual_response(Q, model, disturbances, omega)[:, residual], axis=1)
         return top / fault_gain(omega)
 
     def fault_gain(omega: Array) -> Array:
-        return np.linalg.norm(transfer(Q, model, faults, omega)[:, residual], axis=1)
+        return np.linalg.norm(residual_response(Q, model, faults, omega)[:, residual], axis=1)
 
     omega = np.geomspace(low, high, FIRST_FREQUENCIES)
     values = ratio(omega)

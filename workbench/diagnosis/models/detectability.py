@@ -111,13 +111,13 @@ def detectability(
     if weak.any() and at.size:
         strong = weak[:, None] & _basis_shows(parity, faults, at)
     masks = tuple(
-        () if seen else masking(model, name, parity.decoupled)
+        () if seen else masking_inputs(model, name, parity.decoupled)
         for name, seen in zip(faults, weak, strict=True)
     )
     return Detectability(faults, at, weak, strong, remaining, masks)
 
 
-def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, ...]:
+def masking_inputs(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, ...]:
     """A smallest subset of the inputs `among` that hides a fault: none of them can be left out.
 
     It is empty if the fault moves no output at all. Raises InputError if the inputs do not hide
@@ -126,9 +126,9 @@ def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, .
     Examples
     --------
     >>> import control
-    >>> from workbench.diagnosis import FaultModel, masking
+    >>> from workbench.diagnosis import FaultModel, masking_inputs
     >>> plant = control.ss(-1.0, [[1.0, 1.0]], 1.0, 0.0, inputs=["d", "f"])
-    >>> masking(FaultModel(plant, disturbances=("d",), faults=("f",)), "f", ["d"])
+    >>> masking_inputs(FaultModel(plant, disturbances=("d",), faults=("f",)), "f", ["d"])
     ('d',)
     """
     need_faults(model)
@@ -208,12 +208,12 @@ def attainable_structures(
     rows = [
         row
         for row in product((False, True), repeat=len(model.faults))
-        if any(row) and not unattainable(model, row, omega=omega)
+        if any(row) and not unattainable_faults(model, row, omega=omega)
     ]
     return np.array(rows, dtype=bool).reshape(-1, len(model.faults))
 
 
-def unattainable(
+def unattainable_faults(
     model: FaultModel, row: ArrayLike, *, omega: ArrayLike | None = None
 ) -> tuple[str, ...]:
     """The faults with 1 in a structure's row that no residual shows if those with 0 are decoupled.
@@ -224,11 +224,11 @@ def unattainable(
     Examples
     --------
     >>> import control
-    >>> from workbench.diagnosis import FaultModel, unattainable
+    >>> from workbench.diagnosis import FaultModel, unattainable_faults
     >>> plant = control.ss(
     ...     -1.0, [[1.0, 1.0]], 1.0, 0.0, inputs=["f1", "f2"]
     ... )  # one output, two faults
-    >>> unattainable(FaultModel(plant, faults=("f1", "f2")), [1, 0])
+    >>> unattainable_faults(FaultModel(plant, faults=("f1", "f2")), [1, 0])
     ('f1',)
     """
     need_faults(model)

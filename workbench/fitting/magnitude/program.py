@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import answer_of
-from workbench.certificate import THIS_SYSTEM, Check, quantified, worst
+from workbench.certificate import THIS_SYSTEM, Check, quantified_checks, worst_value
 from workbench.errors import InputError, SolverError
 from workbench.fitting.fitted_system import FittedSystem
 from workbench.fitting.magnitude import results
@@ -20,7 +20,7 @@ from workbench.fitting.magnitude.alternation import error_bound
 from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.rational import Rational
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
-from workbench.fitting.storage import function
+from workbench.fitting.storage import stored_rational
 from workbench.program import Program
 from workbench.second_opinion.fits import covers, decays, inverse_decays, realisation_agrees
 from workbench.solvers import Options
@@ -150,7 +150,7 @@ class MagnitudeFit(Program):
 
         checks = [
             Check("order", "number of poles", answer.poles.size, self.order),
-            *quantified(
+            *quantified_checks(
                 THIS_SYSTEM,
                 [
                     Check("stable", root("poles"), _rightmost(answer.poles), -_TINY),
@@ -158,7 +158,7 @@ class MagnitudeFit(Program):
                 ],
             ),
         ]
-        error, where = worst(self.errors(answer), lambda i: f"at {self.omega[i]:.6g} rad/s")
+        error, where = worst_value(self.errors(answer), lambda i: f"at {self.omega[i]:.6g} rad/s")
         over = f"at the {self.omega.size} given frequencies"
         statement = "worst weighted relative error"
         checks.append(Check("finite error", statement, error, _HUGE, where=where, over=over))
@@ -211,7 +211,7 @@ class MagnitudeFit(Program):
         return results.magnitude_dataset(self.omega, self.magnitude, self.weight, answer)
 
     def from_dataset(self, data: Dataset) -> Rational:
-        return function(data)
+        return stored_rational(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
         return results.figures(

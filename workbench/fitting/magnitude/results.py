@@ -8,7 +8,7 @@ from workbench import figures as style
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset, Figure
 from workbench.fitting.rational import Rational
-from workbench.fitting.storage import roots
+from workbench.fitting.storage import rational_variables
 
 CURVE_POINTS = 10
 """Number of points of the drawn curve in each interval of the data."""
@@ -26,7 +26,7 @@ def magnitude_dataset(
         "magnitude": ("omega", magnitude, plain | {"long_name": "magnitude to fit"}),
         "weight": ("omega", weight, plain | {"long_name": "weight of the error"}),
         "fit": ("omega", fitted, plain | {"long_name": "magnitude of the fit"}),
-        **roots(answer, "the fit"),
+        **rational_variables(answer, "the fit"),
     }
     attributes = {"units": "rad/s", "long_name": "angular frequency"}
     return xr.Dataset(variables, coords={"omega": ("omega", omega, attributes)})

@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike
 
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import Dataset, Figure
-from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.certificate import THIS_SYSTEM, Check, worst_value
 from workbench.errors import InputError, SolverError
 from workbench.fitting.fitted_system import FittedSystem
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
 from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
-from workbench.fitting.storage import function, roots
+from workbench.fitting.storage import rational_variables, stored_rational
 from workbench.program import Program
 from workbench.second_opinion.fits import (
     decays,
@@ -158,7 +158,7 @@ class ResponseFit(Program):
     # --- checks -------------------------------------------------------------------------------
 
     def checks(self, answer: Rational, tolerance: float) -> Sequence[Check]:
-        error, where = worst(self.errors(answer), self._place)
+        error, where = worst_value(self.errors(answer), self._place)
         limit = np.finfo(float).max if self.error is None else self.error
         over = f"at the {self.active.omega.size} given frequencies"
         found = [
@@ -226,13 +226,13 @@ class ResponseFit(Program):
                 "weight": ("omega", self.weight, _one("weight of the error")),
                 "fit": ("omega", fit, _one("response of the fit")),
                 "error": ("omega", self.errors(answer).astype(float), _one("weighted error")),
-                **roots(answer, "the fit"),
+                **rational_variables(answer, "the fit"),
             },
             {"omega": ("omega", self.omega, {"units": "rad/s", "long_name": "angular frequency"})},
         )
 
     def from_dataset(self, data: Dataset) -> Rational:
-        return function(data)
+        return stored_rational(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
         errors = self.errors(answer)[self.weight > 0].astype(float)

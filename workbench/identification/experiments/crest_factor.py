@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.errors import InputError
 from workbench.executor.effort import tries
 from workbench.identification.experiments.figures import period_figure
@@ -102,7 +102,7 @@ class CrestFactor(Program):
         spectrum = np.fft.rfft(self._sum(phases, self.samples)) * (2 / self.samples)
         asked = np.zeros(len(spectrum))
         asked[self.lines] = self.amplitudes
-        error, where = worst(
+        error, where = worst_value(
             np.abs(np.abs(spectrum) - asked) / self.amplitudes.max(), lambda i: f"at line {i[0]}"
         )
         amplitudes = Check(

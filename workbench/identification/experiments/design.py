@@ -26,7 +26,7 @@ from workbench import figures
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import ProgramAnswer
-from workbench.certificate import Check, excess, worst
+from workbench.certificate import Check, excess, worst_value
 from workbench.errors import InputError
 from workbench.identification.experiments.design_bound import least_cost_bound
 from workbench.input_checks import as_array
@@ -224,14 +224,14 @@ class ExperimentDesign(Program):
         if not fits:
             return found
         lines = f"for these {len(power)} lines"
-        least, where = worst(-power, lambda place: f"of line {place[0] + 1}")
+        least, where = worst_value(-power, lambda place: f"of line {place[0] + 1}")
         found.append(Check("powers", "less the least power", least, 0.0, where=where, over=lines))
-        used, where = worst(self.uses @ power, lambda place: f"of limit {place[0] + 1}")
+        used, where = worst_value(self.uses @ power, lambda place: f"of limit {place[0] + 1}")
         statement = "share of a limit that is used, less 1"
         found.append(
             Check("limits", statement, used - 1.0, LIMIT_ROUNDING, where=where, over=lines)
         )
-        cost, where = worst(self.costs(power), lambda place: f"at frequency {place[0] + 1}")
+        cost, where = worst_value(self.costs(power), lambda place: f"at frequency {place[0] + 1}")
         statement = "worst cost over the claimed one, less 1"
         off = excess(cost, answer.worst)
         found.append(Check("cost", statement, off, COST_ROUNDING, where=where))
@@ -246,7 +246,7 @@ class ExperimentDesign(Program):
         errors = np.linalg.solve(R.T, (self.watched / size).T)
         planes = np.stack([errors.real, errors.imag], axis=-1)
         largest = np.linalg.norm(planes.transpose(1, 0, 2), 2, axis=(1, 2)) ** 2 * self.cost
-        value, where = worst(largest, lambda place: f"at frequency {place[0] + 1}")
+        value, where = worst_value(largest, lambda place: f"at frequency {place[0] + 1}")
         statement = "worst cost by least squares over the claimed one, less 1"
         spent = float((self.uses @ np.abs(answer.power)).max()) - 1.0
         return [

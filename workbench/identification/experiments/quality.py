@@ -16,11 +16,11 @@ class IdentificationWarning(UserWarning):
     --------
     >>> import warnings
     >>> import numpy as np
-    >>> from workbench.identification import IdentificationWarning, from_periods
+    >>> from workbench.identification import IdentificationWarning, periodic_response
     >>> noisy = np.array([[1.0, -0.8, 1.1, -0.9]])
     >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
-    ...     response = from_periods([1.0], noisy, noisy)
+    ...     response = periodic_response([1.0], noisy, noisy)
     ...
     >>> caught[0].category is IdentificationWarning
     True

@@ -12,7 +12,7 @@ import numpy as np
 from workbench._core.heavy_types import Dataset, Figure
 from workbench._core.tables import markdown
 from workbench.answer import ProgramAnswer
-from workbench.certificate import Check, CheckedAs, quantified
+from workbench.certificate import Check, OriginalAnswerChecker, quantified_checks
 from workbench.errors import InputError, SolverError
 from workbench.executor.effort import tries
 from workbench.identification.experiments.quality import IdentificationWarning
@@ -118,7 +118,7 @@ class ParameterFit(LeastSquares, Program):
             NEWTON_STEP_TOLERANCE,
         )
         found = [stationary, identifiable, self._definite(values)]
-        return [bounds, *quantified(THESE_DATA, found)]
+        return [bounds, *quantified_checks(THESE_DATA, found)]
 
     def facts(self, answer: Any) -> Sequence[str]:
         reports = {one.name: getattr(one, "report", None) for one in self.data}
@@ -317,4 +317,4 @@ def fit_parameters(
         half_widths=dict(zip(program.names, map(float, halves), strict=True)),
         chi_square=program.chi_square(values)[0],
         notes=notes,
-    ).checked_by(CheckedAs(program, solution.answer), certificate=solution.certificate)
+    ).checked_by(OriginalAnswerChecker(program, solution.answer), certificate=solution.certificate)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import Figure, StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.certificate import CheckedAs
+from workbench.certificate import OriginalAnswerChecker
 from workbench.errors import SolverError
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.rational_models.figures import rational_model_figure
@@ -172,7 +172,7 @@ def fit_rational_model(
         program.uncertainty(answer.model),
         tests,
         {model.order: program.tests(model) for model in answer.models},
-    ).checked_by(CheckedAs(program, answer), certificate=solution.certificate)
+    ).checked_by(OriginalAnswerChecker(program, answer), certificate=solution.certificate)
 
 
 def _weighting(estimate: ResponseEstimate) -> np.ndarray:

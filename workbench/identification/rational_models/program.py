@@ -12,7 +12,7 @@ import numpy as np
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import Dataset, Figure
 from workbench._core.tables import markdown
-from workbench.certificate import THIS_SYSTEM, Check, quantified
+from workbench.certificate import THIS_SYSTEM, Check, quantified_checks
 from workbench.errors import InputError
 from workbench.identification.rational_models import figures as drawn
 from workbench.identification.rational_models.model import CommonPoleModel
@@ -247,7 +247,7 @@ class RationalModelFit(Program):
             "structure", "models with other orders, zeros, delays or sizes", float(wrong), 0.0
         )
         if wrong:
-            return quantified(self._data_words, [shape])
+            return quantified_checks(self._data_words, [shape])
         found = [shape]
         # An order above the chosen one may have no minimum: a pole that a zero cancels can be
         # anywhere. Such orders are not checked.
@@ -285,7 +285,7 @@ class RationalModelFit(Program):
             unstable = sum(not model.is_stable for model in answer.models)
             words = "models with a pole that is not stable"
             found.append(Check("stable", words, float(unstable), 0.0, over=THIS_SYSTEM))
-        return quantified(self._data_words, found)
+        return quantified_checks(self._data_words, found)
 
     @property
     def _data_words(self) -> str:
@@ -332,7 +332,7 @@ class RationalModelFit(Program):
         fall = fall_nearby(self.residual, model, self.structure, np.random.default_rng(SEED))
         statement = "root of the largest fall of the cost at models drawn nearby (units as above)"
         near = Check("neighbours", statement, fall / self._ground(cost), 2 * MOVEMENT_LIMIT)
-        checks = [agrees, *quantified(self._data_words, [near])]
+        checks = [agrees, *quantified_checks(self._data_words, [near])]
         if self.stable and model.order:
             checks.append(decays(system, "model decays"))
         return checks

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.record_tests.delay import delays
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import resolution
 from workbench.identification.record_tests.record import RecordData
@@ -58,7 +58,7 @@ def _arrivals(at_top: BoolArray) -> IntegerArray:
     return np.flatnonzero(~at_top[1:-2] & at_top[2:-1] & at_top[3:]) + 2
 
 
-def clipping(record: RecordData) -> Tested:
+def clipping(record: RecordData) -> TestedAssumption:
     """Test whether outputs stay inside the range of their converters."""
     clean = unflagged(record)
     found = []
@@ -81,7 +81,7 @@ def clipping(record: RecordData) -> Tested:
                     )
                 )
     told = "some are cut off" if found else "no output heads beyond its largest or least value"
-    return Tested("outputs stay inside their range", told, findings=tuple(found))
+    return TestedAssumption("outputs stay inside their range", told, findings=tuple(found))
 
 
 def _would_exceed(record: RecordData, signal: RealArray, output: int) -> bool:

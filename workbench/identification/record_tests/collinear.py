@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import resolution
 from workbench.identification.record_tests.record import RecordData
@@ -24,12 +24,12 @@ WEIGHTY = 1e-3
 """Another input is named if it has at least this share in an input."""
 
 
-def apart(record: RecordData) -> Tested:
+def apart(record: RecordData) -> TestedAssumption:
     """Test whether the inputs move independently of each other."""
     assumption = "inputs move apart"
     record = unflagged(record)
     if record.u.shape[1] < 2:
-        return Tested(assumption, "there is one input")
+        return TestedAssumption(assumption, "there is one input")
     share, partners, coarse = own_shares(record.u)
     worst = int(np.argmin(share))
     told = f"{share[worst]:.2g} of the variance of {record.inputs[worst]!r} is its own"
@@ -57,7 +57,7 @@ def apart(record: RecordData) -> Tested:
                 forbids=bool(share[j] < INSEPARABLE or coarse[j]),
             )
         )
-    return Tested(assumption, told, findings=tuple(found))
+    return TestedAssumption(assumption, told, findings=tuple(found))
 
 
 def own_shares(u: RealArray) -> tuple[RealArray, list[list[int]], list[bool]]:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import oaconvolve
 
 from workbench._core.arrays import BoolArray, RealArray
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import (
     Impulse,
@@ -119,7 +119,7 @@ def _delay_in_response(response: Impulse, known: Delay) -> Delay:
     return replace(known, least=last * size - around, most=last * size + around, tested=True)
 
 
-def prompt_outputs(record: RecordData) -> Tested:
+def prompt_outputs(record: RecordData) -> TestedAssumption:
     """Test whether outputs respond soon."""
     assumption = "outputs answer inputs within few samples"
     found, told = [], []
@@ -149,4 +149,4 @@ def prompt_outputs(record: RecordData) -> Tested:
                     )
                 )
     testable = any(one.tested for one in several)
-    return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))
+    return TestedAssumption(assumption, "; ".join(told), testable=testable, findings=tuple(found))

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal.windows import hann
 
 from workbench._core.arrays import RealArray
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import runs
 from workbench.identification.record_tests.record import RecordData
@@ -35,7 +35,7 @@ STILL = 0.9
 """Share of the record above which a constant input is reported."""
 
 
-def excitation(record: RecordData) -> Tested:
+def excitation(record: RecordData) -> TestedAssumption:
     """Test whether each input moves at enough frequencies, and often enough."""
     record = unflagged(record)
     needed = 2 * (LEAST_ORDER if record.order is None else record.order) + 1
@@ -51,7 +51,9 @@ def excitation(record: RecordData) -> Tested:
             found.append(_few_lines(name, lines / record.sample_time, needed))
         else:
             found += _seldom_moved(name, u, record, needed)
-    return Tested("inputs excite what is asked for", "; ".join(told), findings=tuple(found))
+    return TestedAssumption(
+        "inputs excite what is asked for", "; ".join(told), findings=tuple(found)
+    )
 
 
 def _few_lines(name: str, frequency: RealArray, needed: int) -> Finding:

@@ -51,7 +51,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Tested:
+class TestedAssumption:
     """An assumption about a record, and the result of its test.
 
     Parameters

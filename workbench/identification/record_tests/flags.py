@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.arrays import BoolArray, IntegerArray, RealArray
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.levels import evenly_chosen, runs, told_samples
 from workbench.identification.record_tests.record import RecordData, once
 
@@ -73,7 +73,7 @@ def unflagged(record: RecordData) -> RecordData:
     return record.replaced(u, y)
 
 
-def flags(record: RecordData) -> Tested:
+def flags(record: RecordData) -> TestedAssumption:
     """Test whether some values stand for "no value"."""
     found = []
     for kind, table, names, masks in (
@@ -101,7 +101,7 @@ def flags(record: RecordData) -> Tested:
                 )
             )
     result = "some values are flags" if found else "no value repeats far outside of the others"
-    return Tested("every value was measured", result, findings=tuple(found))
+    return TestedAssumption("every value was measured", result, findings=tuple(found))
 
 
 def _far_outside(column: RealArray, record: RecordData) -> BoolArray:

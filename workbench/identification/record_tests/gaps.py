@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.levels import runs, told_samples
 from workbench.identification.record_tests.record import RecordData
 
@@ -21,7 +21,7 @@ FEWEST_ROUNDED = 3
 """Fewest different steps from which rounding of the stamps is distinguished from missing rows."""
 
 
-def complete_outputs(record: RecordData) -> Tested:
+def complete_outputs(record: RecordData) -> TestedAssumption:
     """Test whether outputs were measured at all samples."""
     found, told = [], []
     for name, y in zip(record.outputs, record.y.T, strict=True):
@@ -44,16 +44,16 @@ def complete_outputs(record: RecordData) -> Tested:
                     "take a fit that bridges gaps, such as `StateSpaceFit`, or cut the record",
                 )
             )
-    return Tested(
+    return TestedAssumption(
         "outputs are complete", "; ".join(told) or "none is missing", findings=tuple(found)
     )
 
 
-def instants(record: RecordData) -> Tested:
+def instants(record: RecordData) -> TestedAssumption:
     """Test whether samples were taken at even instants."""
     assumption = "samples are even"
     if record.times is None:
-        return Tested(assumption, "no instants were given", testable=False)
+        return TestedAssumption(assumption, "no instants were given", testable=False)
     worst, missing, rounded = 0.0, 0, ""
     places: list[int] = []
     for piece in record.pieces():
@@ -102,7 +102,7 @@ def instants(record: RecordData) -> Tested:
             )
         )
     told = f"instants lie up to {worst:.2g} steps from even ones{rounded}"
-    return Tested(assumption, told, findings=tuple(found))
+    return TestedAssumption(assumption, told, findings=tuple(found))
 
 
 def _distance_from_even(times: RealArray, number: Array) -> RealArray:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import f
 
 from workbench._core.arrays import Array, ComplexArray, IntegerArray, RealArray
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import gaps_filled
 from workbench.identification.record_tests.levels import resolution
@@ -39,16 +39,16 @@ CHANCE = 1e-6
 """Probability of so much distortion if there is only noise."""
 
 
-def nonlinearity(record: RecordData) -> Tested:
+def nonlinearity(record: RecordData) -> TestedAssumption:
     """Test whether the plant is linear, as far as a periodic input shows it."""
     assumption = "the plant is linear"
     clean = unflagged(record)
     if len(record.starts) > 1:
-        return Tested(assumption, "several experiments", testable=False)
+        return TestedAssumption(assumption, "several experiments", testable=False)
     lengths = {period(u) for u in clean.u.T}
     samples = lengths.pop() if len(lengths) == 1 else None
     if samples is None or len(clean.u) < FEWEST_PERIODS * samples:
-        return Tested(assumption, "the inputs do not repeat three times", testable=False)
+        return TestedAssumption(assumption, "the inputs do not repeat three times", testable=False)
     inputs = [_lines(u, samples) for u in clean.u.T]
     sizes = np.sqrt(sum(np.mean(np.abs(U), axis=0) ** 2 for U in inputs))
     excited = np.flatnonzero(sizes > EXCITED * sizes[1:].max())
@@ -57,7 +57,7 @@ def nonlinearity(record: RecordData) -> Tested:
         np.arange(1, min(HARMONICS * int(excited.max()), samples // 2 - 1) + 1), excited
     )
     if not silent.size:
-        return Tested(assumption, "the inputs excite every line", testable=False)
+        return TestedAssumption(assumption, "the inputs excite every line", testable=False)
     found, told = [], []
     for name, y in zip(record.outputs, clean.y.T, strict=True):
         if np.mean(y[1:] == y[:-1]) > HELD:
@@ -82,7 +82,7 @@ def nonlinearity(record: RecordData) -> Tested:
                 )
             )
     testable = not all(np.mean(y[1:] == y[:-1]) > HELD for y in clean.y.T)
-    return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))
+    return TestedAssumption(assumption, "; ".join(told), testable=testable, findings=tuple(found))
 
 
 def _lines(signal: RealArray, samples: int) -> ComplexArray:

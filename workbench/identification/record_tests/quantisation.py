@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.identification.record_tests.delay import explained
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import evenly_chosen, resolution
 from workbench.identification.record_tests.record import RecordData
@@ -22,7 +22,7 @@ FEWEST_CHANGES = 20
 """Fewest changes of the output from which its values are taken for those of a converter."""
 
 
-def quantisation(record: RecordData) -> Tested:
+def quantisation(record: RecordData) -> TestedAssumption:
     """Test whether converters resolve the outputs."""
     clean = unflagged(record)
     found, told = [], []
@@ -47,4 +47,6 @@ def quantisation(record: RecordData) -> Tested:
                     "excite more, take a finer range, or average faster samples",
                 )
             )
-    return Tested("converters resolve the outputs", "; ".join(told), findings=tuple(found))
+    return TestedAssumption(
+        "converters resolve the outputs", "; ".join(told), findings=tuple(found)
+    )

@@ -10,7 +10,7 @@ from workbench.identification.record_tests.clipping import clipping
 from workbench.identification.record_tests.collinear import apart
 from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import flags
 from workbench.identification.record_tests.gaps import complete_outputs, instants
 from workbench.identification.record_tests.loop.feedback import open_loop
@@ -22,7 +22,7 @@ from workbench.identification.record_tests.spikes import spikes
 from workbench.identification.record_tests.stuck import stuck
 from workbench.input_checks import as_list
 
-TESTS: tuple[Callable[[RecordData], Tested], ...] = (
+TESTS: tuple[Callable[[RecordData], TestedAssumption], ...] = (
     open_loop,
     flags,
     excitation,
@@ -66,7 +66,7 @@ class RecordReport:
     True
     """
 
-    tested: tuple[Tested, ...]
+    tested: tuple[TestedAssumption, ...]
     settled: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     @property
@@ -84,7 +84,7 @@ class RecordReport:
         return not self._forbidding
 
     @property
-    def _forbidding(self) -> list[tuple[Tested, Finding]]:
+    def _forbidding(self) -> list[tuple[TestedAssumption, Finding]]:
         """Findings that forbid the use of the record, each with the assumption it contradicts."""
         return [
             (one, finding)
@@ -121,7 +121,7 @@ class RecordReport:
         """Each assumption with the result of its test, for certificates."""
         return tuple(self._sentence(one) for one in self.tested)
 
-    def _sentence(self, one: Tested) -> str:
+    def _sentence(self, one: TestedAssumption) -> str:
         why = self.settled.get(one.assumption)
         if why is None:
             return str(one)

@@ -20,7 +20,7 @@ from scipy.stats import chi2
 from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.delay import delays, explained, first_impulses
 from workbench.identification.record_tests.excitation import sines
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import blocks, gaps_filled
 from workbench.identification.record_tests.record import RecordData, once
@@ -189,7 +189,7 @@ def _independent(left: RealArray) -> float:
     return len(left) * (1 - near) / (1 + near)
 
 
-def long_record(record: RecordData) -> Tested:
+def long_record(record: RecordData) -> TestedAssumption:
     """Test whether the record is long compared with the slowest mode."""
     assumption = "the record lasts long against the slowest mode"
     parts = slow_parts(record)
@@ -219,10 +219,10 @@ def long_record(record: RecordData) -> Tested:
     testable = any(one is not None for one in parts)
     if not testable:
         told = [f"{samples} samples are too few, or inputs move too seldom"]
-    return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))
+    return TestedAssumption(assumption, "; ".join(told), testable=testable, findings=tuple(found))
 
 
-def drift(record: RecordData) -> Tested:
+def drift(record: RecordData) -> TestedAssumption:
     """Test whether outputs stay where the inputs hold them."""
     assumption = "outputs do not drift"
     parts = slow_parts(record)
@@ -244,5 +244,7 @@ def drift(record: RecordData) -> Tested:
                 )
             )
     if not told:
-        return Tested(assumption, "too few samples, or inputs that move too seldom", testable=False)
-    return Tested(assumption, "; ".join(told), findings=tuple(found))
+        return TestedAssumption(
+            assumption, "too few samples, or inputs that move too seldom", testable=False
+        )
+    return TestedAssumption(assumption, "; ".join(told), findings=tuple(found))

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.delay import explained, first_impulses, known_past
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import Impulse, gaps_filled
 from workbench.identification.record_tests.levels import (
@@ -37,12 +37,12 @@ FEWEST = 100
 """Fewest samples of a record in which spikes are searched."""
 
 
-def spikes(record: RecordData) -> Tested:
+def spikes(record: RecordData) -> TestedAssumption:
     """Test whether outputs have single samples that no input and no noise explains."""
     assumption = "outputs hold no spikes"
     clean = unflagged(record)
     if len(clean.y) < FEWEST:
-        return Tested(assumption, f"{len(clean.y)} samples are too few", testable=False)
+        return TestedAssumption(assumption, f"{len(clean.y)} samples are too few", testable=False)
     found = []
     for i, response in enumerate(first_impulses(record)[0]):
         y, name = clean.y[:, i], record.outputs[i]
@@ -72,7 +72,7 @@ def spikes(record: RecordData) -> Tested:
             )
         )
     told = "some hold spikes" if found else "no sample stands out of its neighbours"
-    return Tested(assumption, told, findings=tuple(found))
+    return TestedAssumption(assumption, told, findings=tuple(found))
 
 
 def _after_pulses(u: RealArray, response: Impulse | None) -> BoolArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench._core.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.delay import explained, first_impulses, known_past
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import resolution, robust_spread
 from workbench.identification.record_tests.record import RecordData
@@ -31,7 +31,7 @@ OVER_WRONG = 3.0
 """Least movement, in standard deviations of the unexplained output."""
 
 
-def stuck(record: RecordData) -> Tested:
+def stuck(record: RecordData) -> TestedAssumption:
     """Test whether outputs move when inputs move."""
     clean = unflagged(record)
     found = []
@@ -55,7 +55,7 @@ def stuck(record: RecordData) -> Tested:
             )
         )
     told = "some are stuck" if found else "no output holds a value while inputs move"
-    return Tested("sensors follow", told, findings=tuple(found))
+    return TestedAssumption("sensors follow", told, findings=tuple(found))
 
 
 def _stuck_runs(

@@ -29,10 +29,10 @@ class Assumptions:
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.identification import from_periods
+    >>> from workbench.identification import periodic_response
     >>> rng = np.random.default_rng(0)
     >>> noise = rng.standard_normal((2, 50, 8, 2)) @ [1, 1j]
-    >>> found = from_periods(np.arange(1, 51), 1 + 1e-3 * noise[0], 0.5 + 1e-3 * noise[1])
+    >>> found = periodic_response(np.arange(1, 51), 1 + 1e-3 * noise[0], 0.5 + 1e-3 * noise[1])
     >>> found.assumptions.holds()
     True
     """

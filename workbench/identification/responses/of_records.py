@@ -1,6 +1,6 @@
 """Responses of several plants from their records, with variances, at common frequencies.
 
-If the inputs have many periods, whole periods are averaged (`from_periods`); other records are
+If the inputs have many periods, whole periods are averaged (`periodic_response`); other records are
 estimated by local models (`local_response`). A report says what was done.
 """
 
@@ -20,7 +20,7 @@ from workbench.identification.responses.local_response import averaged_models, s
 from workbench.identification.responses.periodic import (
     PeriodicResponse,
     ResponseEstimate,
-    from_periods,
+    periodic_response,
 )
 from workbench.identification.responses.repeated_rounding import (
     FEWEST_LEVELS,
@@ -74,7 +74,7 @@ def record_responses(
     Raises
     ------
     InputError
-        As `checked_record`, `from_periods` and `local_response`; or the records have no common
+        As `checked_record`, `periodic_response` and `local_response`; or the records have no common
         excited lines, or no common frequency with information.
     """
     pairs = [
@@ -115,7 +115,7 @@ def _periodic(
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
     alone = [
-        _with_rounding(from_periods(frequency, U[chosen], Y[chosen]), U[chosen], pair, samples)
+        _with_rounding(periodic_response(frequency, U[chosen], Y[chosen]), U[chosen], pair, samples)
         for (U, Y), pair in zip(spectra, pairs, strict=True)
     ]
     found = [

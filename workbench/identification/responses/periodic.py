@@ -158,10 +158,10 @@ class PeriodicResponse(ResponseEstimate):
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.identification import from_periods
+    >>> from workbench.identification import periodic_response
     >>> rng = np.random.default_rng(0)
     >>> u = np.ones((2, 8)) + 1e-3 * rng.standard_normal((2, 8))
-    >>> found = from_periods([1.0, 2.0], u, 0.5 * u + 1e-3 * rng.standard_normal((2, 8)))
+    >>> found = periodic_response([1.0, 2.0], u, 0.5 * u + 1e-3 * rng.standard_normal((2, 8)))
     >>> found.periods, bool(found.half_width(confidence=0.95).max() < 1e-2)
     (8, True)
     """
@@ -174,7 +174,7 @@ class PeriodicResponse(ResponseEstimate):
     covariance: np.ndarray
 
 
-def from_periods(
+def periodic_response(
     frequency_hz: ArrayLike, u: ArrayLike, y: ArrayLike, *, transients: int = 0
 ) -> PeriodicResponse:
     """Errors-in-variables response from the amplitudes of repeated periods (equations 4.9-4.15).
@@ -209,10 +209,10 @@ def from_periods(
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.identification import from_periods
+    >>> from workbench.identification import periodic_response
     >>> rng = np.random.default_rng(0)
     >>> u = np.ones((2, 8)) + 1e-3 * rng.standard_normal((2, 8))
-    >>> found = from_periods([1.0, 2.0], u, 0.5 * u + 1e-3 * rng.standard_normal((2, 8)))
+    >>> found = periodic_response([1.0, 2.0], u, 0.5 * u + 1e-3 * rng.standard_normal((2, 8)))
     >>> found.response.real.round(2).ravel().tolist(), found.degrees
     ([0.5, 0.5], 14.0)
     """

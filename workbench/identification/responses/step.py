@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, as_record
-from workbench.identification.responses.periodic import PeriodicResponse, from_periods
+from workbench.identification.responses.periodic import PeriodicResponse, periodic_response
 from workbench.input_checks import need_positive
 
 STILL_MOVING = 5.0
@@ -45,7 +45,7 @@ def step_response(
     """Response from repeated steps of the input, with its variance from their scatter.
 
     The steps may have any size and either sign, but the same shape, and the system must have
-    settled before each. Noise of the input is allowed, as in `from_periods`.
+    settled before each. Noise of the input is allowed, as in `periodic_response`.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def step_response(
     rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / fade) ** 2
     window = np.concatenate([rise, np.ones(length - fade), rise[::-1]])
     turn = window * np.exp(-2j * np.pi * dt * np.outer(frequencies, instants))
-    return from_periods(frequencies, turn @ du.T, turn @ dy.T)
+    return periodic_response(frequencies, turn @ du.T, turn @ dy.T)
 
 
 def _warn_of_motion(dy: RealArray) -> None:

@@ -12,7 +12,7 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certify.cover import BoundsAt, FrequencyBounds, without
 from workbench.certify.interval import proven_in_doubles
 from workbench.certify.stable_system import StableSystem
-from workbench.mu.frequency.complex_part import with_complex_part
+from workbench.mu.frequency.complex_part import complex_part_added
 from workbench.mu.frequency.sweep import bounds_at
 from workbench.structure import Real, Structure
 from workbench.systems.frequency_grid import starting_grid
@@ -127,7 +127,7 @@ def _with_real_blocks(system: StableSystem, structure: Structure, share: float) 
     """Function of frequencies: bounds by multipliers that allow a complex part of each parameter
     too.
     """
-    larger, blocks = with_complex_part(system, structure, share)
+    larger, blocks = complex_part_added(system, structure, share)
     c, r = structure.columns, structure.rows
 
     def at(omega: RealArray) -> FrequencyBounds:

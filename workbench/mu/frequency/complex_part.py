@@ -14,7 +14,7 @@ from workbench.input_checks import need_positive, need_structure
 from workbench.structure import Complex, Real, Structure
 
 
-def with_complex_part(
+def complex_part_added(
     system: Any, structure: Structure, complex_part: float
 ) -> tuple[StableSystem, Structure]:
     """Add a complex scalar of size `complex_part` to every real scalar of a structure.
@@ -35,10 +35,10 @@ def with_complex_part(
     Examples
     --------
     >>> import control
-    >>> from workbench.mu import with_complex_part
+    >>> from workbench.mu import complex_part_added
     >>> from workbench.structure import Real, Structure
     >>> system = control.ss(control.tf([0.5], [1.0, 0.2, 1.0]))
-    >>> _, structure = with_complex_part(system, Structure([Real(1)]), 0.01)
+    >>> _, structure = complex_part_added(system, Structure([Real(1)]), 0.01)
     >>> len(structure)
     2
     """

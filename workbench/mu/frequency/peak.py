@@ -12,7 +12,7 @@ from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
 from workbench.input_checks import as_list, is_real, need_count, need_numbers, need_tolerance
 from workbench.mu.frequency.attained import LOWER_BOUND_SHARE, attained_peak
-from workbench.mu.frequency.complex_part import summed, with_complex_part
+from workbench.mu.frequency.complex_part import complex_part_added, summed
 from workbench.mu.frequency.peak_bounds import Peak, PeakChecker
 from workbench.mu.frequency.peak_sweep import PeakSweep, with_least_near_top
 from workbench.mu.frequency.sweep import bounds_at, fitting
@@ -45,7 +45,7 @@ def peak(
         Relative distance by which the bound may lie above the largest upper bound at any one
         frequency.
     complex_part
-        Complex uncertainty added to every real scalar, as a share of it; see `with_complex_part`.
+        Complex uncertainty added to every real scalar, as a share of it; see `complex_part_added`.
     band
         Lowest and highest frequency [rad/s]; by default all frequencies with 0 and infinity.
     steps
@@ -80,7 +80,7 @@ def peak(
         raise InputError(f"band is {band}; it lies beyond half the sampling rate")
     need_numbers(complex_part=complex_part)
     if complex_part:
-        stable, larger = with_complex_part(original, structure, complex_part)
+        stable, larger = complex_part_added(original, structure, complex_part)
     elif all(isinstance(block, Real) for block in structure):
         raise InputError(
             "the structure has real scalars only: mu is then not continuous in frequency, a peak "

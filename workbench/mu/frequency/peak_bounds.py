@@ -24,7 +24,7 @@ from workbench.certify.stable_system import (
     bilinear_frequency,
     stable_system,
 )
-from workbench.mu.frequency.complex_part import separated, with_complex_part
+from workbench.mu.frequency.complex_part import complex_part_added, separated
 from workbench.mu.frequency.sweep import frequency_sweep, mu_figure
 from workbench.second_opinion import peaks
 from workbench.structure import Structure
@@ -72,7 +72,7 @@ class Peak(Answer):
         """The proof of the upper bound, for `proves` of `workbench.certify.proofs`; None if it is
         infinite.
 
-        Where there is a complex part, it is a proof for `with_complex_part` of the system.
+        Where there is a complex part, it is a proof for `complex_part_added` of the system.
         """
         if math.isinf(self.upper):
             return None
@@ -160,7 +160,7 @@ class PeakChecker(Checker):
         """
         if not answer.complex_part:
             return self.system, self.structure, answer.Delta
-        larger = with_complex_part(self.system, self.structure, answer.complex_part)
+        larger = complex_part_added(self.system, self.structure, answer.complex_part)
         return *larger, separated(answer.Delta, self.structure, answer.complex_part)
 
 

@@ -66,7 +66,8 @@ class LateChannels:
         if d > MOST_DELAYS:
             raise InputError(
                 f"the loop has {d} channels with dead time; exact margins are known of up to "
-                f"{MOST_DELAYS}: put dead times together, or give `without_dead_time` of the plant"
+                f"{MOST_DELAYS}: put dead times together, or give "
+                "`dead_time_approximation` of the plant"
             )
         kept = [n + d + k for k in loops]
         for standing in STANDINGS:

@@ -12,7 +12,7 @@ import numpy as np
 from workbench import figures
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.answer import Answer
-from workbench.certificate import Check, these, worst
+from workbench.certificate import Check, counted_quantifier, worst_value
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
 from workbench.errors import InputError
@@ -100,7 +100,7 @@ class MuLowerBound(Program):
 
     @property
     def quantifier(self) -> str:
-        return these(math.prod(self.batch), "matrix", "matrices, between them nothing")
+        return counted_quantifier(math.prod(self.batch), "matrix", "matrices, between them nothing")
 
     def of_stored(self, data: Dataset) -> MuLowerBound:
         return replace(self, M=data["M"].values)
@@ -113,7 +113,7 @@ class MuLowerBound(Program):
                 f"value and Delta of shapes {wanted[0]} and {wanted[1]} are needed, "
                 f"not {value.shape} and {Delta.shape}"
             )
-        improper, where = worst(~(np.isfinite(value) & (value >= 0)), self.place)
+        improper, where = worst_value(~(np.isfinite(value) & (value >= 0)), self.place)
         found = ~(value == 0)
         where = where if improper else ""
         checks = [
@@ -139,7 +139,7 @@ class MuLowerBound(Program):
                 at = tuple(index)
                 finite = bool(np.isfinite(Delta[at]).all())
                 excess[at] = measure(self.M[at], Delta[at], value[at]) if finite else np.nan
-            value_worst, where = worst(excess, self.place)
+            value_worst, where = worst_value(excess, self.place)
             proven = name == "singularity"
             checks.append(Check(name, statement, value_worst, limit, where=where, proven=proven))
         return checks
@@ -174,7 +174,7 @@ class MuLowerBound(Program):
         distance = np.zeros(self.batch)
         for index in map(tuple, np.argwhere(value > 0)):
             distance[index] = regularity(self.M[index] @ Delta[index])
-        largest, where = worst(distance, self.place)
+        largest, where = worst_value(distance, self.place)
         statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
         return [Check("nearly singular", statement, largest, NEARLY_SINGULAR, where=where)]
 

@@ -31,7 +31,7 @@ from workbench.mu.margins.returned import (
 from workbench.structure import Real
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
-from workbench.uncertainty.algebra.rational_delays import nominal_but_late, without_dead_time
+from workbench.uncertainty.algebra.rational_delays import dead_time_approximation, nominal_but_late
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 if TYPE_CHECKING:  # modules with expensive margins are imported only when they are needed
@@ -197,7 +197,7 @@ class ClosedLoop:
         G, K = self.pair
         if self._late:
             order = self._pade_order()
-            G, K = (without_dead_time(one, order=order) for one in (G, K))
+            G, K = (dead_time_approximation(one, order=order) for one in (G, K))
         return returned_loop(G, K)
 
     @cached_property

@@ -28,7 +28,7 @@ from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.margins.classical import in_both_units, least_db
 from workbench.mu.margins.late_peak import LatePeak
-from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.destabilising import destabilising_perturbation
 from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, StabilityMargin, reciprocal
 from workbench.mu.robust.skewed_bounds import SkewedPeak
 from workbench.mu.robust.skewed_peak import skewed_peak
@@ -221,7 +221,7 @@ def _destabilising(
     the deltas.
     """
     if isinstance(found, Peak):
-        return destabilising(found, N, structure)
+        return destabilising_perturbation(found, N, structure)
     # Varying blocks are divided by their size, so that all blocks are at most 1.
     rows = structure.row_slices[fixed].start
     columns = structure.column_slices[fixed].start
@@ -231,7 +231,7 @@ def _destabilising(
     Delta[rows:] *= found.lower
     size = float(np.linalg.norm(Delta, 2))
     claim = Peak(1.0 / size, math.inf, found.omega, Delta, (), "")
-    made = destabilising(claim, scaled, structure)
+    made = destabilising_perturbation(claim, scaled, structure)
     back = np.where(np.arange(made.noutputs) < rows, 1.0, 1.0 / found.lower)
     return realisation((made.A, made.B, back[:, None] * made.C, back[:, None] * made.D), 0.0)
 

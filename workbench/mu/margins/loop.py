@@ -25,7 +25,8 @@ def loop_margins(
     The crossings of the nominal loop are computed at once. Disks, and the margins that every plant
     of an uncertain set keeps, are computed when they are asked for.
 
-    Known dead time is treated exactly, anywhere in the loop. Two results use `without_dead_time`, a
+    Known dead time is treated exactly, anywhere in the loop. Two results use
+    `dead_time_approximation`, a
     rational set that contains it, and lose what this approximation loses: proofs for a set of
     plants, and lower bounds of disks of several channels at once. For measured responses, the
     margins are those of the data, at their frequencies only, with ranges from variances.

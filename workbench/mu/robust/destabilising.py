@@ -48,7 +48,7 @@ LARGEST_EIGENVALUE_SHIFT = 0.1
 infinity."""
 
 
-def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
+def destabilising_perturbation(peak: Peak, system: Any, structure: Structure) -> Any:
     """The perturbation of a peak's lower bound as a stable system with real coefficients.
 
     With this perturbation in positive feedback, the system has poles at +-j peak.omega, a sampled
@@ -88,12 +88,12 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     Examples
     --------
     >>> import control
-    >>> from workbench.mu import destabilising, peak
+    >>> from workbench.mu import destabilising_perturbation, peak
     >>> from workbench.structure import Complex, Structure
     >>> system = control.ss(control.tf([0.5], [1.0, 0.2, 1.0]))
     >>> structure = Structure([Complex(1)])
     >>> found = peak(system, structure)
-    >>> Delta = destabilising(found, system, structure)
+    >>> Delta = destabilising_perturbation(found, system, structure)
     >>> poles = control.feedback(system, Delta, sign=1).poles()
     >>> bool(abs(poles.real).min() < 1e-6), round(float(1 / found.lower), 3)
     (True, 0.398)

@@ -1,7 +1,7 @@
 """Robust stability with known dead time, proven with exp(-s T) itself between all frequencies.
 
-With exp(-s T) = P (1 + W delta), |delta| at most 1 (`workbench.uncertainty.without_dead_time`), the
-dead time is one member of a rational set. The block of delta keeps its size while all other blocks
+With exp(-s T) = P (1 + W delta), |delta| at most 1
+(`workbench.uncertainty.dead_time_approximation`), the dead time is one member of a rational set. The block of delta keeps its size while all other blocks
 grow, so that the skewed mu of the set gives a lower bound of the margin at every frequency. The
 upper bound comes from mu at single frequencies, with exp(-j omega T) itself in the response. If the
 bounds do not meet, a higher order makes W smaller.
@@ -39,7 +39,7 @@ from workbench.second_opinion.responses import plain_response
 from workbench.structure import Real, Structure
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty.algebra.dead_time import DeadTime, dead_times, pade, pade_error
-from workbench.uncertainty.algebra.rational_delays import without_dead_time
+from workbench.uncertainty.algebra.rational_delays import dead_time_approximation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 ORDERS = (6, 10, 14)
@@ -177,9 +177,11 @@ def late_margin(given: UncertainSystem, tolerance: float) -> StabilityMargin:
         )
     best: tuple[LateSystem, SkewedPeak] | None = None
     found: tuple[LateSystem, float, LowerBound] | None = None
-    corner = _lost_corner(LateSystem(given, without_dead_time(given, order=ORDERS[0]), ORDERS[0]))
+    corner = _lost_corner(
+        LateSystem(given, dead_time_approximation(given, order=ORDERS[0]), ORDERS[0])
+    )
     for order in ORDERS:
-        late = LateSystem(given, analysed(without_dead_time(given, order=order)), order)
+        late = LateSystem(given, analysed(dead_time_approximation(given, order=order)), order)
         structure = late.cover.structure
         stable = even_channels(late.cover.system, structure)[0]
         proof = skewed_peak(stable, structure, late.fixed, tolerance=tolerance)

@@ -25,7 +25,7 @@ from workbench.mu.frequency.channels import analysed, even_channels, in_loops
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_margins
-from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.destabilising import destabilising_perturbation
 from workbench.mu.robust.late_margin import late_margin
 from workbench.mu.robust.margin_bounds import (
     PerformanceChecker,
@@ -108,7 +108,7 @@ def robust_stability(
         if decay or damping:
             raise InputError(
                 "decay and damping move the axis, and dead time has size 1 on the axis only: "
-                "give `without_dead_time(system)`"
+                "give `dead_time_approximation(system)`"
             )
         return late_margin(late, tolerance)
     given = analysed(system)
@@ -157,7 +157,7 @@ def _margin(
     omega = angular_frequency(bounds.omega, period)
     if not bounds.lower > 0:
         return StabilityMargin(lower, math.inf, omega, None, bounds)
-    Delta = destabilising(bounds, N, structure)
+    Delta = destabilising_perturbation(bounds, N, structure)
     worst = values_of(
         found.elements.values(),
         found.structure,

@@ -21,7 +21,7 @@ from workbench.geometry import Stadium
 from workbench.input_checks import as_array
 from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.uncertainty import cheapest
+from workbench.uncertainty import cheapest_orientation
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 
 
@@ -135,8 +135,8 @@ class RankOneLoop:
     def stadiums_of_least_mu(self, omega: RealArray, away: ComplexArray) -> Stadium:
         """Stadiums around relative deviations (F, N) from the nominal, oriented for least mu.
 
-        At each frequency [rad/s] (F,), the better of the candidates of `cheapest` and the narrowest
-        stadium.
+        At each frequency [rad/s] (F,), the better of the candidates of `cheapest_orientation` and
+        the narrowest stadium.
         """
 
         def cost(
@@ -146,6 +146,6 @@ class RankOneLoop:
             return self.mu(Stadium(np.zeros(radius.shape, complex), radius, half_length, every))
 
         narrow = stadiums_about_nominal(away)
-        angle = cheapest(cost, 0.0)(omega, away)
+        angle = cheapest_orientation(cost, 0.0)(omega, away)
         better = self.mu(narrow) <= self.mu(stadiums_about_nominal(away, angle))
         return stadiums_about_nominal(away, np.where(better, narrow.angle, angle))

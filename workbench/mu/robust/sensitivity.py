@@ -19,7 +19,7 @@ SUM_TOLERANCE = 1e-4
 """Distance of the sum of a matrix's sensitivities from 1 that shows a kink within the step."""
 
 
-def sensitivity(M: Any, structure: Structure) -> NDArray[np.float64]:
+def bound_sensitivity(M: Any, structure: Structure) -> NDArray[np.float64]:
     """d log(upper bound) / d log(size of a block), for each block and matrix of a batch.
 
     A block of size s acts as a block of size 1 with its columns of M multiplied by s. The upper

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from workbench._core.arrays import Array, RealArray
 from workbench.answer import Answer
-from workbench.certificate import Check, Checker, excess, these
+from workbench.certificate import Check, Checker, counted_quantifier, excess
 from workbench.certify.agreement import need_agreement
 from workbench.certify.singularity import said
 from workbench.certify.skewed import proven_skew
@@ -138,7 +138,7 @@ class SkewChecker(Checker):
 
     @property
     def quantifier(self) -> str:
-        return these(len(self.skew.M), "matrix", "matrices, between them nothing")
+        return counted_quantifier(len(self.skew.M), "matrix", "matrices, between them nothing")
 
     def checks(self, answer: SkewBounds, tolerance: float) -> list[Check]:
         M, structure, varies = self.skew.M, self.skew.structure, self.skew.blocks

@@ -12,7 +12,7 @@ from flint import arb, ctx
 from workbench._core.arrays import EPS, Array, BoolArray
 from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer
-from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess, quantified
+from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess, quantified_checks
 from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
@@ -196,7 +196,7 @@ def worst_case_checks(
         stable, structure, found.Delta, in_plane(found.omega, dt or stable.period)
     )
     whole = whole_structure(stable, structure)
-    return quantified(
+    return quantified_checks(
         EVERY_PERTURBATION, bound_checks(stable, whole, exogenous, found, attained, "gain")
     )
 

@@ -34,7 +34,7 @@ TRACE_WEIGHT = 1e3
 """Weight of the normalisation tr(X D_r) = 1 relative to the stationarity conditions."""
 
 
-def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
+def bound_gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
     """Gradient of the upper bound with respect to M, with D and G optimal for each M.
 
     Parameters
@@ -62,11 +62,11 @@ def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.mu import gradient, upper_bound
+    >>> from workbench.mu import bound_gradient, upper_bound
     >>> from workbench.structure import Complex, Real, Structure
     >>> structure = Structure([Real(1), Complex(1)])
     >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
-    >>> gradient(M, structure, upper_bound(M, structure)).shape
+    >>> bound_gradient(M, structure, upper_bound(M, structure)).shape
     (2, 2)
     """
     M = as_matrices(M, structure)

@@ -14,7 +14,7 @@ from workbench import figures
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.answer import Answer
-from workbench.certificate import Check, these, worst
+from workbench.certificate import Check, counted_quantifier, worst_value
 from workbench.certify.mu_bound import (
     SAID_ALLOWANCES,
     certified_bound,
@@ -152,7 +152,7 @@ class MuUpperBound(Program):
 
     @property
     def quantifier(self) -> str:
-        return these(math.prod(self.batch), "matrix", "matrices, between them nothing")
+        return counted_quantifier(math.prod(self.batch), "matrix", "matrices, between them nothing")
 
     def of_stored(self, data: Dataset) -> MuUpperBound:
         return replace(self, M=data["M"].values)
@@ -160,14 +160,14 @@ class MuUpperBound(Program):
     def checks(self, answer: UpperBound, tolerance: float) -> list[Check]:
         given = [np.asarray(part) for part in (answer.D_left, answer.D_right, answer.G)]
         nearest = structured(self.structure, *given)
-        off, where = worst(
+        off, where = worst_value(
             np.max([_apart(*pair) for pair in zip(given, nearest, strict=True)], axis=0),
             self.place,
         )
         proved = certified_bound(self.M, self.structure, *given)
         value = np.asarray(answer.value)
         short = np.where(proved <= value, 0.0, (proved - value) / np.where(value > 0, value, 1.0))
-        excess, at = worst(short, self.place)
+        excess, at = worst_value(short, self.place)
         found = [
             Check(
                 "structure", "D and G are off their structure by, relative", off, 1e-12, where=where

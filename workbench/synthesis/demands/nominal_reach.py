@@ -20,7 +20,7 @@ from workbench.errors import WorkbenchError
 from workbench.fitting.rational import Rational
 from workbench.synthesis.demands.demands import DemandWeight
 from workbench.synthesis.demands.weighted_loop import weighted_loop
-from workbench.synthesis.h_infinity.riccati import central
+from workbench.synthesis.h_infinity.riccati import central_controller
 from workbench.systems.realisation import realisation
 
 ROUNDS, SLOWEST = 25, 0.99
@@ -80,7 +80,9 @@ def nominal_reach(plant: Rational, weights: Sequence[DemandWeight], slow_pole: f
         ]
         system = weighted_loop(near, None, rows).system
         try:
-            found = central(system.A, system.B, system.C, system.D, 1, 1, LEVEL_TOLERANCE)
+            found = central_controller(
+                system.A, system.B, system.C, system.D, 1, 1, LEVEL_TOLERANCE
+            )
         except WorkbenchError:
             break
         bound = max(bound, found.lower / float(np.linalg.norm(scales)))

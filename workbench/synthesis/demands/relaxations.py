@@ -20,7 +20,7 @@ from workbench.synthesis.demands.conflict import NominalDemands
 from workbench.synthesis.demands.demands import KINDS, SLOW, Demands, DemandWeight, strictest
 from workbench.synthesis.demands.nominal_reach import poles_off_axis
 from workbench.synthesis.demands.weighted_loop import weighted_loop
-from workbench.synthesis.h_infinity.riccati import central
+from workbench.synthesis.h_infinity.riccati import central_controller
 from workbench.uncertainty import UncertaintyModel
 
 LARGEST_CHANGE = 64.0
@@ -85,7 +85,7 @@ class LimitedBandwidth:
         near = poles_off_axis(plant, SLOW * bandwidth).state_space()
         system = weighted_loop(near, None, [*rows, self._task.bounded_gain]).system
         try:
-            found = central(system.A, system.B, system.C, system.D, 1, 1, NORM_TOLERANCE)
+            found = central_controller(system.A, system.B, system.C, system.D, 1, 1, NORM_TOLERANCE)
         except WorkbenchError:
             return False
         return found.lower < 1

@@ -29,7 +29,7 @@ from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
 from workbench.systems.realisation import in_words, matrices_of, pole_sizes, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 
 CLAIM_TOLERANCE = 1e-9
 """Share by which the proven norm of a loop may exceed the claimed one."""
@@ -259,13 +259,13 @@ class H2Synthesis(ControllerSynthesis):
         units = {"units": "1"}
         return xr.Dataset(
             {
-                **stored("plant", self.plant.system),
-                **stored("controller", answer.K),
+                **stored_system("plant", self.plant.system),
+                **stored_system("controller", answer.K),
                 "norm": ((), answer.norm, units | {"long_name": "H2 norm of the closed loop"}),
                 "least": ((), answer.least, units | {"long_name": "least H2 norm of all loops"}),
             }
         )
 
     def from_dataset(self, data: Dataset) -> H2Controller:
-        K = self.plant.named(restored(data, "controller"))
+        K = self.plant.named(restored_system(data, "controller"))
         return H2Controller(K, float(data["norm"]), least=float(data["least"]))

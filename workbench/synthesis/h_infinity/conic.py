@@ -22,7 +22,7 @@ from workbench.solvers import ConicSolver, Options, Outcome, slicot_routine, sol
 from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.synthesis.h_infinity.program import HinfSynthesis
 from workbench.synthesis.h_infinity.settling import Made, answered
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
@@ -91,7 +91,7 @@ def _make_controller(
             continue
         try:
             K = normal.controller(_controller(plant, statement.X.value, statement.Y.value, trial))
-            size = norm(normal.given.close(K))
+            size = hinf_norm(normal.given.close(K))
         except (np.linalg.LinAlgError, ArithmeticError) as error:
             said = f"{said}; {error}"
             continue

@@ -26,7 +26,7 @@ from workbench.mu import NuGap, nu_gap
 from workbench.second_opinion import energies
 from workbench.second_opinion.distances import chordal_distance
 from workbench.second_opinion.loops import SAMPLED_ROUNDING
-from workbench.synthesis.h_infinity.riccati import central
+from workbench.synthesis.h_infinity.riccati import central_controller
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.equations.riccati import right_factors
@@ -129,7 +129,7 @@ def _directed_gap(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:
     D = np.block([[G1.D, -G2.D], [np.eye(m), np.zeros((m, m))]])
     simple = min(1.0, certified_norm(G1 - G2))
     try:
-        Q = realisation(central(A, B, C, D, m, m, tolerance).K, 0.0)
+        Q = realisation(central_controller(A, B, C, D, m, m, tolerance).K, 0.0)
     except SolverError:  # also if the least norm is 0, which the identity then reaches
         return simple
     return min(simple, certified_norm(G1 - G2 * Q)) if worst_pole(Q)[1] < 0 else simple

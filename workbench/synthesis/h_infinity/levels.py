@@ -17,7 +17,7 @@ from workbench.errors import SolverError
 from workbench.executor.clock import tick, time_is_up
 from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.frequency_response import frequency_response
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 from workbench.systems.standard_plant import StandardPlant
 
 NEGLIGIBLE_LEVEL = 1e-6
@@ -224,7 +224,7 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
         math.sqrt(_spectral_radius(X, Y)),
     )
     try:
-        ceiling = 1.01 * norm(plant.close(K), 1e-3)
+        ceiling = 1.01 * hinf_norm(plant.close(K), 1e-3)
     except ArithmeticError:  # SLICOT did not converge
         ceiling = math.inf
     if not 0.0 < ceiling < math.inf:  # any level can be the first one to try

@@ -36,7 +36,7 @@ from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible_matrices
 from workbench.systems.interconnection import common_dt, named_realisation
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import standard_plant
 
@@ -216,7 +216,7 @@ def _coprime_riccati(program: LoopShaping, context: Context) -> Claim:
     except LinAlgError as error:
         return None, Outcome.FAILED, f"{said}; {error}"
     K = rate * Ak, -root * Bk, root * Ck, -Dk  # negative feedback
-    size = norm(continuous(standard_plant(program.plant)).close(K))
+    size = hinf_norm(continuous(standard_plant(program.plant)).close(K))
     return claimed(program, Made(K, size, gamma, said=said))
 
 

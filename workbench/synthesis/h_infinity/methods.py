@@ -16,7 +16,7 @@ from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.synthesis.h_infinity.program import HinfSynthesis
 from workbench.synthesis.h_infinity.riccati import MANY_RISES, InfeasibleError, central_of
 from workbench.synthesis.h_infinity.settling import Made, answered, settled
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 
 LEAST_DISTANCE = 1e-3
 """Smallest relative distance kept above the least level. Closer to it, the poles of K become very
@@ -87,7 +87,7 @@ def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
                 gamma = least * (1.0 + near)
             _, *made = sb10ad(*sizes, gamma, *matrices, job=4)
             K = normal.controller((made[0], made[1], made[2], made[3]))
-            return Made(K, norm(normal.given.close(K)), gamma, least, said=said)
+            return Made(K, hinf_norm(normal.given.close(K)), gamma, least, said=said)
         except (ArithmeticError, SolverError, np.linalg.LinAlgError) as error:
             words = f"{said}: {' '.join(str(error).split())}"
             return Made(None, outcome=Outcome.FAILED, said=words)

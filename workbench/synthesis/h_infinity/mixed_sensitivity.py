@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.heavy_types import StateSpace
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
@@ -117,7 +117,7 @@ class MixedSensitivity(HinfSynthesis):
         omega = between_poles(grid(self.absorbed.plant.close(answer.K)), self.plant, K)
         size = np.linalg.norm(self._formula(K, omega), 2, axis=(-2, -1))
         over_norm = size / answer.norm - 1.0 if answer.norm else np.where(size > 0.0, np.inf, 0.0)
-        excess, where = worst(over_norm, lambda index: f"at {omega[index[0]]:.6g} rad/s")
+        excess, where = worst_value(over_norm, lambda index: f"at {omega[index[0]]:.6g} rad/s")
         statement = "largest [W_S S; W_KS K S; W_T T] at frequencies over the norm, less 1"
         over = f"at {omega.size} frequencies"
         limit = 2.0 * NORM_TOLERANCE

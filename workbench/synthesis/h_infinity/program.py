@@ -32,7 +32,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
 from workbench.systems.realisation import in_words, pole_sizes
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 
 LEAST_GAMMA = 1e-100
 """Least level that may be given. The squares of lower levels underflow to 0."""
@@ -356,8 +356,8 @@ class HinfSynthesis(ControllerSynthesis):
         units = {"units": "1"}
         return xr.Dataset(
             {
-                **stored("plant", self.plant.system),
-                **stored("controller", answer.K),
+                **stored_system("plant", self.plant.system),
+                **stored_system("controller", answer.K),
                 "norm": ((), answer.norm, units | {"long_name": "norm of the closed loop"}),
                 "gamma": ((), answer.gamma, units | {"long_name": "level of the controller"}),
                 "least": ((), answer.least, units | {"long_name": "no lower level was found"}),
@@ -378,7 +378,7 @@ class HinfSynthesis(ControllerSynthesis):
 
     def from_dataset(self, data: Dataset) -> HinfController:
         norm, gamma, least = (float(data[name]) for name in ("norm", "gamma", "least"))
-        K = self.absorbed.plant.named(restored(data, "controller"))
+        K = self.absorbed.plant.named(restored_system(data, "controller"))
         reached = tuple(map(float, data["reached"].values)) if "reached" in data else ()
         slope = float(data["slope"]) if "slope" in data else math.nan
         return self.witnessed(

@@ -17,7 +17,7 @@ from workbench._core.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL, Level, least_level, level_at
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
@@ -55,7 +55,7 @@ class InfeasibleError(SolverError):
         self.lower = lower
 
 
-def central(
+def central_controller(
     A: RealArray,
     B: RealArray,
     C: RealArray,
@@ -135,7 +135,7 @@ def _first_that_holds(normal: Scaled, gammas: list[float], low: float) -> Centra
         try:
             K = normal.controller(_central(normal.plant, level))
             loop = normal.given.close(K)
-            size = norm(loop, LEVEL_ROUNDING)
+            size = hinf_norm(loop, LEVEL_ROUNDING)
         except (LinAlgError, ArithmeticError) as error:
             reached = " ".join(str(error).split())
             continue

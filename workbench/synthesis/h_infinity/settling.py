@@ -37,7 +37,7 @@ from workbench.synthesis.h_infinity.singular_plants.known_states import (
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.synthesis.h_infinity.singular_plants.regularised import narrowly_regularised
 from workbench.systems.bilinear import continuous, to_sampled
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
@@ -197,7 +197,7 @@ def _best_for_size(program: HinfSynthesis, step: Step, size: float) -> tuple[Mad
             if made.K is None:
                 said = made.said
                 continue
-            reached = norm(given.close(made.K), NORM_TOLERANCE)
+            reached = hinf_norm(given.close(made.K), NORM_TOLERANCE)
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             said = " ".join(str(error).split())
             continue
@@ -237,7 +237,7 @@ def _fewer_poles(made: Made, given: StandardPlant, allowed: float) -> Iterator[M
 
     def good(K: Matrices) -> bool:
         try:
-            return norm(given.close(K), NORM_TOLERANCE) <= allowed
+            return hinf_norm(given.close(K), NORM_TOLERANCE) <= allowed
         except (ArithmeticError, np.linalg.LinAlgError):
             return False
 

@@ -30,12 +30,12 @@ Reducer = tuple[int, Callable[[int], StateSpace]]
 DETOUR = 8
 """Largest number of states above the wanted order from which `approximations` starts again."""
 ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
-"""Methods of order reduction; see `approximated`."""
+"""Methods of order reduction; see `approximate`."""
 SCREENED = 60
 """Number of frequencies at which a difference is evaluated before its bound is proven."""
 
 
-def approximated(
+def approximate(
     controller: Any,
     order: int | None,
     *,
@@ -85,11 +85,11 @@ def approximated(
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import approximated
+    >>> from workbench.synthesis import approximate
     >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
-    >>> approximated(K, 1, method="balanced").poles().real.round(2).tolist()
+    >>> approximate(K, 1, method="balanced").poles().real.round(2).tolist()
     [-1.0]
-    >>> small = approximated(K, None, method="balanced", error=1e-3)
+    >>> small = approximate(K, None, method="balanced", error=1e-3)
     >>> small.nstates, bool(small.error <= 1e-3)
     (1, True)
 
@@ -171,12 +171,12 @@ def approximations(
     method: ReductionMethod = "weighted",
     plant: GeneralisedPlant | None = None,
 ) -> Iterator[StateSpace]:
-    """The approximation of `approximated`, then others of the order by way of higher orders.
+    """The approximation of `approximate`, then others of the order by way of higher orders.
 
     Where the direct one does not stabilise the loop, or misses a requirement, another one may meet
     it. The others start from an approximation with up to `DETOUR` states more, by any method.
 
-    Arguments and errors are those of `approximated`.
+    Arguments and errors are those of `approximate`.
 
     Examples
     --------
@@ -187,7 +187,7 @@ def approximations(
     1
     """
     controller = as_system(controller, "controller")
-    yield approximated(controller, order, method=method, plant=plant)
+    yield approximate(controller, order, method=method, plant=plant)
 
     @cache
     def by(first: ReductionMethod) -> Reducer:
@@ -197,7 +197,7 @@ def approximations(
         for first in get_args(ReductionMethod):
             try:
                 between = of_order(controller, higher, first, by(first))
-                yield approximated(between, order, method=method, plant=plant)
+                yield approximate(between, order, method=method, plant=plant)
             except InputError:  # it does not stabilise the plant, or keeps too many poles
                 continue
 

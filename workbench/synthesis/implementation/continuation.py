@@ -36,8 +36,8 @@ computed.
 """
 
 
-def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> StateSpace:
-    """The continuous system from which a method of `discretised` makes the given sampled system.
+def continuous_controller(controller: Any, *, method: ContinuationMethod = "zoh") -> StateSpace:
+    """The continuous system from which a method of `discretise` makes the given sampled system.
 
     Parameters
     ----------
@@ -59,10 +59,10 @@ def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> S
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import continuous_time, discretised
+    >>> from workbench.synthesis import continuous_controller, discretise
     >>> G = control.tf([3.0], [1.0, 2.0, 0.0])
-    >>> sampled = discretised(G, dt=0.1, method="zoh")
-    >>> sorted(continuous_time(sampled).poles().real.round(9).tolist())
+    >>> sampled = discretise(G, dt=0.1, method="zoh")
+    >>> sorted(continuous_controller(sampled).poles().real.round(9).tolist())
     [-2.0, 0.0]
 
     References

@@ -41,7 +41,7 @@ CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
 """Frequencies at which the gain of the loop is checked, as multiples of half the sampling rate."""
 
 
-def discretised(
+def discretise(
     controller: Any,
     dt: float,
     *,
@@ -91,8 +91,8 @@ def discretised(
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import discretised
-    >>> K = discretised(control.tf([1.0], [1.0, 2.0]), dt=0.1)
+    >>> from workbench.synthesis import discretise
+    >>> K = discretise(control.tf([1.0], [1.0, 2.0]), dt=0.1)
     >>> round(float(K.poles()[0].real), 6), K.dt  # (1 - 0.1) / (1 + 0.1)
     (0.818182, 0.1)
     """

@@ -35,9 +35,9 @@ from workbench.second_opinion.implemented.sampled_plants import (
 )
 from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
-from workbench.synthesis.implementation.approximation import approximated
+from workbench.synthesis.implementation.approximation import approximate
 from workbench.synthesis.implementation.board_loop import BoardLoop
-from workbench.synthesis.implementation.discretise import ImplementationMethod, discretised
+from workbench.synthesis.implementation.discretise import ImplementationMethod, discretise
 from workbench.synthesis.implementation.fixed_point import FixedPoint, fixed_point, need_bits
 from workbench.synthesis.implementation.implementation_checks import (
     follows,
@@ -64,7 +64,7 @@ from workbench.synthesis.implementation.working_point.point import WorkingPoint
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import in_words, pole_sizes, realisation
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 
 CLAIM_TOLERANCE = 1e-6
 """Relative difference from a claimed bound that counts as rounding."""
@@ -212,8 +212,8 @@ class Implementation(Program):
         if self.order is None or self.order == self.controller.nstates:
             return self.controller
         if isinstance(self.plant, GeneralisedPlant):
-            return approximated(self.controller, self.order, method="weighted", plant=self.plant)
-        return approximated(self.controller, self.order, method="balanced")
+            return approximate(self.controller, self.order, method="weighted", plant=self.plant)
+        return approximate(self.controller, self.order, method="balanced")
 
     def implemented(self, way: ImplementationMethod) -> ImplementedController:
         """The controller from `coefficients` with the bounds of its loop.
@@ -229,7 +229,7 @@ class Implementation(Program):
         if K.dt:
             sampled, way_said = K, "given sampled"
         else:
-            sampled = discretised(K, self.dt, method=way, prewarp=prewarp)
+            sampled = discretise(K, self.dt, method=way, prewarp=prewarp)
             way_said = way
         sampled = _named_as(sampled, self.controller, self.dt)
         if self.precision == "fixed":
@@ -516,7 +516,7 @@ class Implementation(Program):
         variables: dict[str, Any] = {
             name: ((), value, unit | {"long_name": said}) for name, (value, said) in numbers.items()
         }
-        variables |= stored("controller", answer.K)
+        variables |= stored_system("controller", answer.K)
         if answer.fixed is not None:
             variables["sections"] = drawn.padded_sections(self._sections(answer))
         variables["discretisation"] = ((), answer.found, {"long_name": "way of discretisation"})
@@ -530,7 +530,7 @@ class Implementation(Program):
                 drawn.read_sections(data["sections"], self.dt), found
             )
         else:
-            K = _named_as(restored(data, "controller"), self.controller, self.dt)
+            K = _named_as(restored_system(data, "controller"), self.controller, self.dt)
             made = self._unjudged(K, found)
         number = {
             name: float(data[name])

@@ -13,7 +13,7 @@ from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.solution import solve
 from workbench.synthesis.implementation.approximation import (
     ReductionMethod,
-    approximated,
+    approximate,
     check_order,
     need_continuous,
     reducer,
@@ -62,7 +62,7 @@ def reduce_order(
     Raises
     ------
     InputError
-        As in `approximated`; the target is not positive; or refinement is requested for a plant
+        As in `approximate`; the target is not positive; or refinement is requested for a plant
         without uncertainty.
 
     Examples
@@ -141,7 +141,7 @@ def _best_refined(
     The start is this controller, or the approximation of the next higher order's controller if that
     is better.
     """
-    again = approximated(above.K, one.order, plant=plant)
+    again = approximate(above.K, one.order, plant=plant)
     best = min(one, _certified_controller(plant, again)[1], key=lambda each: each.upper)
     if not best.stable:
         return best

@@ -74,10 +74,10 @@ class DualCertificate:
     >>> import numpy as np
     >>> from workbench.executor import Context
     >>> from workbench.fitting import Rational
-    >>> from workbench.synthesis import AnalyticBasis, LoopFunctions, highest_proven
+    >>> from workbench.synthesis import AnalyticBasis, LoopFunctions, highest_certificate
     >>> loop = LoopFunctions(Rational([], [], 0.1), Rational([], [], 1.0), Rational([], [1.0], 1.0))
     >>> basis = AnalyticBasis(np.geomspace(0.05, 20.0, 12), (1e-3, 1e3), poles=[1.0])
-    >>> found = highest_proven(loop, basis, 1.0, 3.0, Context())
+    >>> found = highest_certificate(loop, basis, 1.0, 3.0, Context())
     >>> found.excess(loop) < 0
     True
     """

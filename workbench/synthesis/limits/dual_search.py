@@ -23,7 +23,7 @@ SOLVER_ACCURACY = 1e-5
 """Accuracy asked of the solver. It need not be fine, since any h that proves the level is good."""
 
 
-def highest_proven(
+def highest_certificate(
     loop: LoopFunctions, basis: AnalyticBasis, low: float, high: float, context: Context
 ) -> DualCertificate | None:
     """The certificate with the highest level found between `low` and `high`; None if none was
@@ -55,10 +55,10 @@ def highest_proven(
     >>> import numpy as np
     >>> from workbench.executor import Context
     >>> from workbench.fitting import Rational
-    >>> from workbench.synthesis import AnalyticBasis, LoopFunctions, highest_proven
+    >>> from workbench.synthesis import AnalyticBasis, LoopFunctions, highest_certificate
     >>> loop = LoopFunctions(Rational([], [], 0.1), Rational([], [], 1.0), Rational([], [1.0], 1.0))
     >>> basis = AnalyticBasis(np.geomspace(0.05, 20.0, 12), (1e-3, 1e3), poles=[1.0])
-    >>> found = highest_proven(loop, basis, 1.0, 3.0, Context())
+    >>> found = highest_certificate(loop, basis, 1.0, 3.0, Context())
     >>> 1.8 < found.level < 2.01  # 1 / (s - 1) needs |K S| of 2
     True
     """

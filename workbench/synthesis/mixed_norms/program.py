@@ -28,7 +28,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.realisation import in_words, matrices_of, pole_sizes
 from workbench.systems.standard_plant import standard_plant
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 
 BOUND_TOLERANCE = 1e-4
 """Share by which the H2 norm may exceed the bound that a common Lyapunov matrix gives."""
@@ -307,8 +307,8 @@ class H2HinfSynthesis(ControllerSynthesis):
         }
         return xr.Dataset(
             {
-                **stored("plant", self.plant.system),
-                **stored("controller", answer.K),
+                **stored_system("plant", self.plant.system),
+                **stored_system("controller", answer.K),
                 **{
                     name: ((), getattr(answer, name), {"units": "1", "long_name": said})
                     for name, said in words.items()
@@ -317,7 +317,7 @@ class H2HinfSynthesis(ControllerSynthesis):
         )
 
     def from_dataset(self, data: Dataset) -> H2HinfController:
-        K = self.plant.named(restored(data, "controller"))
+        K = self.plant.named(restored_system(data, "controller"))
         norm, size, bound, least = (
             float(data[name]) for name in ("norm", "hinf_norm", "bound", "least")
         )

@@ -18,7 +18,7 @@ from workbench.synthesis.h_infinity.singular_plants.regularised import ADDED
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart
 from workbench.systems.realisation import worst_pole
-from workbench.systems.sampling import respond, sampled
+from workbench.systems.sampling import respond, sampled_model
 from workbench.uncertainty.algebra.system import uncertain
 
 MEMBERS = 20
@@ -217,5 +217,5 @@ def _value(system: StateSpace, t: float) -> RealArray:
 
 def _step(system: StateSpace, time: RealArray) -> RealArray:
     """Outputs (POINTS, outputs) at equidistant instants after a unit step of the only input."""
-    held = system if system.dt else sampled(system, float(time[1]))
+    held = system if system.dt else sampled_model(system, float(time[1]))
     return respond(held, np.ones((time.size, 1)))

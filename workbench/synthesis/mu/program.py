@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified
+from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified_checks
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stability import stability_of
@@ -60,7 +60,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
 from workbench.systems.realisation import in_words, pole_sizes, realisation
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 
 PEAK_TOLERANCE = 1e-3
 """Relative tolerance of certified peaks."""
@@ -395,7 +395,7 @@ class MuSynthesis(Program):
         if self.target is not None:
             statement = "proven supremum of mixed mu over the target, less 1"
             proof.append(Check("target", statement, answer.upper / self.target - 1, BOUND_ROUNDING))
-        return [*found, *quantified(EVERY_PERTURBATION, proof)]
+        return [*found, *quantified_checks(EVERY_PERTURBATION, proof)]
 
     def second_opinion(self, answer: MuController) -> list[Check]:
         return [
@@ -487,8 +487,8 @@ class MuSynthesis(Program):
         one = {"units": "1"}
         return xr.Dataset(
             {
-                **stored("plant", self.plant.system),
-                **stored("controller", answer.K),
+                **stored_system("plant", self.plant.system),
+                **stored_system("controller", answer.K),
                 "peak": ("bound", [answer.lower, answer.upper], one | {"long_name": "mixed mu"}),
                 "peak_omega": ((), answer.omega, {"units": "rad/s"}),
                 **round_variables(answer.history),
@@ -504,7 +504,7 @@ class MuSynthesis(Program):
         found = restored_peak(data, "proven")
         if found is not None:
             found = replace(found, lower=lower, upper=upper, omega=omega, complex_part=0.0)
-        K = self.plant.named(restored(data, "controller"))
+        K = self.plant.named(restored_system(data, "controller"))
         return self.witnessed(MuController(K, lower, upper, omega, history=history, peak=found))
 
     @property

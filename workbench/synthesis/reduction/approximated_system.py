@@ -140,9 +140,9 @@ class ApproximatedSystem(Answer, control.StateSpace):
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import approximated
+    >>> from workbench.synthesis import approximate
     >>> G = control.tf([1.0], [1.0, 1.0]) + control.tf([1.0], [1.0, 100.0])
-    >>> small = approximated(G, 1, method="balanced")
+    >>> small = approximate(G, 1, method="balanced")
     >>> bool(0.004 < small.error < 0.01), small.holds, type(small + small).__name__
     (True, True, 'StateSpace')
     """

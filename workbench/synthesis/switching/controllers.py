@@ -39,7 +39,7 @@ def split_slowest(K: StateSpace) -> SplitController:
     1.
 
     K has one input and one output. Its slowest pole is real, and its state is not coupled with
-    others: `discretised` gives such controllers. Raises InputError otherwise.
+    others: `discretise` gives such controllers. Raises InputError otherwise.
     """
     A = K.A
     slow = int(np.argmin(abs(np.diag(A) - 1.0)))
@@ -54,16 +54,16 @@ def split_slowest(K: StateSpace) -> SplitController:
     )  # fmt: skip
 
 
-def unswitched(controller: StateSpace) -> Modes:
+def unswitched_modes(controller: StateSpace) -> Modes:
     """Modes of a sampled controller that does not change while the measurement has a defect.
 
     Examples
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.synthesis import discretised, unswitched
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> clean, defect = unswitched(K)
+    >>> from workbench.synthesis import discretise, unswitched_modes
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> clean, defect = unswitched_modes(K)
     >>> bool(np.array_equal(clean.A, defect.A))
     True
     """
@@ -71,15 +71,15 @@ def unswitched(controller: StateSpace) -> Modes:
     return alone, alone
 
 
-def measurement_dropped(controller: StateSpace) -> Modes:
+def dropout_modes(controller: StateSpace) -> Modes:
     """Modes of a sampled controller whose input is zero during a defect, while its states go on.
 
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import discretised, measurement_dropped
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> clean, defect = measurement_dropped(K)
+    >>> from workbench.synthesis import discretise, dropout_modes
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> clean, defect = dropout_modes(K)
     >>> bool(clean.B.any()), bool(defect.B.any())
     (True, False)
     """
@@ -87,7 +87,7 @@ def measurement_dropped(controller: StateSpace) -> Modes:
     return alone, ControllerMode(alone.A, 0 * alone.B, alone.C, 0 * alone.D)
 
 
-def measurement_filtered(controller: StateSpace, F: StateSpace) -> Modes:
+def filtering_modes(controller: StateSpace, F: StateSpace) -> Modes:
     """Modes of a sampled controller whose input passes through a filter F during a defect: K and K
     F.
 
@@ -96,9 +96,9 @@ def measurement_filtered(controller: StateSpace, F: StateSpace) -> Modes:
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import discretised, measurement_filtered
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> clean, defect = measurement_filtered(K, control.ss(0.5, 0.5, 1.0, 0.0, 0.1))
+    >>> from workbench.synthesis import discretise, filtering_modes
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> clean, defect = filtering_modes(K, control.ss(0.5, 0.5, 1.0, 0.0, 0.1))
     >>> clean.A.shape  # the controller's state and that of the filter
     (2, 2)
     """
@@ -116,7 +116,7 @@ def measurement_filtered(controller: StateSpace, F: StateSpace) -> Modes:
     )
 
 
-def controller_replaced(controller: StateSpace, other: StateSpace) -> Modes:
+def replacement_modes(controller: StateSpace, other: StateSpace) -> Modes:
     """Modes of a sampled controller K that another controller replaces during a defect.
 
     Raises InputError where the two have different slowest poles.
@@ -124,10 +124,10 @@ def controller_replaced(controller: StateSpace, other: StateSpace) -> Modes:
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import controller_replaced, discretised
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> slow = discretised(control.tf([0.1, 0.1], [1.0, 0.01]), 0.1)
-    >>> clean, defect = controller_replaced(K, slow)
+    >>> from workbench.synthesis import replacement_modes, discretise
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> slow = discretise(control.tf([0.1, 0.1], [1.0, 0.01]), 0.1)
+    >>> clean, defect = replacement_modes(K, slow)
     >>> bool(abs(defect.B).sum() < abs(clean.B).sum())
     True
     """

@@ -64,18 +64,18 @@ class Deviations:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.simulation import sampled
+    >>> from workbench.simulation import sampled_model
     >>> from workbench.synthesis import (
     ...     Deviations,
     ...     SampledPlant,
-    ...     discretised,
-    ...     measurement_dropped,
+    ...     discretise,
+    ...     dropout_modes,
     ...     switched_loop,
     ... )
-    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> G = sampled_model(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
     >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> loop = switched_loop(plant, measurement_dropped(K))
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> loop = switched_loop(plant, dropout_modes(K))
     >>> found = Deviations(
     ...     loop, amplitude=np.array([2.0]), omega=np.array([0.5]), longest=8, false=0.3
     ... )

@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.systems.sampling import sampled
+from workbench.systems.sampling import sampled_model
 
 FilterResponse = Callable[[RealArray], ComplexArray]
 """Function: omega [rad/s] (F,) -> response (F,) of the measurement filter H."""
@@ -35,14 +35,14 @@ class SampledPlant:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.simulation import sampled
+    >>> from workbench.simulation import sampled_model
     >>> from workbench.synthesis import (
     ...     SampledPlant,
-    ...     discretised,
+    ...     discretise,
     ... )
-    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> G = sampled_model(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
     >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
     >>> plant.dt, plant.A.round(4).tolist()
     (0.1, [[0.8187]])
     """
@@ -65,9 +65,9 @@ class ControllerMode:
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import ControllerMode, discretised, unswitched
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> isinstance(unswitched(K)[0], ControllerMode)
+    >>> from workbench.synthesis import ControllerMode, discretise, unswitched_modes
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> isinstance(unswitched_modes(K)[0], ControllerMode)
     True
     """
 
@@ -92,17 +92,17 @@ class SwitchedLoop:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.simulation import sampled
+    >>> from workbench.simulation import sampled_model
     >>> from workbench.synthesis import (
     ...     SampledPlant,
-    ...     discretised,
-    ...     measurement_dropped,
+    ...     discretise,
+    ...     dropout_modes,
     ...     switched_loop,
     ... )
-    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> G = sampled_model(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
     >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> loop = switched_loop(plant, measurement_dropped(K))
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> loop = switched_loop(plant, dropout_modes(K))
     >>> loop.clean[0].shape, loop.output.shape
     ((2, 2), (1, 2))
     """
@@ -121,26 +121,28 @@ def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.simulation import sampled
+    >>> from workbench.simulation import sampled_model
     >>> from workbench.synthesis import (
     ...     SampledPlant,
-    ...     discretised,
-    ...     measurement_dropped,
+    ...     discretise,
+    ...     dropout_modes,
     ...     switched_loop,
     ... )
-    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> G = sampled_model(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
     >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
-    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> loop = switched_loop(plant, measurement_dropped(K))
+    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> loop = switched_loop(plant, dropout_modes(K))
     >>> bool(abs(np.linalg.eigvals(loop.clean[0])).max() < 1)
     True
     """
-    clean, defect = ((transition(plant, mode), disturbance_input(plant, mode)) for mode in modes)
+    clean, defect = (
+        (mode_transition(plant, mode), disturbance_input(plant, mode)) for mode in modes
+    )
     output = np.hstack([plant.output, np.zeros((1, len(modes[0].A)))])
     return SwitchedLoop(clean, defect, output, plant.dt, plant.filter)
 
 
-def transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
+def mode_transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
     """Matrix A of the loop (n + m, n + m) in one mode; the plant's states come first."""
     read = plant.gain * plant.measured
     return np.block(
@@ -153,7 +155,9 @@ def disturbance_input(plant: SampledPlant, mode: ControllerMode) -> RealArray:
     return plant.gain * np.vstack([plant.B @ mode.D, mode.B])
 
 
-def closed_transition(plant: StateSpace, controller: StateSpace, delay_samples: float) -> RealArray:
+def closed_loop_transition(
+    plant: StateSpace, controller: StateSpace, delay_samples: float
+) -> RealArray:
     """Transition matrix (n, n) over a sample: G behind a hold, with K in negative feedback.
 
     The plant is continuous and strictly proper. The controller is sampled; its dt is the sampling
@@ -163,12 +167,12 @@ def closed_transition(plant: StateSpace, controller: StateSpace, delay_samples: 
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.synthesis import closed_transition
+    >>> from workbench.synthesis import closed_loop_transition
     >>> G, K = control.ss(-2.0, 1.0, 1.0, 0.0), control.ss([], [], [], [[3.0]], 0.1)
     >>> held = np.exp(-0.2)
-    >>> bool(np.isclose(closed_transition(G, K, 0.0), held - 3.0 * (1 - held) / 2.0))
+    >>> bool(np.isclose(closed_loop_transition(G, K, 0.0), held - 3.0 * (1 - held) / 2.0))
     True
     """
-    P = sampled(plant, controller.dt, delay_samples=delay_samples)
+    P = sampled_model(plant, controller.dt, delay_samples=delay_samples)
     corner = P.A - P.B @ controller.D @ P.C
     return np.block([[corner, P.B @ controller.C], [-controller.B @ P.C, controller.A]])

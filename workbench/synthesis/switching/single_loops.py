@@ -17,8 +17,8 @@ from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.mu import conditions, loop_margins
-from workbench.synthesis.switching.loops import closed_transition
-from workbench.systems.sampling import sampled
+from workbench.synthesis.switching.loops import closed_loop_transition
+from workbench.systems.sampling import sampled_model
 
 if TYPE_CHECKING:
     from workbench.uncertainty import GeneralisedPlant
@@ -95,7 +95,10 @@ class SingleLoops:
             return G * self.controllers[controller]
         K = self.discrete[controller]
         return (
-            sampled(G, K.dt, delay_samples=self.delay_samples if sampling == "delayed" else 0.0) * K
+            sampled_model(
+                G, K.dt, delay_samples=self.delay_samples if sampling == "delayed" else 0.0
+            )
+            * K
         )
 
     def growth(self, controller: str, plant: str, sampling: str) -> float:
@@ -105,7 +108,7 @@ class SingleLoops:
             L = G * self.controllers[controller]
             return float(np.linalg.eigvals(L.A - L.B @ L.C).real.max())
         K = self.discrete[controller]
-        A = closed_transition(G, K, self.delay_samples if sampling == "delayed" else 0.0)
+        A = closed_loop_transition(G, K, self.delay_samples if sampling == "delayed" else 0.0)
         return math.log(abs(np.linalg.eigvals(A)).max()) / K.dt
 
     def margins(self) -> MarginsOfPlants:

@@ -13,7 +13,7 @@ from workbench.input_checks import as_list, is_real
 from workbench.systems.balancing import singular
 from workbench.uncertainty.algebra.connections import block
 from workbench.uncertainty.algebra.elements import Element
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, lift, matrix
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, block_matrix, lift
 from workbench.uncertainty.algebra.signals import Call, call_of, named, python_controls_errors
 from workbench.uncertainty.algebra.system import UncertainSystem, combined_elements, uncertain
 
@@ -123,7 +123,7 @@ def _state_space(A: Any, B: Any, C: Any, D: Any, dt: float | None) -> UncertainS
         parts[3]
     ):  # as in python-control, D is then zero
         parts[3] = uncertain(np.zeros((parts[2].noutputs, parts[1].ninputs)))
-    whole = matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
+    whole = block_matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
     return _with_states(lift(whole), states, combined_elements(parts), dt)
 
 
@@ -150,9 +150,9 @@ def _fraction(num: Any, den: Any, dt: float | None) -> UncertainSystem:
     # a_n y = x_1 + b_n u and x_i' = x_(i+1) + b_(n-i) u - a_(n-i) y: each coefficient occurs once.
     first = [*np.eye(order)[0], b[0].value]
     chain = [[*row, one.value] for row, one in zip(np.eye(order, k=1), b[1:], strict=True)]
-    output = lift(matrix([first])) / below[0].value
-    back = matrix([*([-one.value] for one in below[1:]), [1.0]])
-    whole = lift(matrix([*chain, [0.0] * (order + 1)])) + lift(back) @ output
+    output = lift(block_matrix([first])) / below[0].value
+    back = block_matrix([*([-one.value] for one in below[1:]), [1.0]])
+    whole = lift(block_matrix([*chain, [0.0] * (order + 1)])) + lift(back) @ output
     return _with_states(whole, order, combined_elements([*b, *below]), dt)
 
 
@@ -180,7 +180,7 @@ def _matrix(given: Any, name: str) -> UncertainSystem:
         raise InputError(
             f"{name} has rows of lengths {[len(row) for row in parts]}; they must be equal"
         )
-    value = matrix([[entry.value for entry in row] for row in parts])
+    value = block_matrix([[entry.value for entry in row] for row in parts])
     flat = [entry for row in parts for entry in row]
     return UncertainSystem(value, combined_elements(flat))
 

@@ -62,7 +62,8 @@ class DeadTime(Element):
         return (
             f"the dead time {self.name} of {self.delay:g} s has no state-space system; "
             "`loop_margins`, `robust_stability` and `response` take it as it is, and "
-            "`without_dead_time` replaces it by a Pade approximation and the bound of its error"
+            "`dead_time_approximation` replaces it by a Pade approximation and the bound of "
+            "its error"
         )
 
 
@@ -82,7 +83,8 @@ def need_no_dead_time(elements: Mapping[str, Element], function: str, proven: st
     times = ", ".join(f"{name} of {one.delay:g} s" for name, one in late.items())
     raise InputError(
         f"the system has the dead time {times}, which no states describe: call "
-        f"`{function}(without_dead_time(system))`, of a set that contains the dead time itself; "
+        f"`{function}(dead_time_approximation(system))`, of a set that contains the dead time "
+        "itself; "
         f"{proven} then holds with it, and a higher `order` makes the set smaller"
     )
 

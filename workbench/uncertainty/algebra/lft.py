@@ -178,7 +178,7 @@ def lift(value: Any) -> LFT:
     return _stack([[lift(entry) for entry in row] for row in array])
 
 
-def matrix(rows: Sequence[Sequence[Any]]) -> Any:
+def block_matrix(rows: Sequence[Sequence[Any]]) -> Any:
     """Matrix from rows of blocks, each a number, a matrix or an LFT.
 
     The result is an LFT if one of the blocks is an LFT, and otherwise an array of floats. Raises
@@ -186,8 +186,8 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 
     Examples
     --------
-    >>> from workbench.uncertainty import matrix
-    >>> matrix([[1.0, 2.0], [3.0, 4.0]]).tolist()
+    >>> from workbench.uncertainty import block_matrix
+    >>> block_matrix([[1.0, 2.0], [3.0, 4.0]]).tolist()
     [[1.0, 2.0], [3.0, 4.0]]
     """
     blocks = [[lift(entry) for entry in row] for row in rows]
@@ -217,17 +217,17 @@ def inverse(a: Any) -> Any:
 
     Examples
     --------
-    >>> from workbench.uncertainty import Parameter, inverse, matrix, parametric
+    >>> from workbench.uncertainty import Parameter, inverse, block_matrix, parametric_lft
     >>> def model(m):
-    ...     '''x'' = f / m, its mass matrix inverted.'''
+    ...     '''x'' = f / m, its mass block_matrix inverted.'''
     ...     return (
     ...         [[0.0, 1.0], [0.0, 0.0]],
-    ...         matrix([[0.0], [inverse(matrix([[m]]))]]),
+    ...         block_matrix([[0.0], [inverse(block_matrix([[m]]))]]),
     ...         [[1.0, 0.0]],
     ...         [[0.0]],
     ...     )
     ...
-    >>> found = parametric(model, [Parameter("m", 2.0, 0.1)], inputs=["f"], outputs=["x"])
+    >>> found = parametric_lft(model, [Parameter("m", 2.0, 0.1)], inputs=["f"], outputs=["x"])
     >>> found.at([0.0]).B.ravel().tolist()
     [0.0, 0.5]
     """

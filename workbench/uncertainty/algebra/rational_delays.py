@@ -14,7 +14,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 from workbench.uncertainty.algebra.uncertain_elements import dynamics
 
 
-def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
+def dead_time_approximation(system: Any, *, order: int = 6) -> UncertainSystem:
     """The system with known dead time replaced by a Pade approximation and an uncertain error.
 
     exp(-s T) = P (1 + W delta), where P is the diagonal Pade approximation. The dynamics delta have
@@ -38,9 +38,9 @@ def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
     Examples
     --------
     >>> from workbench.mu import robust_stability
-    >>> from workbench.uncertainty import delay, feedback, tf, without_dead_time
+    >>> from workbench.uncertainty import delay, feedback, tf, dead_time_approximation
     >>> closed = feedback(tf([1], [1, 1]) * delay("tau", 1.0, 1.0), 1)
-    >>> robust_stability(without_dead_time(closed)).lower > 1
+    >>> robust_stability(dead_time_approximation(closed)).lower > 1
     True
 
     Source: G. A. Baker, P. Graves-Morris, Pade Approximants, 1996; the bound is derived in

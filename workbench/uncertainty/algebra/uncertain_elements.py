@@ -131,7 +131,7 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
 
     If low equals high, it is known dead time. `workbench.mu.loop_margins`,
     `workbench.mu.robust_stability` and ``response`` use it exactly. Functions that need states
-    refuse it with an error that has its name. `without_dead_time` replaces it by a Pade
+    refuse it with an error that has its name. `dead_time_approximation` replaces it by a Pade
     approximation and a bound on the error.
 
     An uncertain delay is not a rational function. Analysis replaces it by 1 + W delta, where W

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.certificate import THIS_SYSTEM, Check, worst_value
 from workbench.fitting.rational import Rational
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.second_opinion.responses import plain_response
@@ -29,7 +29,7 @@ def realised_support(
     excess = excess_over_radius(systems, form, responses.omega, responses.values)
     excess = np.where(responses.present, excess, -np.inf)
     counted = np.sort(excess, axis=1)[:, -1 - leave_out]
-    value, where = worst(counted, lambda i: f"at {responses.place(i[0])}")
+    value, where = worst_value(counted, lambda i: f"at {responses.place(i[0])}")
     statement = "how far a response reaches beyond the realised set, over the radius"
     limit, over = REALISED_SUPPORT_TOLERANCE, responses.over
     return Check("support", statement, value, limit, where=where, over=over)
@@ -56,7 +56,7 @@ def given_nominal(nominal: Rational, given: Rational, responses: Responses) -> C
     response = given.response(responses.axis)
     apart = np.abs(nominal.response(responses.axis) - response)
     apart = apart / np.maximum(np.abs(response), np.finfo(float).tiny)
-    value, where = worst(apart, lambda i: f"at {responses.place(i[0])}")
+    value, where = worst_value(apart, lambda i: f"at {responses.place(i[0])}")
     statement = "distance of its response from that of the given one, relative"
     over = f"at the {responses.omega.size} given frequencies"
     return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where=where, over=over)

@@ -412,9 +412,9 @@ class UncertaintyCover(Program):
         return cover_dataset(self.responses, answer)
 
     def from_dataset(self, data: Dataset) -> CoverSteps:
-        from workbench.uncertainty.covers.storage import rational, shape
+        from workbench.uncertainty.covers.storage import cover_function, cover_sets
 
-        parts = [rational(data, name) for name in ("nominal", "W_c", "W_r")]
+        parts = [cover_function(data, name) for name in ("nominal", "W_c", "W_r")]
         model = UncertaintyModel(
             parts[0],
             parts[1],
@@ -423,10 +423,10 @@ class UncertaintyCover(Program):
             dt=self.responses.dt,
             tested=self.responses.tested,
         )
-        first: Circle | Stadium = shape(data, "first")
+        first: Circle | Stadium = cover_sets(data, "first")
         if self.shape == "circle":
             first = Circle(first.center, first.radius)
-        return CoverSteps(model, first, shape(data, "second"), shape(data, "third"))
+        return CoverSteps(model, first, cover_sets(data, "second"), cover_sets(data, "third"))
 
     def figures(self, answer: CoverSteps) -> dict[str, Figure]:
         return cover_figures(self.responses, answer, self.windows_hz)

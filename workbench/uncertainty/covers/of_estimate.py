@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
-from workbench.certificate import Check, Checker, worst
+from workbench.certificate import Check, Checker, worst_value
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.effort import tries
@@ -102,7 +102,7 @@ class CoverOfEstimateChecker(Checker):
     def checks(self, answer: UncertaintyModel, tolerance: float) -> list[Check]:
         apart = answer.nominal.response(self._fine) - self._estimated()
         beyond = (self._discs() + np.abs(apart)) / self._sizes(answer) - 1.0
-        value, where = worst(beyond, lambda at: f"at {self._fine[at[0]]:.6g} rad/s")
+        value, where = worst_value(beyond, lambda at: f"at {self._fine[at[0]]:.6g} rad/s")
         statement = "radius of a disc over that of the model, less 1"
         return [Check("containment", statement, value, CONTAINMENT_TOLERANCE, where=where)]
 

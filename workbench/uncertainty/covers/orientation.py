@@ -30,21 +30,21 @@ CANDIDATE_ANGLES = 360
 """Number of angles tried at every frequency, half a degree apart."""
 
 
-def narrowest(omega: RealArray, away: ComplexArray) -> RealArray:
+def narrowest_angles(omega: RealArray, away: ComplexArray) -> RealArray:
     """Angles (F,) [rad] with the least width, as in the second set.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import narrowest
+    >>> from workbench.uncertainty import narrowest_angles
     >>> away = np.array([[-1.0 - 1j, 0.0, 1.0 + 1j]])  # three plants on a line
-    >>> float(narrowest(np.array([1.0]), away)[0].round(4))
+    >>> float(narrowest_angles(np.array([1.0]), away)[0].round(4))
     0.7854
     """
     return stadiums_about_nominal(away).angle
 
 
-def smooth(*, weight: float = 0.1) -> Orientation:
+def smooth_orientation(*, weight: float = 0.1) -> Orientation:
     """Orientation with small widths and small changes of angle along frequency.
 
     It minimises the sum of log(radius) + weight * (change of angle)^2 / (change of log omega) over
@@ -53,15 +53,15 @@ def smooth(*, weight: float = 0.1) -> Orientation:
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import smooth
+    >>> from workbench.uncertainty import smooth_orientation
     >>> away = np.array([[-1.0 - 1j, 0.01, 1.0 + 1j]] * 3)
-    >>> smooth(weight=0.1)(np.array([1.0, 2.0, 4.0]), away).shape
+    >>> smooth_orientation(weight=0.1)(np.array([1.0, 2.0, 4.0]), away).shape
     (3,)
     """
-    return cheapest(_narrow, weight)
+    return cheapest_orientation(_narrow, weight)
 
 
-def limited(
+def limited_orientation(
     *, limit: float = math.pi / 12, nominal: RealArray | float | None = None
 ) -> Orientation:
     """Orientation of the third set: the angle of least width, if it is near a nominal angle.
@@ -78,9 +78,9 @@ def limited(
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import limited
+    >>> from workbench.uncertainty import limited_orientation
     >>> away = np.array([[-1.0 - 1j, 0.0, 1.0 + 1j]])
-    >>> limited(nominal=0.0)(np.array([1.0]), away).round(4).tolist()  # pi / 4 is too far from 0
+    >>> limited_orientation(nominal=0.0)(np.array([1.0]), away).round(4).tolist()  # pi/4 is far
     [0.0]
     """
     if not 0 < limit <= math.pi / 2:
@@ -89,7 +89,11 @@ def limited(
         raise InputError(f"a nominal orientation must be finite, it is {nominal}")
 
     def orientation(omega: RealArray, away: ComplexArray) -> RealArray:
-        given = smooth()(omega, away) if nominal is None else np.asarray(nominal, dtype=float)
+        given = (
+            smooth_orientation()(omega, away)
+            if nominal is None
+            else np.asarray(nominal, dtype=float)
+        )
         try:
             reference = np.broadcast_to(canonical_angle(given), omega.shape)
         except ValueError:
@@ -97,13 +101,13 @@ def limited(
                 f"a nominal orientation of shape {given.shape} does not fit "
                 f"{omega.size} frequencies"
             ) from None
-        angle = narrowest(omega, away)
+        angle = narrowest_angles(omega, away)
         return np.where(_turn(angle, reference) > limit, reference, angle)
 
     return orientation
 
 
-def cheapest(cost: Cost, weight: float) -> Orientation:
+def cheapest_orientation(cost: Cost, weight: float) -> Orientation:
     """Orientation that minimises the sum over frequency of a cost of angles and of their changes.
 
     It serves criteria other than width, such as a controller's mu. Dynamic programming along
@@ -119,12 +123,12 @@ def cheapest(cost: Cost, weight: float) -> Orientation:
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import cheapest
+    >>> from workbench.uncertainty import cheapest_orientation
     >>> def cost(omega, angle, radius, half_length):
     ...     return radius
     ...
     >>> away = np.array([[-1.0 - 1j, 0.0, 1.0 + 1j]])
-    >>> cheapest(cost, weight=0.0)(np.array([1.0]), away).round(4).tolist()  # the narrowest
+    >>> cheapest_orientation(cost, weight=0.0)(np.array([1.0]), away).round(4).tolist()
     [0.7854]
     """
     if not weight >= 0:

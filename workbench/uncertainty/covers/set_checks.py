@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.bounds import circle_radius_bound
 
@@ -51,6 +51,6 @@ def set_check(
     name: str, about: str, off: RealArray, limit: float, places: Named, over: str
 ) -> Check:
     """The check of one kind of set; ``about`` says what its centre is."""
-    value, where = worst(off, lambda i: f"at {places.place(i[0])}")
+    value, where = worst_value(off, lambda i: f"at {places.place(i[0])}")
     statement = f"a radius off the least{about}, a deviation beyond it, relative"
     return Check(name, statement, value, limit, where=where, over=over)

@@ -19,7 +19,7 @@ from workbench.geometry import NarrowestStadium, Stadium
 from workbench.uncertainty.covers.checks import left_check
 from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
 from workbench.uncertainty.covers.model import UncertaintyModel
-from workbench.uncertainty.covers.orientation import Orientation, smooth
+from workbench.uncertainty.covers.orientation import Orientation, smooth_orientation
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import real_weight
@@ -57,7 +57,7 @@ class StadiumCover(UncertaintyCover):
 
     _: KW_ONLY
     real_order: int = 4
-    orientation: Orientation = field(default_factory=smooth, kw_only=True)
+    orientation: Orientation = field(default_factory=smooth_orientation, kw_only=True)
     minimum_phase: bool = field(default=False, kw_only=True)
 
     shape: ClassVar[Literal["circle", "stadium"]] = "stadium"

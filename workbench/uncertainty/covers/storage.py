@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from workbench.fitting.rational import Rational
-from workbench.fitting.storage import function, roots
+from workbench.fitting.storage import rational_variables, stored_rational
 from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.responses.plants import Responses
@@ -61,17 +61,17 @@ def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
     for name, of in {"nominal": model.nominal, "W_c": model.W_c, "W_r": model.W_r}.items():
         if of is None:
             continue
-        data = data.assign(roots(of, name, f"{name}_"))
+        data = data.assign(rational_variables(of, name, f"{name}_"))
     return data
 
 
-def shape(data: xr.Dataset, name: str) -> Stadium:
+def cover_sets(data: xr.Dataset, name: str) -> Stadium:
     """The sets of the step of a given name."""
     return Stadium(*(data[f"{name}_{part}"].values for part in PARTS))
 
 
-def rational(data: xr.Dataset, name: str) -> Rational | None:
+def cover_function(data: xr.Dataset, name: str) -> Rational | None:
     """The nominal or a weight, by name; None if the model does not have it."""
     if f"{name}_gain" not in data:
         return None
-    return function(data, f"{name}_")
+    return stored_rational(data, f"{name}_")

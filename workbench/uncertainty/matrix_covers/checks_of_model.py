@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import StateSpace
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stability import balanced_states, stability_of
@@ -63,7 +63,7 @@ def semidefinite(responses: MatrixResponses, X: Array, model: MatrixModel) -> Ch
     whole = np.concatenate([top, bottom], axis=2)
     root = np.sqrt(np.einsum("fkii->fki", whole).real)
     least = np.linalg.eigvalsh(whole / root[..., None] / root[..., None, :])[..., 0]
-    value, where = worst(-least, responses.numbered)
+    value, where = worst_value(-least, responses.numbered)
     statement = "smallest eigenvalue of [[L, X], [X^*, R]] of unit diagonal, below zero"
     return Check("semidefinite", statement, value, REALISED, where=where)
 
@@ -73,7 +73,7 @@ def plants_made(responses: MatrixResponses, deltas: Array, model: MatrixModel) -
     whole, given = plain_response(model.system, responses.omega), responses.values
     made = np.stack([upper_closed(whole, deltas[:, k]) for k in range(deltas.shape[1])], axis=1)
     size = np.maximum(np.linalg.norm(given, axis=(2, 3)), np.finfo(float).tiny)
-    value, where = worst(np.linalg.norm(made - given, axis=(2, 3)) / size, responses.numbered)
+    value, where = worst_value(np.linalg.norm(made - given, axis=(2, 3)) / size, responses.numbered)
     statement = "distance of a plant from the model closed by its Delta, relative"
     return Check("plants made", statement, value, REALISED, where=where)
 
@@ -84,6 +84,6 @@ def tried_everywhere(responses: MatrixResponses, deltas: Sequence[StateSpace]) -
     for delta in deltas:
         tried = tried_frequencies(delta.poles(), float(delta.dt or 0.0))
         peaks.append(np.linalg.norm(plain_response(delta, tried), 2, axis=(1, 2)).max())
-    value, where = worst(np.array(peaks) - 1, lambda i: f"plant {responses.plants[i[0]]}")
+    value, where = worst_value(np.array(peaks) - 1, lambda i: f"plant {responses.plants[i[0]]}")
     statement = "largest norm of a Delta at frequencies tried, less 1"
     return Check("everywhere", statement, value, REALISED, where=where)

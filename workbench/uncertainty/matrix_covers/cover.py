@@ -12,7 +12,7 @@ import numpy as np
 from workbench._core.arrays import Array, RealArray
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.answer import ProgramAnswer
-from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst_value
 from workbench.certify.norms import certified_norm
 from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
@@ -23,7 +23,7 @@ from workbench.second_opinion.fits import decays
 from workbench.second_opinion.responses import plain_response
 from workbench.systems.conversion import as_system
 from workbench.systems.range_hints import warn_far_frequencies
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 from workbench.uncertainty.covers.weights import between, beyond
 from workbench.uncertainty.matrix_covers.checks_of_model import (
     off_shape,
@@ -289,11 +289,11 @@ class MatrixCover(Program):
         if model.form != self.form:
             raise InputError(f"the answer is {model.form}, asked for was {self.form}")
         norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
-        value, where = worst(norms - 1, self.responses.numbered)
+        value, where = worst_value(norms - 1, self.responses.numbered)
         checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where=where)]
         if self.everywhere:
             bounds = [certified_norm(delta) - 1 for delta in self.known_deltas(model)]
-            value, where = worst(bounds, lambda i: f"plant {self.responses.plants[i[0]]}")
+            value, where = worst_value(bounds, lambda i: f"plant {self.responses.plants[i[0]]}")
             over = f"{EVERY_FREQUENCY}, for these {len(bounds)} plants"
             statement = "proven bound of the norm of a Delta, less 1"
             found = Check(
@@ -321,7 +321,9 @@ class MatrixCover(Program):
         return checks
 
     def _least_check(self, least: FoundSets, tolerance: float) -> Check:
-        value, where = worst(self.sets.excess(least), lambda i: f"at {self.responses.place(i[0])}")
+        value, where = worst_value(
+            self.sets.excess(least), lambda i: f"at {self.responses.place(i[0])}"
+        )
         statement = "logarithm of the size of a smallest set beyond its proven lower bound"
         limit, over = max(tolerance, LEAST_GAP), self.sets.quantifier
         return Check("no set is smaller", statement, value, limit, where=where, over=over)
@@ -331,7 +333,7 @@ class MatrixCover(Program):
         given = system_response(self.nominal, omega)
         apart = np.abs(system_response(model.nominal, omega) - given).max(axis=(1, 2))
         apart = apart / np.maximum(np.abs(given).max(axis=(1, 2)), np.finfo(float).tiny)
-        value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
+        value, where = worst_value(apart, lambda i: f"at {self.responses.place(i[0])}")
         statement = "distance of its response from that of the given one, relative"
         return Check("nominal given", statement, value, CONTAINED, where=where)
 
@@ -377,7 +379,7 @@ class MatrixCover(Program):
         sets = self.sets.to_dataset(answer.least)
         parts: dict[str, Any] = {}
         for name in ("nominal", "W_1", "W_2"):
-            parts |= stored(name, getattr(model, name))
+            parts |= stored_system(name, getattr(model, name))
         norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
         text = {"units": "1", "long_name": "norm of Delta"}
         parts["delta_norm"] = (("frequency", "sample"), norms, text)
@@ -389,7 +391,7 @@ class MatrixCover(Program):
         return xr.Dataset(parts | dict(sets.data_vars), coords={"omega": omega, "plant": plants})
 
     def from_dataset(self, data: Dataset) -> FoundCover:
-        systems = {name: restored(data, name) for name in ("nominal", "W_1", "W_2")}
+        systems = {name: restored_system(data, name) for name in ("nominal", "W_1", "W_2")}
         model = MatrixModel(**systems, form=self.form)
         return FoundCover(model, self.sets.from_dataset(data))
 

@@ -17,7 +17,7 @@ import numpy as np
 from workbench._core.arrays import EPS, Array, RealArray
 from workbench._core.heavy_types import Dataset
 from workbench.answer import ProgramAnswer
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, worst_value
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_choice, need_numbers
 from workbench.program import Program
@@ -317,7 +317,7 @@ class MatrixSets(Program):
         deltas = answer.deltas(self.deviations)
         norms = np.linalg.norm(deltas, 2, axis=(2, 3)) if np.isfinite(deltas).all() else np.nan
         beyond = norms * (1 + self._rounding(answer)[:, None]) - 1
-        value, where = worst(beyond, self._place)
+        value, where = worst_value(beyond, self._place)
         checks = [
             Check(
                 "containment", "norm of a Delta, rounded up, less 1", value, CONTAINED, where=where
@@ -327,11 +327,11 @@ class MatrixSets(Program):
             scaled = W / np.abs(W).max(axis=(1, 2), keepdims=True)
             gram = scaled @ ctranspose(scaled) if name == "W_1" else ctranspose(scaled) @ scaled
             off = np.abs(gram - of_shape(gram, shape)).max(axis=(1, 2))
-            value, where = worst(off, self._place)
+            value, where = worst_value(off, self._place)
             statement = f"what is not {shape} of its square, relative"
             checks.append(Check(f"{name} {shape}", statement, value, SHAPED, where=where))
         if self.centre == "zero":
-            value, where = worst(np.abs(answer.centre), self._place)
+            value, where = worst_value(np.abs(answer.centre), self._place)
             checks.append(Check("centre", "size of a centre, zero", value, 0.0, where=where))
         return checks
 
@@ -357,7 +357,7 @@ class MatrixSets(Program):
             for k, E in enumerate(away[f]):
                 square = E @ scipy.linalg.cho_solve(scipy.linalg.cho_factor(R), ctranspose(E))
                 found[f, k] = scipy.linalg.eigh(square, L, eigvals_only=True)[-1]
-        value, where = worst(found - 1, self._place)
+        value, where = worst_value(found - 1, self._place)
         statement = "largest eigenvalue of E R^-1 E^* beyond that of L = W_1 W_1^*, relative"
         return [Check("eigenvalues", statement, value, SQUARES_CONTAINED, where=where)]
 

@@ -44,12 +44,12 @@ def members(
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import Parameter, members, parametric, vertices
+    >>> from workbench.uncertainty import Parameter, members, parametric_lft, vertices
     >>> def spring(k):
     ...     '''A, B, C, D of a mass on a spring.'''
     ...     return [[0.0, 1.0], [-k, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
     ...
-    >>> model = parametric(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
+    >>> model = parametric_lft(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
     >>> plants = members(model, np.geomspace(0.1, 10, 20), vertices(model.parameters))
     >>> plants.values.shape
     (20, 2)

@@ -26,8 +26,8 @@ from workbench.uncertainty.algebra.lft import (
     INTEGRATOR,
     LFT,
     SINGULAR_DETERMINANT,
+    block_matrix,
     lift,
-    matrix,
     scalar,
 )
 from workbench.uncertainty.algebra.reduction import grouped, reduced
@@ -47,7 +47,7 @@ vertices.
 
 @dataclass(frozen=True, eq=False)
 class ParametricModel(Algebraic):
-    """State-space model with its real perturbations extracted, as made by `parametric`.
+    """State-space model with its real perturbations extracted, as made by `parametric_lft`.
 
     The value of ``lft`` is [A B; C D]; ``repetitions`` holds for each parameter the number of
     channels before and after reduction. Deltas are a mapping from names to values, where missing
@@ -56,12 +56,12 @@ class ParametricModel(Algebraic):
 
     Examples
     --------
-    >>> from workbench.uncertainty import Parameter, parametric
+    >>> from workbench.uncertainty import Parameter, parametric_lft
     >>> def spring(k):
     ...     '''A, B, C, D of a mass on a spring.'''
     ...     return [[0.0, 1.0], [-k, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
     ...
-    >>> model = parametric(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
+    >>> model = parametric_lft(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
     >>> float(model.at({"k": 1.0}).dcgain())  # 1 / 5
     0.2
     """
@@ -145,7 +145,7 @@ class ParametricModel(Algebraic):
         return dict(zip(names, np.moveaxis(array, -1, 0), strict=True))
 
 
-def parametric(
+def parametric_lft(
     model: Model,
     parameters: Sequence[Parameter],
     *,
@@ -159,7 +159,8 @@ def parametric(
     ----------
     model
         Function that is called with the parameters as keywords and returns the matrices A, B, C, D.
-        It may use `+ - * /`, integer powers, `@`, nested lists, arrays of objects, and `matrix`,
+        It may use `+ - * /`, integer powers, `@`, nested lists, arrays of objects, and
+        `block_matrix`,
         `left_divide` and `inverse` of `workbench.uncertainty` in place of NumPy's functions.
     inputs, outputs
         Names of the model's inputs and outputs.
@@ -177,12 +178,12 @@ def parametric(
 
     Examples
     --------
-    >>> from workbench.uncertainty import Parameter, parametric
+    >>> from workbench.uncertainty import Parameter, parametric_lft
     >>> def spring(k):
     ...     '''A, B, C, D of a mass on a spring.'''
     ...     return [[0.0, 1.0], [-k, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
     ...
-    >>> model = parametric(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
+    >>> model = parametric_lft(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
     >>> model.repetitions
     {'k': (1, 1)}
     """
@@ -271,7 +272,7 @@ def _matrices(quadruple: tuple[Any, Any, Any, Any]) -> tuple[LFT, int]:
     A, B, C, D = (lift(part) for part in quadruple)
     if A.shape[0] != A.shape[1]:
         raise InputError(f"the model's A has shape {A.shape}; it must be square")
-    return lift(matrix([[A, B], [C, D]])), A.shape[0]
+    return lift(block_matrix([[A, B], [C, D]])), A.shape[0]
 
 
 def _system(M: Array, states: int, inputs: Sequence[str], outputs: Sequence[str]) -> StateSpace:

@@ -27,7 +27,7 @@ HALVINGS = 4
 """Most halvings, in logarithm, of the distance between two lines."""
 
 
-def between_lines(responses: Responses, *, unstable_poles: int = 0) -> Responses:
+def refined_responses(responses: Responses, *, unstable_poles: int = 0) -> Responses:
     """The same plants with further frequencies between those measured, where they bend.
 
     A model of each plant, of the fewest poles that noise allows, tells light resonances between
@@ -51,11 +51,11 @@ def between_lines(responses: Responses, *, unstable_poles: int = 0) -> Responses
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import Responses, between_lines
+    >>> from workbench.uncertainty import Responses, refined_responses
     >>> omega = np.geomspace(0.1, 10.0, 30)
     >>> def ringing(omega):
     ...     return np.stack([1 / (1 - omega**2 + 0.02j * omega), 1 / (1 + 1j * omega)], axis=1)
-    >>> fine = between_lines(Responses(omega, ringing(omega), variance=1e-8))
+    >>> fine = refined_responses(Responses(omega, ringing(omega), variance=1e-8))
     >>> missed = np.abs(fine.values / ringing(fine.omega) - 1).max()
     >>> fine.omega.size > 40, bool(missed < 0.01)
     (True, True)

@@ -20,7 +20,7 @@ MIN_PLANTS = 4
 """Least number of measured plants at a frequency for the estimate of a covariance."""
 
 
-def widened(responses: Responses, content: float) -> Responses:
+def widened_responses(responses: Responses, content: float) -> Responses:
     """The responses with an additional region at each frequency in which a further plant is
     expected.
 
@@ -48,7 +48,7 @@ def widened(responses: Responses, content: float) -> Responses:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.uncertainty import Responses, UncertaintyModel, widened
+    >>> from workbench.uncertainty import Responses, UncertaintyModel, widened_responses
     >>> omega = np.geomspace(1, 100, 30)
     >>> plants = Responses(
     ...     omega=omega, values=np.array(
@@ -58,7 +58,7 @@ def widened(responses: Responses, content: float) -> Responses:
     >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
     >>> rng = np.random.default_rng(0)
     >>> many = Responses(omega=omega, values=1 + 0.1 * rng.standard_normal((30, 6, 2)) @ [1, 1j])
-    >>> widened(many, content=0.9).values.shape[1] > 6
+    >>> widened_responses(many, content=0.9).values.shape[1] > 6
     True
     """
     need_kind(responses, Responses, "responses")

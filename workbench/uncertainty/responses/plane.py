@@ -10,7 +10,7 @@ from typing import Any
 
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.rational import Rational, rational_of_system
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 
 
@@ -28,7 +28,7 @@ def plane_function(given: Any, name: str, dt: float | None) -> Rational:
     if dt is not None and own != dt and hasattr(given, "poles"):
         raise InputError(f"{name} has dt = {own}; {dt} is needed")
     try:
-        return from_system(bilinear_continuous(control.ss(given)) if own else given)
+        return rational_of_system(bilinear_continuous(control.ss(given)) if own else given)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 

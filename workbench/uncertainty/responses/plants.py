@@ -53,7 +53,7 @@ class Responses:
         Unit of the responses, for labels.
     assumption
         Assumption of the set beyond the measured points, for instance a distribution; see
-        `workbench.uncertainty.widened`. Certificates of covers contain it.
+        `workbench.uncertainty.widened_responses`. Certificates of covers contain it.
     known
         The N plants as systems, if they are known at every frequency: stable SISO systems of
         python-control or `Rational`s, and None for a plant that was only measured. Covers contain

@@ -16,7 +16,7 @@ from workbench.solvers import Options
 from workbench.synthesis import MuSynthesis
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.uncertainty import GeneralisedPlant, Parameter, ParametricModel
-from workbench.uncertainty.parametric_models.model import parametric
+from workbench.uncertainty.parametric_models.model import parametric_lft
 
 from ...drive.plants import controller
 from ...drive.tables import Axis, nominal_table
@@ -88,7 +88,7 @@ def _model(axis: Axis, uncertain: list[Parameter]) -> ParametricModel:
     """u [V] -> f_en [units] with these parameters uncertain, the others those of Table 5.2."""
     names = [one.name for one in uncertain]
     certain = {n: entry.nominal for n, entry in nominal_table(axis).items() if n not in names}
-    return parametric(partial(two_masses, **certain), uncertain, inputs=["u"], outputs=["f_en"])
+    return parametric_lft(partial(two_masses, **certain), uncertain, inputs=["u"], outputs=["f_en"])
 
 
 def plant_of(axis: Axis, model: ParametricModel, speed: float = 1.0) -> GeneralisedPlant:

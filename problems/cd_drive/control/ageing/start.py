@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.identification import from_periods
+from workbench.identification import periodic_response
 from workbench.uncertainty import Parameter
 
 from ...drive.tables import Axis, nominal_table
@@ -59,7 +59,7 @@ class StartUp:
         told, experiment = Told.drawn(self.axis, seed), self.experiment
         mass = experiment.mass * told.mass
         current = experiment.played(seed).corrected(told, experiment.frequency)
-        raw = from_periods(experiment.frequency, current.u, current.v, transients=DISCARDED)
+        raw = periodic_response(experiment.frequency, current.u, current.v, transients=DISCARDED)
         # An aged resonance is lower than that of a new drive; the dip of v_r/u shows where it is.
         dip = float(experiment.frequency[np.argmin(abs(raw.response[:, 0, 0]))])
         experiment = replace(experiment, resonance=dip)

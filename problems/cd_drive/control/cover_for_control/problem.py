@@ -19,8 +19,8 @@ from workbench.certificate import EVERY_PERTURBATION
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.fitting.rational import Rational, from_system
-from workbench.fitting.storage import function, roots
+from workbench.fitting.rational import Rational, rational_of_system
+from workbench.fitting.storage import rational_variables, stored_rational
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.mu import performance_peak, performance_sweep
 from workbench.solution import solve
@@ -28,7 +28,7 @@ from workbench.study import Study, figure, metric, table
 from workbench.synthesis import ControlCover, MuSynthesis
 from workbench.synthesis.mu.control_cover import Name
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
-from workbench.systems.storage import restored, stored
+from workbench.systems.storage import restored_system, stored_system
 from workbench.uncertainty import Responses, UncertaintyModel, contains
 from workbench.uncertainty.covers.everywhere import containment_check
 
@@ -149,7 +149,7 @@ class CoverForControl(Study):
             certified = performance_peak(plant, used, tolerance=PEAK_TOLERANCE)
             assert certified is not None  # every stage has a finite peak
             bounds.append([certified.lower, certified.upper])
-            variables |= stored(f"controller{number}", used)
+            variables |= stored_system(f"controller{number}", used)
         unit = {"units": "1"}
         data = xr.Dataset(
             {
@@ -184,7 +184,7 @@ class CoverForControl(Study):
         for number, (one, *_) in enumerate(stages):
             for name in PARTS:
                 part = getattr(one, name)
-                data = data.assign(roots(part, name, f"{name}{number}_"))
+                data = data.assign(rational_variables(part, name, f"{name}{number}_"))
         return data
 
     def _in_turn(
@@ -238,7 +238,7 @@ class CoverForControl(Study):
         parts: dict[Name, Rational] = {
             "nominal": model.nominal,
             "real": model.W_r,
-            "controller": from_system(stage.K),
+            "controller": rational_of_system(stage.K),
         }
         if model is not self.given:  # W_c of the narrowest stadiums has another order
             parts["circular"] = model.W_c
@@ -263,8 +263,8 @@ class CoverForControl(Study):
 
     def stage(self, answer: Dataset, number: int) -> tuple[UncertaintyModel, StateSpace]:
         """The model and controller of a stage."""
-        nominal, W_c, W_r = (function(answer, f"{name}{number}_") for name in PARTS)
-        return UncertaintyModel(nominal, W_c, W_r), restored(answer, f"controller{number}")
+        nominal, W_c, W_r = (stored_rational(answer, f"{name}{number}_") for name in PARTS)
+        return UncertaintyModel(nominal, W_c, W_r), restored_system(answer, f"controller{number}")
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         checks = []

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench.executor import Context
-from workbench.synthesis import DualCertificate, highest_proven, regularised
+from workbench.synthesis import DualCertificate, highest_certificate, regularise
 from workbench.synthesis.limits.loop_functions import LoopFunctions
 from workbench.uncertainty import GeneralisedPlant
 
@@ -30,7 +30,7 @@ START_FACTOR = 1.002
 def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
     """The plant of H-infinity synthesis for the nominal drive, with both channels."""
     whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
-    return regularised(
+    return regularise(
         whole.channel(performance=("z_p", "z_u"), exogenous="w_p").nominal(), LEAST_NOISE
     )
 
@@ -48,5 +48,5 @@ def proof_between(
     """Highest level between two levels that is proven for every controller; NaN if
     there is none.
     """
-    found = highest_proven(loop, BASIS, low, high, context) if low < high else None
+    found = highest_certificate(loop, BASIS, low, high, context) if low < high else None
     return found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS)

@@ -12,7 +12,7 @@ import numpy as np
 from workbench import Check
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import Dataset, StateSpace, TransferFunction
-from workbench.certificate import EVERY_PERTURBATION, worst
+from workbench.certificate import EVERY_PERTURBATION, worst_value
 from workbench.mu import rank_one_mu
 from workbench.synthesis import (
     AnalyticBasis,
@@ -88,7 +88,7 @@ def five_x_checks(
         ),
     ]
     lower, upper = (answer["peak"].sel(bound=bound).values for bound in ("lower", "upper"))
-    crossed, _ = worst(lower / upper - 1, str)
+    crossed, _ = worst_value(lower / upper - 1, str)
     statement = "lower over upper bound of every peak, less 1"
     checks.append(Check("bounds", statement, crossed, 0.0, over=EVERY_PERTURBATION))
     best = float(answer["peak"].sel(channel="both", bound="upper").min())

@@ -50,7 +50,7 @@ from workbench.synthesis.implementation.approximation import ReductionMethod
 from workbench.synthesis.mu.equalising_gain import LARGEST_GAIN
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
-from workbench.uncertainty.covers.storage import shape
+from workbench.uncertainty.covers.storage import cover_sets
 
 from ...drive.plants import controller
 from ...drive.tables import Axis
@@ -231,7 +231,7 @@ class FiveX(Study):
         meaning="least mu over all K, stadiums without fitted weights",
     )
     def sets_least_mu(self, cover_frequency: DataArray) -> RealArray:
-        narrow = shape(self.covered.data, "second")
+        narrow = cover_sets(self.covered.data, "second")
         alone = replace(
             self.loop.weights(2 * np.pi * cover_frequency.values),
             circular=narrow.radius,

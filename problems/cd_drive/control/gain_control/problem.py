@@ -16,20 +16,20 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -105,7 +105,7 @@ class GainControl(Study):
     @part
     def starts(self, context: Context, seed: DataArray, benches: list[Laboratory]) -> list[Start]:
         """Starts in the order of arm, drive, draw."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         arms = list(ARMS.values())
 
         def played(place: tuple[int, ...]) -> Start:
@@ -207,17 +207,17 @@ class GainControl(Study):
     wobble_hz = metric(lambda self: crossover(self.axis))
     spread_before = metric(lambda before: _spread(before))
     spread_after = metric(
-        template="spread_{arm}_{summary}", value=lambda after: over_draws(_spread(after))
+        template="spread_{arm}_{summary}", value=lambda after: draws_summary(_spread(after))
     )
     low_spread_before = metric(lambda low_before: _spread(low_before))
     low_spread_after = metric(
         template="low_spread_{arm}_{summary}",
-        value=lambda low_before, after, before: over_draws(_spread(low_before + after - before)),
+        value=lambda low_before, after, before: draws_summary(_spread(low_before + after - before)),
     )
     crossover_spread_before = metric(lambda crossover_before: _spread(crossover_before))
     crossover_spread_after = metric(
         template="crossover_spread_{arm}_{summary}",
-        value=lambda crossover_after: over_draws(_spread(crossover_after)),
+        value=lambda crossover_after: draws_summary(_spread(crossover_after)),
     )
     removed_share = metric(
         template="removed_{arm}",
@@ -227,10 +227,10 @@ class GainControl(Study):
         template="set_{arm}", value=lambda after: share_of_draws(abs(after) <= WITHIN, "arm")
     )
     error_db = metric(
-        template="error_db_{arm}_{summary}", value=lambda after: over_draws(after, "drive")
+        template="error_db_{arm}_{summary}", value=lambda after: draws_summary(after, "drive")
     )
     time_s = metric(
-        template="time_{arm}_{summary}", value=lambda settled: over_draws(settled, "drive")
+        template="time_{arm}_{summary}", value=lambda settled: draws_summary(settled, "drive")
     )
     in_time = metric(
         template="in_time_{arm}", value=lambda settled: share_of_draws(settled <= LATEST, "arm")
@@ -246,7 +246,7 @@ class GainControl(Study):
         low = answer["low_before"] + answer["after"] - answer["before"]
         for arm in ARMS:
             cells = [
-                with_interval(over_draws(_spread(one.sel(arm=arm))), form=form)
+                interval_text(draws_summary(_spread(one.sel(arm=arm))), form=form)
                 for one, form in (
                     (answer["after"], "{:.2f}"),
                     (low, "{:.2f}"),
@@ -255,7 +255,7 @@ class GainControl(Study):
             ]
             settled, after = answer["settled"].sel(arm=arm), answer["after"].sel(arm=arm)
             cells += [
-                with_interval(over_draws(settled, "drive"), form="{:.2f}"),
+                interval_text(draws_summary(settled, "drive"), form="{:.2f}"),
                 f"{float((abs(after) <= WITHIN).mean()):.0%}",
                 f"{float((answer['events'].sel(arm=arm) > 0).mean()):.0%}",
             ]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.simulation import Cascade, Part, linear, wobbled_gain
+from workbench.simulation import Cascade, Part, linear_controller, wobbled_gain
 
 from ...drive.disc import Defect, Disc
 from ...drive.plants import controller, crossover
@@ -95,7 +95,7 @@ def started(bench: Laboratory, arm: Arm, seed: int) -> Start:
     )
     law = [
         Part("gain control", gain, ["f_en"], tells=["fed", "gain"]),
-        Part("K", linear(controller(axis), PERIOD), ["fed"], tells=["u"]),
+        Part("K", linear_controller(controller(axis), PERIOD), ["fed"], tells=["u"]),
     ]
     record = bench.closed_loop(
         Cascade(MEASUREMENTS, law),

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from workbench._core.arrays import ComplexArray, RealArray
-from workbench.identification import from_periods
+from workbench.identification import periodic_response
 from workbench.systems import loop_response
 
 from ...drive.tables import Axis
@@ -55,7 +55,7 @@ def measured(experiment: LoopExperiment, seed: int) -> Measurement:
     """
     record = experiment.played(seed)
     w, u = amplitudes(np.stack([experiment.signal, record.u]), experiment.sine, True)
-    estimate = from_periods(experiment.frequency, w, u)
+    estimate = periodic_response(experiment.frequency, w, u)
     colour = noise_colour(u - u.mean(axis=1, keepdims=True))
     colour = uniform_filter1d(colour, min(COLOUR_STEPS, len(colour)), mode="nearest")
     radius = estimate.radius(confidence=CONFIDENCE)[:, 0, 0] * np.sqrt(colour)

@@ -16,21 +16,21 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 from workbench.systems import loop_response
@@ -131,7 +131,7 @@ class MeasuredSensitivity(Study):
     @part
     def records(self, context: Context, seed: DataArray, frequency: DataArray) -> list[Measurement]:
         """Measurements in the order of scale, disc, drive, draw."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         grid, sizes = frequency.values, list(SCALES.values())
         deviations, names = list(DISCS.values()), seed["drive"].values.tolist()
 
@@ -299,15 +299,15 @@ class MeasuredSensitivity(Study):
     )
     rms_db = metric(
         template="rms_db_{scale}_{disc}_{model}_{summary}",
-        value=lambda rms: over_draws(rms, "drive"),
+        value=lambda rms: draws_summary(rms, "drive"),
     )
     most_db = metric(
         template="largest_db_{scale}_{disc}_{model}_{summary}",
-        value=lambda most: over_draws(most, "drive"),
+        value=lambda most: draws_summary(most, "drive"),
     )
     good_hz = metric(
         template="good_{accuracy}_from_hz_{scale}_{disc}_{summary}",
-        value=lambda good_from: over_draws(
+        value=lambda good_from: draws_summary(
             good_from.assign_coords(accuracy=[f"{100 * one:.0f}_percent" for one in ACCURACIES]),
             "drive",
         ),
@@ -320,17 +320,19 @@ class MeasuredSensitivity(Study):
     )
     measured_weighted = metric(
         template="weighted_{scale}_{disc}_{summary}",
-        value=lambda weighted: over_draws(weighted.sel(accuracy=COMPARED), "drive"),
+        value=lambda weighted: draws_summary(weighted.sel(accuracy=COMPARED), "drive"),
     )
     fails_hz = metric(
         template="fails_below_hz_{scale}_{disc}_{summary}",
-        value=lambda fails_below: over_draws(fails_below.sel(accuracy=ACCURACIES[-1]), "drive"),
+        value=lambda fails_below: draws_summary(fails_below.sel(accuracy=ACCURACIES[-1]), "drive"),
     )
 
     @table
     def comparison(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
         """Each gain and disc: mean and 90 % range of the records."""
-        numbers = {name: over_draws(answer[name], "drive") for name in ("rms", "most", "good_from")}
+        numbers = {
+            name: draws_summary(answer[name], "drive") for name in ("rms", "most", "good_from")
+        }
         similar, rows = _similar(answer), []
         for scale in SCALES:
             for disc in DISCS:
@@ -339,12 +341,12 @@ class MeasuredSensitivity(Study):
                 for one in MODELS:
                     cells.append(f"{float(similar.sel(at | {'model': one}).mean()):.0%}")
                     cells += [
-                        with_interval(numbers[name].sel(at | {"model": one}), form="{:.2f}")
+                        interval_text(numbers[name].sel(at | {"model": one}), form="{:.2f}")
                         for name in ("rms", "most")
                     ]
                 good = numbers["good_from"].sel(at)
                 cells += [
-                    with_interval(good.sel(accuracy=one), form="{:.0f}") for one in ACCURACIES
+                    interval_text(good.sel(accuracy=one), form="{:.0f}") for one in ACCURACIES
                 ]
                 lost = float((answer["events"].sel(at) > 0).mean())
                 rows.append([scale, disc.replace("_", " "), *cells, f"{lost:.0%}"])

@@ -14,7 +14,7 @@ import numpy as np
 from workbench import Check
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import Dataset, StateSpace
-from workbench.certificate import EVERY_FREQUENCY, worst
+from workbench.certificate import EVERY_FREQUENCY, worst_value
 from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import ParametricModel, UncertaintyModel
@@ -59,7 +59,7 @@ def method_checks(
     """
     names = list(controllers)
     poles = [rightmost_pole(task, K) for K in controllers.values()]
-    right, where = worst(poles, lambda i: names[i[0]])
+    right, where = worst_value(poles, lambda i: names[i[0]])
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
     stable = Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, where=where)
     found = [replace(stable, over="for nominal loops")]
@@ -113,7 +113,7 @@ def _order(answer: Dataset) -> list[Check]:
     for small, large, factor in statements:
         lower = peak.sel(condition=small, bound="lower").values
         ratio = lower / (factor * peak.sel(condition=large, bound="upper").values)
-        value, where = worst(ratio - 1, lambda i: str(names[i[0]]))
+        value, where = worst_value(ratio - 1, lambda i: str(names[i[0]]))
         statement = f"lower bound of {small} over the upper one of {large}, less 1"
         over = f"{EVERY_FREQUENCY}, for these controllers"
         name = f"{small} below {large}"
@@ -205,7 +205,7 @@ def _sampled(
         S = 1 / (1 + k * filtered * _plants(axis, uncertain, 1 / beta, hertz))
         excess.append(float(np.hypot(abs(W_p * S), abs(W_u * k * S)).max()) / beta - 1)
     names = list(controllers)
-    value, where = worst(excess, lambda i: names[i[0]])
+    value, where = worst_value(excess, lambda i: names[i[0]])
     statement = "gain of sampled plants over the peak of robust performance, less 1"
     over = f"for {RANDOM_PLANTS} plants of the set drawn, at {len(hertz)} frequencies"
     return Check("sampled plants", statement, value, 0.0, where=where, over=over)

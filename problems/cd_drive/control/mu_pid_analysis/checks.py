@@ -13,9 +13,9 @@ import numpy as np
 from workbench import Check
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset
-from workbench.certificate import EVERY_PERTURBATION, worst
+from workbench.certificate import EVERY_PERTURBATION, worst_value
 from workbench.mu import rank_one_mu
-from workbench.uncertainty.covers.storage import rational
+from workbench.uncertainty.covers.storage import cover_function
 from workbench.uncertainty.parametric_models.parameters import vertices
 
 from ...drive.plants import ANTIALIASING, controller
@@ -74,7 +74,7 @@ def mu_pid_checks(
         )
     )
     lower, upper = (answer["peak"].sel(bound=bound).values for bound in ("lower", "upper"))
-    crossed, _ = worst(lower / upper - 1, str)
+    crossed, _ = worst_value(lower / upper - 1, str)
     statement = "lower over upper bound of every peak, less 1"
     checks.append(Check("bounds", statement, crossed, 0.0, over=EVERY_PERTURBATION))
     return checks
@@ -85,7 +85,7 @@ def _closed_form(
 ) -> RealArray:
     """Mu of robust performance from L = K G AAF and the weights, without a generalised plant."""
     s = 2j * np.pi * frequency
-    G, W_c, W_r = (rational(cover, name) for name in ("nominal", "W_c", "W_r"))
+    G, W_c, W_r = (cover_function(cover, name) for name in ("nominal", "W_c", "W_r"))
     assert G is not None and W_c is not None
     omega = 2 * np.pi * frequency
     K = controller(axis)(s)

@@ -24,7 +24,7 @@ from workbench.structure import Structure
 from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
 from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
-from workbench.uncertainty.covers.storage import rational, shape
+from workbench.uncertainty.covers.storage import cover_function, cover_sets
 
 from ...drive.plants import GAIN_VARIANTS, controller
 from ...drive.tables import Axis
@@ -158,14 +158,14 @@ class MuPidAnalysis(Study):
         for form in COVERS:
             run = self.runs[form, gain]
             drives, data = covered_responses(run), run.data
-            nominal = rational(data, "nominal")
+            nominal = cover_function(data, "nominal")
             assert nominal is not None
             loop = channel_of(self.axis, nominal, controller(self.axis), single, speed, omega)
             away = drives.values / nominal.response(omega)[:, None] - 1
-            sets = [shape(data, "second")]
+            sets = [cover_sets(data, "second")]
             if form == "stadium":
                 sets += [
-                    shape(data, "third"),
+                    cover_sets(data, "third"),
                     loop.stadiums_of_least_mu(omega, away),
                     smallest_area_stadium(away, center=0.0),
                 ]

@@ -16,18 +16,18 @@ import numpy as np
 from workbench import Check, Run, problem, ref
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench.certificate import worst
+from workbench.certificate import worst_value
 from workbench.geometry import (
     NarrowestStadium,
     Stadium,
-    around_nominal,
-    multiplied,
+    multiplied_sets,
+    sets_around_nominal,
     signed_distance,
     signed_distance_bounds,
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
-from workbench.uncertainty.covers.storage import rational, shape
+from workbench.uncertainty.covers.storage import cover_function, cover_sets
 
 from ...drive.plants import ANTIALIASING, Gain, controller, nominal_response
 from ...drive.shared_parameters import TABLES, WINDOWS, Frequencies
@@ -117,7 +117,9 @@ class Nyquist(Study):
     @part
     def sets(self, factor: ComplexArray) -> list[list[Stadium]]:
         """Sets of the open loop by kind and shape."""
-        return [[multiplied(factor, self._sets(kind, form)) for form in SHAPES] for kind in KINDS]
+        return [
+            [multiplied_sets(factor, self._sets(kind, form)) for form in SHAPES] for kind in KINDS
+        ]
 
     along = (kind, shape, frequency)
     geometry = arrays(
@@ -138,20 +140,20 @@ class Nyquist(Study):
         """Sets of plants u [V] -> f_en [units] without the anti-aliasing filter."""
         method, _, step = kind.partition(" ")
         if kind == "first":
-            return shape(self.runs[form, "steps"].data, "first")
+            return cover_sets(self.runs[form, "steps"].data, "first")
         if method in COVER_METHODS:
             data = self.runs[form, method].data
             if step == "fitted":
-                return shape(data, "fitted")
-            model = rational(data, "nominal")
+                return cover_sets(data, "fitted")
+            model = cover_function(data, "nominal")
             assert model is not None
             nominal = model.response(2 * np.pi * data["frequency"].values)
-            return around_nominal(nominal, shape(data, step))
+            return sets_around_nominal(nominal, cover_sets(data, step))
         drives = covered_responses(self.runs[form, "steps"])
         nominal = nominal_response(self.axis, drives["frequency"].values, antialiasing=False)
         away = drives.values / nominal[:, None] - 1
         around = circles_about_nominal if form == "circle" else stadiums_about_nominal
-        return around_nominal(nominal, around(away))
+        return sets_around_nominal(nominal, around(away))
 
     @check()
     def geometry_holds(self, answer: Dataset) -> list[Check]:
@@ -184,7 +186,7 @@ class Nyquist(Study):
             ("distances", "distance of -1 beyond its bounds, relative", beyond, 1e-12),
             ("bounds", "how far these are apart, relative", gap, BOUND_GAP),
         ):
-            largest, where = worst(np.array(values), place)
+            largest, where = worst_value(np.array(values), place)
             found.append(Check(title, statement, largest, limit, where=where))
         return found
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from workbench import Check
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import Dataset, StateSpace
-from workbench.certificate import worst
+from workbench.certificate import worst_value
 
 from ...drive.plants import Gain, controller, responses
 from ...drive.tables import Axis, Values
@@ -74,7 +74,7 @@ def peak_checks(answer: Dataset, axis: Axis, gain: Gain, values: Values) -> list
     names = answer["drive"].values
     found = []
     for title, statement, ratio, limit in compared:
-        largest, where = worst(ratio, lambda i: str(names[i[1]]))
+        largest, where = worst_value(ratio, lambda i: str(names[i[1]]))
         found.append(Check(title, statement, largest, limit, where=where))
     return found
 
@@ -97,10 +97,10 @@ def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
     names = twelve["drive"].values
     weighted = twelve["weighted"]
     full = weighted.sel(scale="full", bound="upper").values
-    highest, drive = worst(full, lambda i: str(names[i[0]]))
+    highest, drive = worst_value(full, lambda i: str(names[i[0]]))
     least = weighted.sel(scale="third", bound="lower")
     upward = twelve["increase"] * twelve["decrease"]  # below 1 there is less room upwards
-    room, which = worst(upward.values, lambda i: str(names[i[1]]))
+    room, which = worst_value(upward.values, lambda i: str(names[i[1]]))
     checks = [
         Check(
             "performance", "largest |W_p S| of twelve drives, own gain", highest, 1.0, where=drive

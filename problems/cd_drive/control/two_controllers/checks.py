@@ -9,7 +9,7 @@ import numpy as np
 from workbench import Check
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import Dataset, StateSpace
-from workbench.certificate import EVERY_PERTURBATION, quantified, worst
+from workbench.certificate import EVERY_PERTURBATION, quantified_checks, worst_value
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty.parametric_models.parameters import vertices
 
@@ -43,21 +43,21 @@ def two_controllers_checks(
         return names[place[0]]
 
     poles = [float(control.feedback(trade.G * K, 1).poles().real.max()) for K in every]
-    right, unstable = worst(poles, named)
+    right, unstable = worst_value(poles, named)
     by_formula = np.array([abs(_channels(trade, K, omega)).max(axis=1) for K in every])
     certified = np.concatenate([answer["nominal"].values, answer["reference_nominal"].values])
-    above, place = worst(by_formula / certified - 1, named)
-    missed, spot = worst(1 - by_formula / certified, named)
-    effort, most = worst(answer["nominal"].sel(channel="z_u").values, named)
+    above, place = worst_value(by_formula / certified - 1, named)
+    missed, spot = worst_value(1 - by_formula / certified, named)
+    effort, most = worst_value(answer["nominal"].sel(channel="z_u").values, named)
     bounds = np.concatenate([answer["worst"].values, answer["reference_worst"].values])
-    sampled, plant = worst(
+    sampled, plant = worst_value(
         [_sampled(trade, K, bounds[i, :, 1]) for i, K in enumerate(every)], named
     )
-    crossed, where = worst(bounds[..., 0] / bounds[..., 1] - 1, named)
+    crossed, where = worst_value(bounds[..., 0] / bounds[..., 1] - 1, named)
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
     return [
         Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, where=unstable),
-        *quantified(
+        *quantified_checks(
             f"at {len(HERTZ)} frequencies",
             [
                 Check("gains", "largest over the certified ones, less 1", above, 0.0, where=place),
@@ -118,7 +118,7 @@ def _front(answer: Dataset) -> Check:
     """Check that no controller of the front has both a and b smaller than another one."""
     a, b = (answer["nominal"].sel(channel=z).values for z in ("z_p", "z_sd"))
     better = np.minimum(a[:, None] / a, b[:, None] / b) - 1
-    value, where = worst(better, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
+    value, where = worst_value(better, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
     statement = "excess of a controller's a and b over those of another, less 1"
     return Check("front", statement, value, LEVEL_EXCESS, where=where)
 
@@ -130,7 +130,7 @@ def _bounds(answer: Dataset, certified: np.ndarray, names: list[str]) -> list[Ch
     allowed = c <= 1.0
     reached = np.maximum(a[:, None], b[:, None] * shares)[allowed] / levels
     kept = [name for name, stays in zip(names, allowed, strict=True) if stays]
-    beaten, where = worst(1 - reached, lambda p: f"{kept[p[0]]} at share {shares[p[1]]:.3g}")
+    beaten, where = worst_value(1 - reached, lambda p: f"{kept[p[0]]} at share {shares[p[1]]:.3g}")
     return [Check("bounds", "1 less max(a, share b) over its bound", beaten, 0.0, where=where)]
 
 
@@ -146,6 +146,6 @@ def _filters(answer: Dataset, omega: np.ndarray) -> Check:
         above = low / (1 + low)
         total = 1 / (1 + low) + above / (1 + high) + above * high / (1 + high)
         excess.append(max(float(total.max()) - 1, zeta / level - 1))
-    value, where = worst(excess, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
+    value, where = worst_value(excess, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
     statement = "squares of a bound's filters, and zeta over the bound, less 1"
     return Check("filters", statement, value, POLE_AND_BOUND_ROUNDING, where=where)

@@ -19,19 +19,19 @@ from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
 from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     table,
-    with_interval,
 )
 
 from ...drive.shared_parameters import TABLES
@@ -128,7 +128,7 @@ class DiodePlane(Study):
     @part
     def every(self, context: Context, seed: DataArray) -> list[list[OneDrive]]:
         """Findings of the detectors on every drive in each draw."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> OneDrive:
             one = seed[place]
@@ -223,20 +223,23 @@ class DiodePlane(Study):
         return float(abs(ramp**law.alpha - answer["zoom_quality"].values).max())
 
     isolated = metric(
-        template="isolated_{summary}", value=lambda confusion: over_draws(isolated_share(confusion))
+        template="isolated_{summary}",
+        value=lambda confusion: draws_summary(isolated_share(confusion)),
     )
     lost_share = metric("records_lost_per_draw", value=lambda lost: lost.mean("draw"))
     leads = metric(
-        template="quality_leads_binary_{summary}_us", value=lambda lead: over_draws(1e6 * lead)
+        template="quality_leads_binary_{summary}_us", value=lambda lead: draws_summary(1e6 * lead)
     )
     largest_coupling = metric(
-        template="coupling_{summary}", value=lambda coupling: over_draws(coupling.max("drive"))
+        template="coupling_{summary}", value=lambda coupling: draws_summary(coupling.max("drive"))
     )
     missed_mean = metric(
-        template="missed_{detector}_{summary}", value=lambda missed: over_draws(missed.mean("kind"))
+        template="missed_{detector}_{summary}",
+        value=lambda missed: draws_summary(missed.mean("kind")),
     )
     delay_us = metric(
-        template="delay_{detector}_{kind}_{summary}_us", value=lambda delay: over_draws(1e6 * delay)
+        template="delay_{detector}_{kind}_{summary}_us",
+        value=lambda delay: draws_summary(1e6 * delay),
     )
     quiet_delay_us = metric(
         template="delay_{detector}_{kind}_without_noise_us",
@@ -244,7 +247,7 @@ class DiodePlane(Study):
     )
     false_alarm_rate = metric(
         template="false_alarms_{detector}_{condition}_{summary}_per_s",
-        value=lambda false_alarms, fault_free: over_draws(false_alarms / fault_free),
+        value=lambda false_alarms, fault_free: draws_summary(false_alarms / fault_free),
     )
     clean_deviation = metric(
         template="clean_deviation_{diode}", value=lambda clean: clean.std("point")
@@ -273,13 +276,13 @@ class DiodePlane(Study):
 
 def _crossed(values: DataArray, form: str, corner: str) -> str:
     """A table of mean and interval over the draws, for two further dimensions."""
-    told = over_draws(values)
+    told = draws_summary(values)
     rows, columns = (name for name in values.dims if name != "draw")
     heads = [corner, *map(str, values[columns].values)]
     cells = told.transpose(rows, columns, "summary")
     return markdown(
         heads,
-        [[str(row[rows].values), *(with_interval(one, form=form) for one in row)] for row in cells],
+        [[str(row[rows].values), *(interval_text(one, form=form) for one in row)] for row in cells],
     )
 
 

@@ -16,7 +16,7 @@ from workbench._core.arrays import RealArray
 from workbench.diagnosis import (
     UNKNOWN,
     Clusters,
-    confusion,
+    confusion_matrix,
     detection,
     hysteresis,
     matched_events,
@@ -220,7 +220,7 @@ def isolated(trained: list[EventFeatures], held_out: list[EventFeatures]) -> dic
     clusters = Clusters.fit(points, kinds, tuple(KINDS))
     said = np.append(clusters.classify(measured), np.full(len(unseen), UNKNOWN))
     return {
-        "confusion": confusion(np.append(true, unseen), said, len(KINDS)),
+        "confusion": confusion_matrix(np.append(true, unseen), said, len(KINDS)),
         "features": measured,
         "event_kind": true,
         "cluster_mean": clusters.means,

@@ -16,21 +16,21 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -103,7 +103,7 @@ class DisturbanceGroups(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> list[Superposed]:
         """Errors of every drive in every draw."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> Superposed:
             at = seed[place]
@@ -157,15 +157,15 @@ class DisturbanceGroups(Study):
     # --- what is told ---------------------------------------------------------------------------
 
     peaks = metric(
-        template="peak_{case}_{summary}_um", value=lambda peak: 1e6 * over_draws(peak, "drive")
+        template="peak_{case}_{summary}_um", value=lambda peak: 1e6 * draws_summary(peak, "drive")
     )
     superpositions = metric(
         template="superposition_off_{summary}",
-        value=lambda superposition_off: over_draws(superposition_off, "drive"),
+        value=lambda superposition_off: draws_summary(superposition_off, "drive"),
     )
     equations = metric(
         template="equation_2_9_off_{summary}",
-        value=lambda equation_2_9_off: over_draws(equation_2_9_off, "drive"),
+        value=lambda equation_2_9_off: draws_summary(equation_2_9_off, "drive"),
     )
 
     @metric
@@ -191,8 +191,8 @@ class DisturbanceGroups(Study):
     @table
     def groups(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
         """Errors of every case over draws and drives."""
-        told = over_draws(1e6 * answer["peak"], "drive")
-        rows = [[case, with_interval(told.sel(case=case), form="{:.4f}")] for case in CASES]
+        told = draws_summary(1e6 * answer["peak"], "drive")
+        rows = [[case, interval_text(told.sel(case=case), form="{:.4f}")] for case in CASES]
         return ["group", "largest error [um]"], rows
 
     @figure

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from workbench._core.arrays import RealArray
-from workbench.simulation import in_discrete_time, linear
+from workbench.simulation import discrete_system, linear_controller
 
 from ...drive.disc import Defect, Disc
 from ...drive.plants import ANTIALIASING, controller
@@ -106,7 +106,7 @@ class Disturbed:
         excitation = shaken * in_it[GROUPS[1]]
         excitation = excitation + voltage_of_force(bench) * force * in_it[GROUPS[2]]
         return bench.closed_loop(
-            linear(controller(self.axis), PERIOD),
+            linear_controller(controller(self.axis), PERIOD),
             excitation,
             disc=Disc.along(self.axis, deviation, rotation=ROTATION, phase=phase),
             defects=[scratch] if in_it[GROUPS[3]] else [],
@@ -130,6 +130,6 @@ def error_of_force(axis: Axis, drive: str, frequency: ArrayLike) -> RealArray:
     bench = Laboratory(axis, drive)
     z = np.exp(2j * np.pi * np.asarray(frequency, float) * PERIOD)
     response = bench.response(frequency)
-    K = in_discrete_time(controller(axis), PERIOD)(z, squeeze=False)[0, 0]
+    K = discrete_system(controller(axis), PERIOD)(z, squeeze=False)[0, 0]
     moved: RealArray = abs(response["x"] * voltage_of_force(bench) / (1 - K * response["f_en"]))
     return moved

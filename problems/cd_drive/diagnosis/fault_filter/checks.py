@@ -11,7 +11,7 @@ from workbench import Check
 from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultLoop
-from workbench.diagnosis.estimation.front_filters import estimation
+from workbench.diagnosis.estimation.front_filters import loop_estimation
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 
@@ -76,7 +76,7 @@ def _of_filter(
     F = bilinear_continuous(K) if K.dt else K
     stability = stability_of(K)
     yield replace(stability, name=f"{name}: stable filter", where="")
-    program, reached = estimation(loop, *limits), reached_of(answer)
+    program, reached = loop_estimation(loop, *limits), reached_of(answer)
     stored = answer["peak"].sel(design=name, bound="upper")
     supremum = f"certified supremum of mixed mu{limits_of(reached)}"
     again = "certified supremum over the claimed one, less 1"

@@ -7,15 +7,15 @@ from typing import Any
 from workbench import Check
 from workbench._core.heavy_types import Dataset
 from workbench.certificate import EVERY_PERTURBATION
-from workbench.diagnosis import Reached
+from workbench.diagnosis import DemandReached
 
 LIMITS_AGREE = 1e-12
 """Rounding error allowed when stored limits are compared with the factor times the asked ones."""
 
 
-def reached_of(answer: Dataset) -> Reached:
+def reached_of(answer: Dataset) -> DemandReached:
     """The part of the demand that a stored answer reaches."""
-    return Reached(float(answer["set_share"]), float(answer["demand_factor"]))
+    return DemandReached(float(answer["set_share"]), float(answer["demand_factor"]))
 
 
 def demand_check(answer: Dataset, limits: tuple[float, float]) -> Check:
@@ -26,14 +26,14 @@ def demand_check(answer: Dataset, limits: tuple[float, float]) -> Check:
     return Check("demand", statement, off, LIMITS_AGREE)
 
 
-def plants_of(reached: Reached) -> str:
+def plants_of(reached: DemandReached) -> str:
     """Description of the plants for which requirements are certified."""
     if reached.share >= 1.0:
         return EVERY_PERTURBATION
     return f"{EVERY_PERTURBATION} up to {reached.share:.4g} of the set"
 
 
-def limits_of(reached: Reached) -> str:
+def limits_of(reached: DemandReached) -> str:
     """Description of the domain of a certified supremum; empty if the asked limit is reached."""
     return f", limits {reached.factor:.4g} times those asked" if reached.factor > 1.0 else ""
 

@@ -17,19 +17,19 @@ from pydantic import Field
 from workbench import Check, Run, problem, ref
 from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.diagnosis import (
+    DemandReached,
     FaultFront,
     FaultLoop,
     FrontFilter,
     LaguerreBasis,
-    Reached,
     best_design,
-    few_states,
-    full_order,
-    least_total,
+    full_order_filter,
+    least_total_error,
+    low_order_filter,
 )
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.fitting.storage import function
+from workbench.fitting.storage import stored_rational
 from workbench.study import Study, array, dim, figure, part, system, table
 from workbench.study.declarations import identifier
 from workbench.systems.bilinear import bilinear_sampled
@@ -121,7 +121,9 @@ def allowed_leakage(axis: Axis) -> float:
 
 def stadiums_of(covered: Run) -> UncertaintyModel:
     """The stadiums of `cd/<axis>/cover-for-control`."""
-    nominal, W_c, W_r = (function(covered.data, f"{name}{len(STAGES) - 1}_") for name in PARTS)
+    nominal, W_c, W_r = (
+        stored_rational(covered.data, f"{name}{len(STAGES) - 1}_") for name in PARTS
+    )
     return UncertaintyModel(nominal, W_c, W_r)
 
 
@@ -176,15 +178,15 @@ class FaultFilterStudy(Study):
     # --- the filters ---------------------------------------------------------------------------
 
     @part
-    def chosen(self) -> tuple[Reached, dict[str, FrontFilter]]:
+    def chosen(self) -> tuple[DemandReached, dict[str, FrontFilter]]:
         """The reached part of the demand, and filters that reach it."""
         return best_design(list(self.loops.values()), self._least_factor, self._designed)
 
-    def limits(self, reached: Reached) -> tuple[float, float]:
+    def limits(self, reached: DemandReached) -> tuple[float, float]:
         """Reached limits of the relative error and of the leakage [m]."""
         return reached.factor * self.error, reached.factor * self.leakage
 
-    def _least_factor(self, reached: Reached) -> float:
+    def _least_factor(self, reached: DemandReached) -> float:
         """Least factor on the limits that filters of full order reach for both loops."""
         found = []
         for loop, count in zip(self.within(reached.share).values(), COUNTS, strict=True):
@@ -193,16 +195,18 @@ class FaultFilterStudy(Study):
             found.append(front.least_factor(basis, *self.limits(reached)))
         return max(found)
 
-    def _designed(self, reached: Reached) -> dict[str, FrontFilter] | None:
+    def _designed(self, reached: DemandReached) -> dict[str, FrontFilter] | None:
         """The continuous filter of full order, and the filter of low order for the sampled loop."""
         limits, loops = self.limits(reached), self.within(reached.share)
         try:
             full, fine = (
-                full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), count, *limits)
+                full_order_filter(
+                    loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), count, *limits
+                )
                 for loop, count in zip(loops.values(), COUNTS, strict=True)
             )
             sampled = loops["discrete"]
-            few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *limits)
+            few = low_order_filter(sampled, fine_grid(sampled), fine.F, self.order, *limits)
         except SolverError:  # no filter has this error with this little leakage
             return None
         return {"full": full, "discrete": few} if full.meets and few.meets else None
@@ -237,7 +241,7 @@ class FaultFilterStudy(Study):
     # --- the front -----------------------------------------------------------------------------
 
     @array(dims=(kind, point, quantity), unit="1", meaning="front")
-    def front(self, reached: Reached, context: Context) -> Any:
+    def front(self, reached: DemandReached, context: Context) -> Any:
         basis = LaguerreBasis(self.loops["full"], LAGUERRE_POLE)
         fronts = self.fronts("full", reached.share)
         front = np.full((len(KINDS), len(ERRORS), 3), np.nan)
@@ -251,12 +255,14 @@ class FaultFilterStudy(Study):
         return front
 
     @array(dims=point, unit="m", meaning="no filter leaks less in all")
-    def least_total(self) -> list[float]:
+    def least_total_error(self) -> list[float]:
         demands = self.loops["full"].demands
-        return [least_total(demands, error, BOUND_CORNER) for error in ERRORS]
+        return [least_total_error(demands, error, BOUND_CORNER) for error in ERRORS]
 
     @part
-    def filters(self, reached: Reached, designs: dict[str, FrontFilter]) -> dict[str, StateSpace]:
+    def filters(
+        self, reached: DemandReached, designs: dict[str, FrontFilter]
+    ) -> dict[str, StateSpace]:
         """The robust filter and its peers, in continuous time."""
         peers = peer_filters(self.loops["full"], *self.limits(reached))
         return {"robust": designs["discrete"].F} | peers
@@ -274,7 +280,7 @@ class FaultFilterStudy(Study):
     )
 
     @array(dims=(filter, kind, quantity), unit="1")
-    def judged(self, filters: dict[str, StateSpace], reached: Reached) -> Any:
+    def judged(self, filters: dict[str, StateSpace], reached: DemandReached) -> Any:
         fronts = self.fronts("discrete", reached.share)
         return [[each.judged(each.estimate(F)) for each in fronts] for F in filters.values()]
 

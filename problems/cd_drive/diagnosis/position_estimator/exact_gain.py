@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.simulation import sampled
+from workbench.simulation import sampled_model
 
 from ...drive.plants import nominal_parameters, plant, total_gain
 from ...drive.tables import Axis
@@ -30,7 +30,7 @@ def exact_companion_gain(axis: Axis) -> RealArray:
 
     phi has the printed poles of eq. 7.33 mapped by exp(s T).
     """
-    system = sampled(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
+    system = sampled_model(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
     poles = np.exp(OBSERVER_BANDWIDTH * PERIOD * np.append(PRINTED_POLES, PRINTED_POLES[-1].conj()))
     n, denominator = system.nstates, np.poly(system.A)
     markov = [system.C @ np.linalg.matrix_power(system.A, k) @ system.B for k in range(n)]

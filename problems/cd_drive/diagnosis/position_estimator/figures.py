@@ -9,7 +9,7 @@ import numpy as np
 from workbench import figures
 from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.figures import label, legend_below
-from workbench.study import over_draws
+from workbench.study import draws_summary
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
@@ -88,7 +88,7 @@ def rotation(answer: Dataset) -> Figure:
         parts = answer["followed_start"], answer["followed"]
         course = np.concatenate([part.sel(rival=name) for part in parts])
         frequency.plot(time, course, label=str(name), **look)
-        rms = over_draws(1e6 * answer["error"].sel(estimator=name, phase="quiet", size="rms"))
+        rms = draws_summary(1e6 * answer["error"].sel(estimator=name, phase="quiet", size="rms"))
         _bars(errors, np.arange(len(cases)) + (k - 0.5) * width, rms, width, color=look["color"])
     errors.set_xticks(range(len(cases)), [f"rotation\n{case}" for case in cases])
     label(frequency, "time [s]", "rotation followed [Hz]", "one record")
@@ -109,7 +109,7 @@ def drives(answer: Dataset) -> Figure:
     phases = {"during": "in a scratch", "after": "in the 5 ms after"}
     for panel, (phase, words) in zip(panels, phases.items(), strict=True):
         for k, (rival, one, colour) in enumerate(bars):
-            size = over_draws(1e6 * one.sel(phase=phase, size="largest"))
+            size = draws_summary(1e6 * one.sel(phase=phase, size="largest"))
             places = np.arange(len(names)) + (k - 1) * width
             _bars(panel, places, size, width, color=colour, label=rival)
         label(panel, y=f"largest error [$\\mu$m]\n{words}")

@@ -22,10 +22,10 @@ from workbench.diagnosis import (
     Noise,
     Rotation,
     observer_gain,
-    placed,
+    placed_estimator,
     prototype_poles,
 )
-from workbench.simulation import hold, sampled
+from workbench.simulation import hold, sampled_model
 
 from ...drive.actuator import specific_model
 from ...drive.plants import ANTIALIASING, nominal_parameters, plant, total_gain
@@ -74,10 +74,10 @@ def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
     b[:n] = gain * lens.B * [1.0, -1.0]
     c[0, n], c[1, :n] = 1.0, -lens.C[0]
     return DisturbedPlant(
-        sampled(control.ss(a, b, c, 0.0), PERIOD),
+        sampled_model(control.ss(a, b, c, 0.0), PERIOD),
         rotation,
         colour=colour(axis) if coloured else None,
-        beside=sampled(gain * lens, PERIOD),
+        beside=sampled_model(gain * lens, PERIOD),
     )
 
 
@@ -103,7 +103,7 @@ def itae(axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
     """
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * bandwidth) * PERIOD)
     together = np.concatenate([poles, rotation.poles(PERIOD, OSCILLATOR_DECAY)])
-    return placed(model(axis, rotation, coloured=False), together)
+    return placed_estimator(model(axis, rotation, coloured=False), together)
 
 
 def thesis_estimator(axis: Axis, rotation: Rotation) -> Estimator:
@@ -136,7 +136,7 @@ def kalman(axis: Axis, rotation: Rotation) -> KalmanEstimator:
 
 def companion_gain(axis: Axis) -> RealArray:
     """Gain K_obs (5,) of the controllable companion form of eq. 3.18 held at 35 kHz (7.34)."""
-    system = sampled(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
+    system = sampled_model(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * FAST_BANDWIDTH) * PERIOD)
     gain = observer_gain(system.A, system.C, poles, dt=PERIOD)[:, 0]
     form = companion(np.asarray(np.poly(system.A), float))

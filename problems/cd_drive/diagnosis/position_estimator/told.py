@@ -10,7 +10,15 @@ import numpy as np
 from workbench import Check
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
-from workbench.study import check, figure, metric, over_draws, share_of_draws, table, with_interval
+from workbench.study import (
+    check,
+    draws_summary,
+    figure,
+    interval_text,
+    metric,
+    share_of_draws,
+    table,
+)
 from workbench.study.declarations import identifier
 from workbench.study.draws import SURE
 
@@ -119,7 +127,7 @@ class PositionEstimator(EstimatorTrials):
     @metric
     def errors_um(self, error: DataArray) -> dict[str, DataArray]:
         sizes = {"spike": ("after", "largest"), "during": ("during", "largest")}
-        every = over_draws(1e6 * error)
+        every = draws_summary(1e6 * error)
         return {
             f"{word}_{identifier(name)}{'' if case == 'known' else f'_{case}'}_{end}_um": every.sel(
                 estimator=name, case=case, phase=phase, size=size, summary=end
@@ -132,7 +140,7 @@ class PositionEstimator(EstimatorTrials):
 
     @metric
     def rivals(self, drive_error: DataArray, followed_last: DataArray) -> dict[str, DataArray]:
-        found, every = {}, over_draws(1e6 * drive_error.sel(size="largest"), "drive")
+        found, every = {}, draws_summary(1e6 * drive_error.sel(size="largest"), "drive")
         for name, word in ((one, identifier(one)) for one in RIVALS):
             for end in every["summary"].values:
                 one = every.sel(rival=name, summary=end)
@@ -151,15 +159,15 @@ class PositionEstimator(EstimatorTrials):
     )
     measured_um = metric(
         template="{phase}_measured_{summary}_um",
-        value=lambda error_measured: over_draws(1e6 * error_measured.sel(size="largest")),
+        value=lambda error_measured: draws_summary(1e6 * error_measured.sel(size="largest")),
     )
     drives_measured = metric(
         template="drives_during_measured_{summary}_um",
-        value=lambda drive_measured: over_draws(1e6 * _in_scratch(drive_measured), "drive"),
+        value=lambda drive_measured: draws_summary(1e6 * _in_scratch(drive_measured), "drive"),
     )
     prompt_um = metric(
         template="spike_thesis_prompt_{summary}_um",
-        value=lambda prompt_error: over_draws(
+        value=lambda prompt_error: draws_summary(
             1e6 * prompt_error.sel(phase="after", size="largest")
         ),
     )
@@ -181,7 +189,7 @@ class PositionEstimator(EstimatorTrials):
         rows = [
             [
                 *words,
-                *(with_interval(over_draws(1e6 * one.sel(phase=p, size=k))) for p, k in shown),
+                *(interval_text(draws_summary(1e6 * one.sel(phase=p, size=k))) for p, k in shown),
             ]
             for words, one in sizes.items()
         ]

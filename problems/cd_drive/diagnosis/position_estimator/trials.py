@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.simulation import linear, play
+from workbench.simulation import linear_controller, play
 
 from ...drive.disc import Defect, Disc
 from ...drive.plants import controller
@@ -105,7 +105,7 @@ class Scratches:
         noise = position_noise(self.axis, drive, self.noise) if noisy else 0.0
         bench = Laboratory(self.axis, drive, self.values, delay=1.0, noise=noise)
         disc = Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
-        law = linear(controller(self.axis), PERIOD)
+        law = linear_controller(controller(self.axis), PERIOD)
         defects = [self.defect(scratch)]
         record = bench.closed_loop(
             law, duration=DURATION, disc=disc, defects=defects, seed=scratch.seed

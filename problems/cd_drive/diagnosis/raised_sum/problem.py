@@ -16,21 +16,21 @@ from workbench import Run, problem, ref
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -98,7 +98,7 @@ class RaisedSum(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """A defect of every kind, by draw, axis and drive."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         mirror = 1.0 / float(self.over_track[len(self.over_track) // 2])
 
         def one(place: tuple[int, ...]) -> Met:
@@ -166,7 +166,7 @@ class RaisedSum(Study):
     # --- what is told ---------------------------------------------------------------------------
 
     sums = metric(
-        template="sum_{kind}_{summary}", value=lambda raised: over_draws(raised, "axis", "drive")
+        template="sum_{kind}_{summary}", value=lambda raised: draws_summary(raised, "axis", "drive")
     )
     told = metric(
         template="told_by_binary_{kind}",
@@ -198,7 +198,7 @@ class RaisedSum(Study):
         for kind in DEFECTS:
             for axis in AXES:
                 one = answer.sel(kind=kind, axis=axis)
-                told = with_interval(over_draws(one["raised"].mean("drive")), form="{:.2f}")
+                told = interval_text(draws_summary(one["raised"].mean("drive")), form="{:.2f}")
                 shares = (f"{float(one[name].mean()):.0%}" for name in ("by_binary", "by_quality"))
                 rows.append([kind, axis, told, *shares])
         return heads, rows
@@ -209,5 +209,5 @@ class RaisedSum(Study):
 
 
 def _summary(values: DataArray) -> tuple[list[str], list[float]]:
-    told = over_draws(values, "drive")
+    told = draws_summary(values, "drive")
     return told["summary"].values.tolist(), told.values.tolist()

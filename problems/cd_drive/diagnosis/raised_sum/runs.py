@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from workbench._core.arrays import RealArray
-from workbench.simulation import linear, play
+from workbench.simulation import linear_controller, play
 
 from ...drive.photo_diodes import TRACK_PITCH
 from ...drive.plants import ANTIALIASING, controller
@@ -105,7 +105,7 @@ def shaken(drive: str, seed: int, light: RealArray, jumping: bool) -> tuple[Real
     bench = Laboratory("radial", drive)
     samples = round((SETTLING + AFTER) * RATE)
     played = sign * shocks(bench, [(SETTLING, float(peak), SHOCK_DURATION)], samples)
-    law = linear(controller("radial"), PERIOD)
+    law = linear_controller(controller("radial"), PERIOD)
     disc = wobbling("radial")
     record = bench.closed_loop(law, played, disc=disc, seed=int(rng.integers(2**31)))
     error = record.x_cd - record.x

@@ -7,7 +7,7 @@ from typing import Any
 from workbench import figures
 from workbench._core.heavy_types import Dataset, Figure
 from workbench.figures import label, legend_below
-from workbench.study import over_draws
+from workbench.study import draws_summary
 
 from .trials import at_usual_noise
 
@@ -64,7 +64,7 @@ def areas(answer: Dataset) -> Figure:
     found = delay.where(missed.mean("draw") <= 0.5)
     figure, panels = figures.axes(2, len(lengths), size=(9.5, 6.4), sharex=True, sharey="row")
     depth = 100 * answer["depth"].values
-    for row, values in enumerate((over_draws(area), over_draws(1e3 * found))):
+    for row, values in enumerate((draws_summary(area), draws_summary(1e3 * found))):
         for column, length in enumerate(lengths):
             panel = panels[row * len(lengths) + column]
             for number, (name, text) in enumerate(NAMES.items()):

@@ -18,20 +18,20 @@ from workbench import Check, problem
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     table,
-    with_interval,
 )
 from workbench.study.draws import SUMMARY
 
@@ -129,7 +129,7 @@ class ResidualCurves(Study):
     @part
     def found(self, seed: DataArray, context: Context) -> dict[str, Any]:
         """Results of all draws and noises by name, (draw, noise, ...)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [(factor, seeds[:3]) for seeds in seed.values.tolist() for factor in FACTORS]
         every = context.spread(lambda cell: self.trials.trial(*cell), cells, "draws and noises")
         return {
@@ -171,7 +171,7 @@ class ResidualCurves(Study):
         import xarray as xr
 
         dims = ("draw", "noise", "statistic", "depth", "length", "rate")
-        return over_draws(xr.DataArray(found["detection"], dims=dims)).astype("f4")
+        return draws_summary(xr.DataArray(found["detection"], dims=dims)).astype("f4")
 
     lost = array(dims=draw, value=lambda found: found["lost"].sum(axis=1))
     delay_without_noise = array(
@@ -249,10 +249,11 @@ class ResidualCurves(Study):
     # --- what is told -------------------------------------------------------------------------
 
     isolated = metric(
-        template="isolated_{summary}", value=lambda confusion: over_draws(isolated_share(confusion))
+        template="isolated_{summary}",
+        value=lambda confusion: draws_summary(isolated_share(confusion)),
     )
     light_lost = metric(
-        template="light_lost_at_alarm_{way}_{summary}", value=lambda fade: over_draws(fade)
+        template="light_lost_at_alarm_{way}_{summary}", value=lambda fade: draws_summary(fade)
     )
     light_lost_without_noise = metric(
         template="light_lost_at_alarm_{way}_without_noise",
@@ -260,16 +261,16 @@ class ResidualCurves(Study):
     )
     false_alarms = metric(
         template="false_alarms_{statistic}_{summary}",
-        value=lambda alarms, blocks: over_draws(at_usual_noise(alarms) / blocks),
+        value=lambda alarms, blocks: draws_summary(at_usual_noise(alarms) / blocks),
     )
     areas_of_all = metric(
         template="area_{statistic}_{summary}",
-        value=lambda area: over_draws(at_usual_noise(area).mean(["depth", "length"])),
+        value=lambda area: draws_summary(at_usual_noise(area).mean(["depth", "length"])),
     )
 
     @metric
     def areas_of_shallow(self, area: DataArray) -> dict[str, DataArray]:
-        shallow = over_draws(at_usual_noise(area).sel(depth=SHOWN_DEPTH))
+        shallow = draws_summary(at_usual_noise(area).sel(depth=SHOWN_DEPTH))
         return {
             f"area_{name}_10pct_{1e3 * length:g}mm_{end}": shallow.sel(
                 statistic=name, length=length, summary=end
@@ -281,7 +282,7 @@ class ResidualCurves(Study):
 
     delays_of_deep = metric(
         template="delay_{statistic}_40pct_1mm_{summary}_us",
-        value=lambda delay: over_draws(1e6 * _deep(at_usual_noise(delay))),
+        value=lambda delay: draws_summary(1e6 * _deep(at_usual_noise(delay))),
     )
     delays_without_noise = metric(
         template="delay_{statistic}_40pct_1mm_without_noise_us",
@@ -289,7 +290,7 @@ class ResidualCurves(Study):
     )
     missed_of_deep = metric(
         template="missed_{statistic}_40pct_1mm_{summary}",
-        value=lambda missed: over_draws(_deep(at_usual_noise(missed))),
+        value=lambda missed: draws_summary(_deep(at_usual_noise(missed))),
     )
 
     claims = table(lambda answer: claims_in_words(residual_claims(answer)))
@@ -298,7 +299,7 @@ class ResidualCurves(Study):
     def areas(self, area: DataArray) -> str:
         """Areas of all conditions."""
         heads = ["light taken", "length [mm]", "noise [um]", *figures.NAMES.values()]
-        rows = over_draws(area).stack(condition=("depth", "length", "noise"))
+        rows = draws_summary(area).stack(condition=("depth", "length", "noise"))
         cells = [
             [f"{depth:.0%}", f"{1e3 * length:g}", f"{1e6 * noise:.3g}", *_each(one)]
             for (depth, length, noise), one in zip(
@@ -317,7 +318,7 @@ class ResidualCurves(Study):
                 ["fault", *map(str, one[one.dims[-1]].values)],
                 [
                     [str(row["fault"].values), *_each(row)]
-                    for row in over_draws(one).transpose("fault", ...)
+                    for row in draws_summary(one).transpose("fault", ...)
                 ],
             )
             for title, one in (
@@ -339,4 +340,4 @@ def _deep(values: DataArray) -> DataArray:
 
 def _each(rows: DataArray) -> list[str]:
     """Mean and interval of each entry, in words."""
-    return [with_interval(one, form="{:.2f}") for one in rows.transpose(..., "summary")]
+    return [interval_text(one, form="{:.2f}") for one in rows.transpose(..., "summary")]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench._core.arrays import RealArray
-from workbench.diagnosis import confusion, cusum, isolate, quantile_threshold
-from workbench.simulation import linear, play
+from workbench.diagnosis import confusion_matrix, cusum, isolate, quantile_threshold
+from workbench.simulation import linear_controller, play
 from workbench.study import independent_seeds
 
 from ...laboratory.bench_setup import PERIOD, RATE
@@ -105,7 +105,7 @@ def residual_set(one: DefectRun) -> dict[str, RealArray]:
     difference = one.diodes[:, 0] - one.diodes[:, 1]
     low, high = (2 * math.pi * corner for corner in SLOW_BAND)
     band = control.tf([high, 0.0], [1.0, low + high, low * high])
-    slow = play(linear(band, PERIOD), difference[:, None])[:, 0]
+    slow = play(linear_controller(band, PERIOD), difference[:, None])[:, 0]
     return {
         "sum": _lost_light(one),
         "fast error": abs(high_passed(difference)),
@@ -137,4 +137,4 @@ def isolation(bench: Laboratory, seed: int) -> tuple[list[RealArray], NDArray[np
     true = np.append(kinds, np.full(COUNT, 2))
     found = isolate(STRUCTURE, np.vstack(fired))
     share = [np.vstack(fired)[true == k].mean(axis=0) for k in range(len(FAULTS))]
-    return share, confusion(true, found, len(FAULTS))
+    return share, confusion_matrix(true, found, len(FAULTS))

@@ -19,7 +19,7 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.identification import Multisine, RationalModelFit, schroeder_phases
-from workbench.simulation import linear
+from workbench.simulation import linear_controller
 
 from ...drive.disc import Disc
 from ...drive.plants import controller
@@ -98,7 +98,7 @@ class MultisineExperiment:
         rest = np.zeros(round(LOOP_SETTLING * RATE))
         signal = np.append(rest, np.tile(self.multisine.period(), self.periods))
         disc = Disc.along(axis, DISC_SHARE * red_book(axis).deviation, rotation=ROTATION)
-        law = linear(controller(axis), PERIOD)
+        law = linear_controller(controller(axis), PERIOD)
         return signal, self.bench.closed_loop(law, signal, disc=disc, seed=seed)
 
 

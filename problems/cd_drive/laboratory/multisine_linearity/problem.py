@@ -18,20 +18,20 @@ from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import LineDistortion
 from workbench.simulation import bootstrap_weights, percentile_interval
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     table,
-    with_interval,
 )
 
 from ...drive.shared_parameters import TABLES
@@ -115,7 +115,7 @@ class MultisineLinearity(Study):
         """Distortions of each draw: by the multisine, by the multisine without noise, and by the
         sines.
         """
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         self.tests.sweeps  # noqa: B018  (made once, before threads ask for it)
 
         def one(seeds: list[int]) -> tuple[Any, Any, Any]:
@@ -254,7 +254,8 @@ class MultisineLinearity(Study):
 
     def _table_cells(self, squares: DataArray, p: DataArray) -> list[str]:
         cells = [
-            with_interval(over_draws(1e4 * squares.sel(kind=kind)), form="{:.2f}") for kind in KINDS
+            interval_text(draws_summary(1e4 * squares.sel(kind=kind)), form="{:.2f}")
+            for kind in KINDS
         ]
         return [*cells, f"{float((p.sel(kind='odd') < LEVEL).mean()):.0%}"]
 

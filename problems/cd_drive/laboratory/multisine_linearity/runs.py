@@ -23,7 +23,7 @@ from workbench.identification import (
     random_multisine,
     sine_fit,
 )
-from workbench.simulation import linear
+from workbench.simulation import linear_controller
 
 from ...drive.disc import Disc
 from ...drive.plants import controller
@@ -168,7 +168,7 @@ class DistortionTests:
 
     def _error(self, played: RealArray, bench: Laboratory, seed: int, disc: Disc) -> RealArray:
         """f_en while an excitation is added to the control signal of the settled loop."""
-        law = linear(controller(bench.axis), PERIOD)
+        law = linear_controller(controller(bench.axis), PERIOD)
         rest = np.zeros(round(RUN_UP * RATE))
         record = bench.closed_loop(law, np.append(rest, played), disc=disc, seed=seed)
         return record.f_en[rest.size :]

@@ -15,12 +15,12 @@ import numpy as np
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import (
     ResponseEstimate,
-    from_periods,
+    periodic_response,
     sine_fit,
     spectral_response,
     step_response,
 )
-from workbench.simulation import band_limited
+from workbench.simulation import band_limited_noise
 
 from ..bench_setup import RATE
 from ..coil_current import CoilExperiment
@@ -96,9 +96,9 @@ class Excited:
         steps = np.arange(samples) // round(SETTLING * RATE)
         time = np.arange(self.samples_each) / RATE
         band = NOISE_BAND * self.frequency[-1]
-        noise = band_limited(np.random.default_rng(NOISE_SEED), (samples, 1), 1.0, band, 1 / RATE)[
-            :, 0
-        ]
+        noise = band_limited_noise(
+            np.random.default_rng(NOISE_SEED), (samples, 1), 1.0, band, 1 / RATE
+        )[:, 0]
         signals = {
             "step": np.where(steps % 2 == 0, 1.0, -1.0),
             "sines": np.concatenate([np.sin(2 * np.pi * f * time) for f in self.frequency]),
@@ -148,7 +148,7 @@ class Excited:
             whole = settled[:, settled.shape[1] % BLOCKS :]
             amplitudes.append(whole.reshape(2, BLOCKS, -1).mean(axis=2))
         lines = np.array(amplitudes)
-        return from_periods(self.frequency, lines[:, 0], lines[:, 1])
+        return periodic_response(self.frequency, lines[:, 0], lines[:, 1])
 
     def _without_chain(self, estimate: ResponseEstimate) -> ResponseEstimate:
         """The response of the coil alone, without the known chain before it."""

@@ -25,14 +25,14 @@ from workbench.study import (
     check,
     coverage_p,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
 )
 from workbench.study.draws import LEAST_COVERAGE_P, SURE
 
@@ -228,11 +228,11 @@ class ResponseMethods(Study):
     # --- what is told -------------------------------------------------------------------------
 
     errors_without_model = metric(
-        template="error_{noise}_{response}_{summary}", value=lambda error: over_draws(rms(error))
+        template="error_{noise}_{response}_{summary}", value=lambda error: draws_summary(rms(error))
     )
     errors_of_fits = metric(
         template="error_{noise}_{excitation}_{estimator}_{summary}",
-        value=lambda fit_error: over_draws(rms(fit_error)),
+        value=lambda fit_error: draws_summary(rms(fit_error)),
     )
     errors_of_parameters = metric(
         template="error_{noise}_{excitation}_{estimator}_{parameter}",
@@ -275,20 +275,23 @@ class ResponseMethods(Study):
     @table
     def methods(self, answer: Dataset) -> dict[str, str]:
         """Rms errors over the frequencies, and how often regions miss the truth."""
-        found, of_fits = over_draws(rms(answer["error"])), over_draws(rms(answer["fit_error"]))
+        found, of_fits = (
+            draws_summary(rms(answer["error"])),
+            draws_summary(rms(answer["fit_error"])),
+        )
         heads = ["noise", "rms error [%]", "frequencies missed"]
         plain, models = [], []
         for noise in NOISES:
             for name in RESPONSES:
                 at = {"noise": noise, "response": name}
                 missed = float(answer["missed"].sel(at).mean())
-                told = with_interval(100 * found.sel(at), form="{:.3g}")
+                told = interval_text(100 * found.sel(at), form="{:.3g}")
                 plain.append([name.replace("_", " "), noise, told, f"{missed:.1%}"])
             for name in EXCITATIONS:
                 for estimator in ESTIMATORS:
                     at = {"noise": noise, "excitation": name, "estimator": estimator}
                     missed = float(answer["fit_missed"].sel(at).mean())
-                    told = with_interval(100 * of_fits.sel(at), form="{:.3g}")
+                    told = interval_text(100 * of_fits.sel(at), form="{:.3g}")
                     share = f"{missed:.1%}" if estimator in BY_RECORD else ""
                     models.append([name, estimator.replace("_", " "), noise, told, share])
         return {

@@ -16,7 +16,7 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -25,11 +25,11 @@ from workbench.study import (
     dim,
     figure,
     independent_seeds,
+    interval_text,
     metric,
     part,
     share_interval,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -108,7 +108,7 @@ class ControllerChange(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Changes (ways, shares, angles, drives, draws, 4)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Changed]:
             at = seed[place]
@@ -230,7 +230,7 @@ class ControllerChange(Study):
         for way in WAYS:
             for share in SHARES:
                 one = answer.sel(way=way, share=share)
-                told = with_interval(share_interval(one["lost"] > 0.0), form="{:.3f}")
+                told = interval_text(share_interval(one["lost"] > 0.0), form="{:.3f}")
                 sizes = [f"{1e6 * float(one[name].median()):.3g}" for name in ("before", "largest")]
                 rows.append([way, f"{share:g}", told, *sizes])
         return ["new controller", "disc / Red Book", "lost", "before [um]", "after [um]"], rows

@@ -16,9 +16,9 @@ from workbench.simulation import (
     Controller,
     Part,
     blend,
-    following,
-    in_discrete_time,
-    linear,
+    discrete_system,
+    linear_controller,
+    tracking_controller,
 )
 
 from ...drive.disc import Disc
@@ -31,7 +31,7 @@ from ...laboratory.record import Record
 
 WAYS = ("from rest", "in parallel", "without a bump")
 """What the new controller did until the change: nothing; run beside the old one, with the same
-error; or follow the old one's command, as `following` does.
+error; or follow the old one's command, as `tracking_controller` does.
 """
 ROTATION = 6.0
 """Rotation frequency [Hz]."""
@@ -77,14 +77,17 @@ class Change:
     def cascade(self, way: str, time: float) -> Cascade:
         """Both controllers; the new one gives the command from this time [s] on."""
         new = controller(self.axis)
-        parts = [Part("new", taken_at(time), []), Part("K_old", linear(self.old, PERIOD), ["f_en"])]
+        parts = [
+            Part("new", taken_at(time), []),
+            Part("K_old", linear_controller(self.old, PERIOD), ["f_en"]),
+        ]
         if way == "without a bump":
-            follower = following(new, PERIOD, FOLLOWING)
+            follower = tracking_controller(new, PERIOD, FOLLOWING)
             parts.append(Part("K_new", follower, ["f_en", "new", "u_last"]))
         else:
             given = "f_en" if way == "in parallel" else "seen"
             parts += [Part("seen", blend(), ["new", "f_en"])]
-            parts += [Part("K_new", linear(new, PERIOD), [given])]
+            parts += [Part("K_new", linear_controller(new, PERIOD), [given])]
         return Cascade(MEASUREMENTS, [*parts, Part("u", blend(), ["new", "K_new", "K_old"])])
 
     def record(self, way: str, drive: str, angle: float, seed: int, **bench: object) -> Record:
@@ -125,7 +128,7 @@ def linear_step(axis: Axis, drive: str) -> float:
     controller.
     """
     bench = Laboratory(axis, drive)
-    model, K = bench.sampled_error(), in_discrete_time(controller(axis), PERIOD)
+    model, K = bench.sampled_error(), discrete_system(controller(axis), PERIOD)
     x, memory, largest = np.zeros(model.nstates), np.zeros(K.nstates), 0.0
     for _ in range(round(AFTER * RATE)):
         read = float((model.C @ x)[0])
@@ -141,7 +144,9 @@ def simulated_step(axis: Axis, drive: str, volts: float, seed: int, **bench: obj
     laboratory = replace(Laboratory(axis, drive), **bench)  # type: ignore[arg-type]
     first, last = round(STEP_AT * RATE), round((STEP_AT + AFTER) * RATE)
     excitation = np.where(np.arange(last) < first, 0.0, volts)
-    record = laboratory.closed_loop(linear(controller(axis), PERIOD), excitation, seed=seed)
+    record = laboratory.closed_loop(
+        linear_controller(controller(axis), PERIOD), excitation, seed=seed
+    )
     return float(abs(record.x_cd - record.x)[first:].max())
 
 

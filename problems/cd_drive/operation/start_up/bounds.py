@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from workbench.simulation import hold, in_discrete_time
+from workbench.simulation import discrete_system, hold
 
 from ...drive.actuator import SERIES_RESISTANCE, specific_model
 from ...drive.photo_diodes import S_CURVE_LINEAR, S_CURVE_PEAK
@@ -78,7 +78,7 @@ def _overshoot(drive: str, late: float) -> float:
     b = np.vstack([B, [[0.0]]])
     step, push = hold(a, b, PERIOD / FINER)
     state = np.append(z, -model.K_optn * late)
-    K = in_discrete_time(controller("focus"), PERIOD)
+    K = discrete_system(controller("focus"), PERIOD)
     memory, queue, worst = np.zeros(K.nstates), [volts] * DELAY, 0.0
     for _ in range(SAMPLES):
         error = state[n]

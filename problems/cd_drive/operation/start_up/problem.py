@@ -15,7 +15,7 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -24,11 +24,11 @@ from workbench.study import (
     dim,
     figure,
     independent_seeds,
+    interval_text,
     metric,
     part,
     share_interval,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -117,7 +117,7 @@ class StartUpStudy(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Attempts (laws, speeds, shares, drives, draws, 3)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Attempt]:
             at = seed[place]
@@ -304,7 +304,7 @@ class StartUpStudy(Study):
             for share in SHARES:
                 one = captured.sel(law=law, share=share)
                 told = [
-                    with_interval(share_interval(one.sel(speed=v)), form="{:.2f}") for v in SPEEDS
+                    interval_text(share_interval(one.sel(speed=v)), form="{:.2f}") for v in SPEEDS
                 ]
                 rows.append([law, f"{share:g}", *told])
         return ["threshold", "disc / Red Book", *(f"{1e3 * v:g} mm/s" for v in SPEEDS)], rows

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from workbench._core.arrays import RealArray
 from workbench._core.compiled import kernel
-from workbench.simulation import Cascade, Controller, Part, blend, linear, total
+from workbench.simulation import Cascade, Controller, Part, adder, blend, linear_controller
 
 from ...drive.actuator import SERIES_RESISTANCE
 from ...drive.photo_diodes import TRACK_PITCH
@@ -91,8 +91,10 @@ class Jump:
         parts = [
             Part("jump", law, given=["f_en", "sum"], tells=["closed", "pulse", "held"]),
             Part("seen", blend(), given=["closed", "f_en", "held"]),
-            Part("K", linear(controller("radial"), PERIOD), given=["seen"], tells=["u_k"]),
-            Part("u", total(), given=["u_k", "pulse"]),
+            Part(
+                "K", linear_controller(controller("radial"), PERIOD), given=["seen"], tells=["u_k"]
+            ),
+            Part("u", adder(), given=["u_k", "pulse"]),
         ]
         return Cascade(MEASUREMENTS, parts)
 

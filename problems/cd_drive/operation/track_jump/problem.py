@@ -15,7 +15,7 @@ from workbench import Run, problem, ref
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -24,11 +24,11 @@ from workbench.study import (
     dim,
     figure,
     independent_seeds,
+    interval_text,
     metric,
     part,
     share_interval,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
 
@@ -154,7 +154,7 @@ class TrackJump(Study):
         self, context: Context, seed: DataArray, pulse: DataArray, samples: DataArray
     ) -> RealArray:
         """Landings (laws, volts, tracks, shares, drives, draws, 4)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         jumps = [
             (Setting(self.contrast, share), Jump(n, volts, START), law)
             for law in LAWS
@@ -300,7 +300,7 @@ class TrackJump(Study):
             for volts in VOLTS:
                 for share in SHARES:
                     one = share_interval(landed.sel(law=law, volts=volts, share=share), "tracks")
-                    told = [with_interval(one.sel(tracks=n), form="{:.2f}") for n in TRACKS]
+                    told = [interval_text(one.sel(tracks=n), form="{:.2f}") for n in TRACKS]
                     rows.append([law, f"{volts:g}", f"{share:g}", *told])
         return ["law", "pulse [V]", "disc / Red Book", *(f"{n} tracks" for n in TRACKS)], rows
 

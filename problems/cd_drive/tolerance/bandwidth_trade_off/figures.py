@@ -6,7 +6,7 @@ from typing import Any
 
 from workbench import figures
 from workbench._core.heavy_types import Dataset, Figure
-from workbench.study import over_draws
+from workbench.study import draws_summary
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
@@ -41,7 +41,7 @@ def reactions(answer: Dataset, axis: Axis) -> Figure:
     for panel, (name, title) in zip(panels, names.items(), strict=True):
         for n, law in enumerate(CONTROLLERS):
             one = answer[name].sel(controller=law, length=SHOWN[1])
-            mean, low, high = (1e6 * over_draws(one).transpose("summary", ...)).values
+            mean, low, high = (1e6 * draws_summary(one).transpose("summary", ...)).values
             look: Any = {"color": figures.CYCLE[n], "capsize": 2, "marker": "o", "markersize": 3}
             panel.errorbar(share, mean, [mean - low, high - mean], label=law, **look)
         panel.axhline(1e6 * ACCEPTABLE_ERROR[axis], color="0.4", linewidth=0.8, linestyle=":")

@@ -17,25 +17,25 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
-    claim_of,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
+    verdict_of_share,
 )
 from workbench.study.draws import SURE
-from workbench.synthesis import discretised
+from workbench.synthesis import discretise
 
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.shared_parameters import TABLES
@@ -76,7 +76,7 @@ def bandwidth_trade_off(
     false displacement, over the acceptable error. draws: number of draws of place, sign, edge and
     noise.
     """
-    loop = PlainLoop(axis, discretised(lower.answer.K, PERIOD), drive, depth, swing)
+    loop = PlainLoop(axis, discretise(lower.answer.K, PERIOD), drive, depth, swing)
     return BandwidthTradeOff(loop, draws)
 
 
@@ -106,7 +106,7 @@ class BandwidthTradeOff(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Reactions of every case and controller."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def reactions_in(place: tuple[int, ...]) -> list[Reaction]:
             one = seed[place]
@@ -163,7 +163,7 @@ class BandwidthTradeOff(Study):
             one = one.sel(share=list(SHARES[1:3])) if name == "disc" else one
             ratio = one / one.sel(controller=FULL)
             for law, key in zip(SLOW, ("third", "K_prime"), strict=True):
-                told = over_draws(ratio.sel(controller=law), "share")
+                told = draws_summary(ratio.sel(controller=law), "share")
                 for summary in told["summary"].values:
                     found = float(told.sel(summary=summary))
                     numbers[f"{name}_{key}_over_full_{summary}"] = found
@@ -177,7 +177,9 @@ class BandwidthTradeOff(Study):
         shares = self.share_better(both)
         numbers = {"cases": float(shares.sel(controller=THIRD).size)}
         for law, key in zip(SLOW, ("third", "K_prime"), strict=True):
-            verdicts = [claim_of(float(one)) for one in shares.sel(controller=law).values.ravel()]
+            verdicts = [
+                verdict_of_share(float(one)) for one in shares.sel(controller=law).values.ravel()
+            ]
             numbers[f"better_{key}"] = float(verdicts.count("holds"))
             numbers[f"worse_{key}"] = float(verdicts.count("fails"))
         return numbers
@@ -188,7 +190,7 @@ class BandwidthTradeOff(Study):
         return share_of_draws(less, "controller", "share", "length")
 
     def told(self, values: DataArray) -> str:
-        return with_interval(over_draws(values), form="{:.2f}")
+        return interval_text(draws_summary(values), form="{:.2f}")
 
     @table
     def trade_off(self, answer: Dataset) -> dict[str, str]:
@@ -200,10 +202,10 @@ class BandwidthTradeOff(Study):
                 for law in CONTROLLERS:
                     at = {"share": share, "length": length, "controller": law}
                     told = [
-                        with_interval(over_draws(one.sel(at)), form="{:.2f}")
+                        interval_text(draws_summary(one.sel(at)), form="{:.2f}")
                         for one in micro.values()
                     ]
-                    verdict = "" if law == FULL else claim_of(float(shares.sel(at)))
+                    verdict = "" if law == FULL else verdict_of_share(float(shares.sel(at)))
                     lost = f"{float(answer['lost'].sel(at).mean()):.0%}"
                     rows.append([f"{share:g}", f"{1e3 * length:g}", law, *told, lost, verdict])
         heads = ["disc / Red Book", "scratch [mm]", "controller", "disc alone [um]"]

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.simulation import Controller, linear
+from workbench.simulation import Controller, linear_controller
 
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc
@@ -75,7 +75,7 @@ class PlainLoop:
         """The controllers by name; each gets only the measured error."""
         K = controller(self.axis)
         every = dict(zip(CONTROLLERS, (K, K / 3, self.slower), strict=True))
-        return {name: linear(one, PERIOD) for name, one in every.items()}
+        return {name: linear_controller(one, PERIOD) for name, one in every.items()}
 
     def record(
         self, law: str, share: float, length: float, scratch: ScratchDraw, met: bool

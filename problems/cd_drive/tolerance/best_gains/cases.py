@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.simulation import Cascade, Part, linear
+from workbench.simulation import Cascade, Part, linear_controller
 
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import MEASUREMENTS, Laboratory
@@ -69,7 +69,9 @@ class Cases:
         """The controller of a case; ``level`` [V] is that of a clean disc."""
         fast = sampled_controller(one.axis, case.fast + one.gain_db)
         if case.use == "alone":
-            return Cascade(MEASUREMENTS, [Part("K", linear(fast, PERIOD), ["f_en"], tells=["u"])])
+            return Cascade(
+                MEASUREMENTS, [Part("K", linear_controller(fast, PERIOD), ["f_en"], tells=["u"])]
+            )
         made = Strategies(one.axis, level, one.believed, K=fast, replacement=self._slow(case, one))
         return made.named("K_prime" if case.use == "switched" else case.use)
 

@@ -25,7 +25,7 @@ from workbench.simulation.ensemble_scores import (
     percentile_interval,
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.synthesis import discretised
+from workbench.synthesis import discretise
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -66,7 +66,7 @@ def best_gains(
     scenarios: number of circumstances, 7 kinds in turn, for both halves. drives: how many of the
     twelve. workers: number of threads; the answer does not depend on it.
     """
-    cases = Cases(discretised(lower.answer.K, PERIOD), chosen(drives))
+    cases = Cases(discretise(lower.answer.K, PERIOD), chosen(drives))
     return BestGains(axis, cases, scenarios - scenarios % (2 * len(GROUPS)), workers)
 
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.diagnosis import (
+    DemandReached,
     FaultFront,
     FaultLoop,
     FrontFilter,
     LaguerreBasis,
-    Reached,
     best_design,
-    few_states,
+    low_order_filter,
 )
 from workbench.errors import SolverError
 
@@ -32,13 +32,13 @@ class MarginsDesign:
     asked: Limits
     order: int
 
-    def best(self) -> tuple[Reached, FrontFilter]:
+    def best(self) -> tuple[DemandReached, FrontFilter]:
         """The reached part of the asked limits, and the filter with least leakage and noise
         there.
         """
         return best_design([self.loop], self._least_factor, self._designed)
 
-    def limits(self, reached: Reached) -> Limits:
+    def limits(self, reached: DemandReached) -> Limits:
         """The limits that are reached."""
         error, leakage, peak = (reached.factor * one for one in self.asked)
         return error, leakage, peak
@@ -60,14 +60,14 @@ class MarginsDesign:
         size = front.removed_peak(basis @ one.coefficients)
         return [one.error, one.leakage, one.noise, size]
 
-    def _least_factor(self, reached: Reached) -> float:
+    def _least_factor(self, reached: DemandReached) -> float:
         """Least factor on the limits that filters of full order reach."""
         front = self.front(reached.share)
         basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(front.omega, SAMPLED)
         error, leakage, peak = self.limits(reached)
         return front.least_factor(basis, error, leakage, peak=peak)
 
-    def _designed(self, reached: Reached) -> FrontFilter | None:
+    def _designed(self, reached: DemandReached) -> FrontFilter | None:
         """The filter of low order with the least noise within the limits; None if there is none."""
         front = self.front(reached.share)
         error, leakage, peak = self.limits(reached)
@@ -76,7 +76,7 @@ class MarginsDesign:
             functions = basis.response(front.omega, SAMPLED)
             point = front.least(functions, error, leakage=leakage, peak=peak)
             full, points = basis.filter(point.coefficients), fine_grid(front.loop)
-            few = few_states(front.loop, points, full, self.order, error, leakage, peak=peak)
+            few = low_order_filter(front.loop, points, full, self.order, error, leakage, peak=peak)
         except SolverError:  # its least leakage is larger than the limit
             return None
         return few if few.meets else None

@@ -13,9 +13,9 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check
 from workbench.certify.stability import stability_of
-from workbench.diagnosis import FaultLoop, Reached
-from workbench.diagnosis.estimation.front_filters import estimation, removal_conditions
-from workbench.synthesis import discretised
+from workbench.diagnosis import DemandReached, FaultLoop
+from workbench.diagnosis.estimation.front_filters import loop_estimation, removal_conditions
+from workbench.synthesis import discretise
 from workbench.synthesis.switching.single_loops import MarginsOfPlants, SingleLoops
 from workbench.systems.bilinear import bilinear_continuous
 
@@ -40,7 +40,7 @@ def delayed_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float)
 
     K = control.ss(controller(axis))
     continuous = {name: K * (1 - bilinear_continuous(F)) for name, F in filters.items()}
-    discrete = {name: discretised(K, PERIOD) * (1 - F) for name, F in filters.items()}
+    discrete = {name: discretise(K, PERIOD) * (1 - F) for name, F in filters.items()}
     systems = plants(axis, "own", "printed")
     return SingleLoops(continuous, discrete, systems, delay).margins()
 
@@ -60,7 +60,7 @@ def filter_checks(
     F: StateSpace,
     order: int,
     limits: tuple[float, float, float],
-    reached: Reached,
+    reached: DemandReached,
 ) -> list[Check]:
     """Checks of a discrete filter, in which everything is certified again.
 
@@ -75,7 +75,7 @@ def filter_checks(
     ]
     if not stability.holds:
         return found
-    program, continuous = estimation(loop, *limits_of_estimate), bilinear_continuous(F)
+    program, continuous = loop_estimation(loop, *limits_of_estimate), bilinear_continuous(F)
     plants, over_limits = plants_of(reached), limits_of(reached)
     for channel in program.channels:
         upper = program.certified(continuous, channel=channel).upper

@@ -16,19 +16,19 @@ from pydantic import Field
 from workbench import Check, Run, problem, ref
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, StateSpace
-from workbench.diagnosis import FaultLoop, Reached
+from workbench.diagnosis import DemandReached, FaultLoop
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
     metric,
-    over_draws,
     part,
     share_of_draws,
     system,
@@ -38,7 +38,7 @@ from workbench.study.draws import SURE
 from workbench.synthesis.switching.single_loops import SAMPLINGS
 from workbench.systems import loop_response
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.storage import restored
+from workbench.systems.storage import restored_system
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.loops import plants
@@ -119,7 +119,7 @@ def designed_filter(
     return DesignedFilter(
         axis,
         stadiums_of(covered),
-        restored(estimation.data, "discrete"),
+        restored_system(estimation.data, "discrete"),
         peak,
         (error, leakage or allowed_leakage(axis)),
         order,
@@ -171,7 +171,7 @@ class DesignedFilter(Study):
     quantity = dim("error", "leakage", "noise", "sensitivity")
 
     @array(dims=(peak_allowed, point, quantity), unit="1", meaning="front; NaN where no filter is")
-    def front(self, reached: Reached, context: Context) -> RealArray:
+    def front(self, reached: DemandReached, context: Context) -> RealArray:
         every = context.track([(peak, error) for peak in PEAKS for error in ERRORS], "front")
         found = [self.made.on_front(reached.share, error, peak) for peak, error in every]
         return np.reshape(found, (len(PEAKS), len(ERRORS), -1))
@@ -272,7 +272,7 @@ class DesignedFilter(Study):
     @part
     def met(self, filters: Any, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (drives, draws, lengths, cases, 4)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [
             (str(name), int(one))
             for name, row in zip(seed["drive"].values, seed.values, strict=True)
@@ -322,7 +322,7 @@ class DesignedFilter(Study):
 
     def designed_of(self, answer: Dataset) -> StateSpace:
         """The stored filter."""
-        return restored(answer, "designed")
+        return restored_system(answer, "designed")
 
     # --- what is told -------------------------------------------------------------------------
 
@@ -354,7 +354,7 @@ class DesignedFilter(Study):
             for name in CASES:
                 key = f"{name.replace(' ', '_').replace('-', '_')}_{1e3 * length:.1f}mm"
                 at = {"length": length, "case": name}
-                summary = over_draws(answer["excursion"].sel(at), "drive")
+                summary = draws_summary(answer["excursion"].sel(at), "drive")
                 for which in summary["summary"].values:
                     found[f"excursion_{key}_{which}"] = float(summary.sel(summary=which))
                 found[f"below_reference_{key}"] = float(smaller.sel(at))

@@ -12,7 +12,7 @@ import numpy as np
 from workbench import figures
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench._core.tables import markdown
-from workbench.study import claim_of, over_draws, with_interval
+from workbench.study import draws_summary, interval_text, verdict_of_share
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
@@ -55,9 +55,9 @@ def experiments(answer: Dataset, smaller: DataArray) -> str:
     for length in answer["length"].values.tolist():
         for name in answer["case"].values.tolist():
             at = {"length": length, "case": name}
-            told = with_interval(over_draws(1e6 * answer["excursion"].sel(at), "drive"))
+            told = interval_text(draws_summary(1e6 * answer["excursion"].sel(at), "drive"))
             share = float(smaller.sel(at))
-            below = ["", ""] if name == "reference" else [f"{share:.0%}", claim_of(share)]
+            below = ["", ""] if name == "reference" else [f"{share:.0%}", verdict_of_share(share)]
             lost = f"{float((answer['events'].sel(at) > 0).mean()):.0%}"
             rows.append([f"{1e3 * length:.1f}", name, told, lost, *below])
     heads = ["scratch [mm]", "filter", "excursion [um]", "lost", "below the reference", "claim"]
@@ -102,7 +102,7 @@ def excursions(answer: Dataset, axis: Axis) -> Figure:
     names = answer["case"].values.tolist()
     for panel, length in zip(panels, lengths, strict=True):
         for k, name in enumerate(names):
-            one = over_draws(1e6 * answer["excursion"].sel(length=length, case=name))
+            one = draws_summary(1e6 * answer["excursion"].sel(length=length, case=name))
             mean, low, high = one.transpose("summary", "drive").values
             places = np.arange(answer.sizes["drive"]) + 0.15 * (k - (len(names) - 1) / 2)
             panel.vlines(places, low, high, color=COLOURS[name], linewidth=1.2)

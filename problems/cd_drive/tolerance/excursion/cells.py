@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench._core.heavy_types import DataArray
 from workbench._core.tables import Rows
-from workbench.study import claim_of, share_of_draws
+from workbench.study import share_of_draws, verdict_of_share
 
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES
@@ -29,7 +29,7 @@ def verdicts(peak: DataArray) -> DataArray:
     """
     smaller = peak.sel(strategy=OTHERS) < peak.sel(strategy="reference")
     share = share_of_draws(smaller, "strategy", *CELL)
-    said = np.vectorize(lambda one: VERDICTS[claim_of(one)])(share.values)
+    said = np.vectorize(lambda one: VERDICTS[verdict_of_share(one)])(share.values)
     return share.copy(data=said)
 
 

@@ -16,23 +16,23 @@ from workbench import Run, problem, ref
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     share_of_draws,
     table,
-    with_interval,
 )
 from workbench.study.draws import SURE
-from workbench.synthesis import discretised
+from workbench.synthesis import discretise
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
@@ -92,7 +92,7 @@ def excursion(
     share of the light that the defect takes. swing: its false displacement, over the acceptable
     error. draws: number of draws for each defect.
     """
-    K_prime = discretised(slower.answer.K, PERIOD)
+    K_prime = discretise(slower.answer.K, PERIOD)
     crossing = Crossing(axis, K_prime, drive, rotation, depth, swing)
     return Excursion(crossing, angles, lengths, draws)
 
@@ -138,7 +138,7 @@ class Excursion(Study):
     @array(dims=(angle, length, share, draw, strategy), unit="m")
     def peak(self, context: Context, seed: DataArray) -> Any:
         """Largest true error, defect and 5 ms after"""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> list[float]:
             one = seed[place]
@@ -245,23 +245,23 @@ class Excursion(Study):
     )
     survived = metric(
         template="survived_{strategy}_{summary}",
-        value=lambda self, peak: over_draws(self.kept(peak).mean(["angle", "length", "share"])),
+        value=lambda self, peak: draws_summary(self.kept(peak).mean(["angle", "length", "share"])),
     )
     survived_red_book = metric(
         template="survived_red_book_{strategy}_{summary}",
-        value=lambda self, peak: over_draws(
+        value=lambda self, peak: draws_summary(
             self.kept(peak).sel(share=1.0).mean(["angle", "length"])
         ),
     )
     in_spec = metric(
         template="in_spec_red_book_{strategy}_{summary}",
-        value=lambda self, peak: over_draws(
+        value=lambda self, peak: draws_summary(
             (peak.sel(share=1.0) <= ACCEPTABLE_ERROR[self.crossing.axis]).mean(["angle", "length"])
         ),
     )
     worst = metric(
         template="worst_red_book_{strategy}_{summary}_um",
-        value=lambda peak: over_draws(1e6 * peak.sel(share=1.0).max(["angle", "length"])),
+        value=lambda peak: draws_summary(1e6 * peak.sel(share=1.0).max(["angle", "length"])),
     )
 
     def first_lost(self, peak: DataArray, length: DataArray) -> DataArray:
@@ -284,11 +284,11 @@ class Excursion(Study):
         first, rows = self.first_lost(peak, length), []
         for name in STRATEGIES:
             own = [
-                with_interval(over_draws(100.0 * one.sel(strategy=name)), form="{:.1f}")
+                interval_text(draws_summary(100.0 * one.sel(strategy=name)), form="{:.1f}")
                 for one in shares
             ]
-            worst = with_interval(
-                over_draws(1e6 * red_book.max(over).sel(strategy=name)), form="{:.2f}"
+            worst = interval_text(
+                draws_summary(1e6 * red_book.max(over).sel(strategy=name)), form="{:.2f}"
             )
             lost = float(first.sel(strategy=name))
             rows.append([titled(name), *own, worst, "none" if np.isnan(lost) else f"{lost:.2f}"])

@@ -13,7 +13,7 @@ from pydantic import Field
 from workbench import Run, problem, ref
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.synthesis import discretised
+from workbench.synthesis import discretise
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import AXES, Axis
@@ -77,8 +77,8 @@ def playability(
 def slower(focus: Run, radial: Run) -> dict[Axis, StateSpace]:
     """Discrete K' of both axes."""
     return {
-        "focus": discretised(focus.answer.K, PERIOD),
-        "radial": discretised(radial.answer.K, PERIOD),
+        "focus": discretise(focus.answer.K, PERIOD),
+        "radial": discretise(radial.answer.K, PERIOD),
     }
 
 

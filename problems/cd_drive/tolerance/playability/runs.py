@@ -16,9 +16,9 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import Progress, Threads, spread
-from workbench.simulation import Cascade, in_discrete_time
+from workbench.simulation import Cascade, discrete_system
 from workbench.simulation.ensemble_scores import error_scores
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 
 from ...diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN
 from ...diagnosis.quality import diode_quality
@@ -137,7 +137,7 @@ def met(
     ``task`` returns (drives, designs, SCORES) for one circumstance. The compiled loop does not
     block other threads, and all threads share the compiled code.
     """
-    machine()  # otherwise threads that need it at the same time would each compile it
+    compiled_loop()  # otherwise threads that need it at the same time would each compile it
     with Threads(workers=workers) as pool:
         return np.transpose(
             spread(task, many, pool, progress=progress, description=what), (2, 1, 0, 3)
@@ -180,7 +180,7 @@ def scored(error: RealArray, axis: Axis) -> Sequence[float]:
 @lru_cache(maxsize=256)
 def sampled_controller(axis: Axis, gain_db: float = 0.0) -> StateSpace:
     """Discrete controller K of eq. 6.12 with its gain changed by ``gain_db``."""
-    return 10.0 ** (gain_db / 20.0) * in_discrete_time(controller(axis), PERIOD)
+    return 10.0 ** (gain_db / 20.0) * discrete_system(controller(axis), PERIOD)
 
 
 def chosen(count: int) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import KalmanEstimator, Rotation
 from workbench.errors import SolverError
-from workbench.simulation import Cascade, Part, in_discrete_time, linear
+from workbench.simulation import Cascade, Part, discrete_system, linear_controller
 from workbench.systems.margins import loop_response
 from workbench.systems.realisation import realisation
 
@@ -128,7 +128,9 @@ class StateFeedback:
                 *strategies.detector,
                 Part("estimator", estimator.controller, ["f_en", "u_last", "w_Q"], tells=told),
                 Part(
-                    "u", linear(law, PERIOD, measurements=range(n + 2)), [*states, "u_last", "u_p"]
+                    "u",
+                    linear_controller(law, PERIOD, measurements=range(n + 2)),
+                    [*states, "u_last", "u_p"],
                 ),
             ],
         )
@@ -144,7 +146,7 @@ def estimated(axis: Axis, rotation: float, K: StateSpace) -> StateSpace:
     """f_en -> u of strategy B at quality 1, with the filter in steady state: K f_en + u_p."""
     filter_ = kalman(axis, Rotation(rotation))
     row = np.append(np.zeros(filter_.model.plant.nstates), 1.0)
-    return estimating(filter_, row, in_discrete_time(K, PERIOD))
+    return estimating(filter_, row, discrete_system(K, PERIOD))
 
 
 def estimating(filter_: KalmanEstimator, row: RealArray, K: StateSpace | None) -> StateSpace:

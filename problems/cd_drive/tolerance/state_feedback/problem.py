@@ -18,23 +18,23 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation import in_discrete_time
-from workbench.simulation.machine import machine
+from workbench.simulation import discrete_system
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
-    claim_of,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
+    verdict_of_share,
 )
 from workbench.study.draws import SURE
 from workbench.systems import loop_response
@@ -134,7 +134,7 @@ class StateFeedbackStudy(Study):
         """The reference controller, sampled."""
         import control
 
-        return in_discrete_time(control.ss(controller(self.axis)), PERIOD)
+        return discrete_system(control.ss(controller(self.axis)), PERIOD)
 
     # --- the law and its loops ----------------------------------------------------------------
 
@@ -223,7 +223,7 @@ class StateFeedbackStudy(Study):
     @part
     def met(self, law: StateFeedback, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (drives, draws, lengths, cases, 4)."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [
             (name, one)
             for name, row in zip(self.names, seed.values.tolist(), strict=True)
@@ -293,7 +293,7 @@ class StateFeedbackStudy(Study):
                 key = f"{name.replace(' ', '_')}_{mm}"
                 at = {"length": length, "case": name}
                 for kind in ("excursion", "periodic"):
-                    summary = over_draws(answer[kind].sel(at), "drive")
+                    summary = draws_summary(answer[kind].sel(at), "drive")
                     for which in summary["summary"].values:
                         found[f"{kind}_{key}_{which}"] = float(summary.sel(summary=which))
                 found[f"lost_{key}"] = float((answer["events"].sel(at) > 0).mean())
@@ -320,14 +320,14 @@ class StateFeedbackStudy(Study):
             for name in CASES:
                 at = {"length": length, "case": name}
                 cells = [
-                    with_interval(over_draws(1e6 * answer[kind].sel(at), "drive"))
+                    interval_text(draws_summary(1e6 * answer[kind].sel(at), "drive"))
                     for kind in ("excursion", "periodic")
                 ]
                 lost = f"{float((answer['events'].sel(at) > 0).mean()):.0%}"
                 below = ["", ""]
                 if name == FEEDBACK:
                     share = float(self.below(answer, FEEDBACK, "B").sel(length=length))
-                    below = [f"{share:.0%}", claim_of(share)]
+                    below = [f"{share:.0%}", verdict_of_share(share)]
                 rows.append([f"{1e3 * length:.1f}", name, *cells, lost, *below])
         columns = ["scratch [mm]", "strategy", "excursion [um]", "periodic error [um]", "lost"]
         return {
@@ -370,7 +370,7 @@ def _excursions(answer: Dataset, axis: Axis) -> Figure:
     drawn, panels = figures.axes(len(LENGTHS), 1, size=(8.4, 6.4), sharex=True)
     for panel, length in zip(panels, LENGTHS, strict=True):
         for k, name in enumerate(CASES):
-            one = over_draws(1e6 * answer["excursion"].sel(length=length, case=name))
+            one = draws_summary(1e6 * answer["excursion"].sel(length=length, case=name))
             mean, low, high = one.transpose("summary", "drive").values
             places = np.arange(answer.sizes["drive"]) + 0.15 * (k - 1)
             panel.vlines(places, low, high, color=SHADES[name], linewidth=1.2)

@@ -7,7 +7,7 @@ from itertools import combinations
 
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
-from workbench.study import claim_of, over_draws, with_interval
+from workbench.study import draws_summary, interval_text, verdict_of_share
 
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES
@@ -56,7 +56,7 @@ def claims_table(answer: Dataset) -> str:
 
 
 def _share_and_claim(share: float) -> list[str]:
-    return ["none", "undecided"] if math.isnan(share) else [f"{share:.1%}", claim_of(share)]
+    return ["none", "undecided"] if math.isnan(share) else [f"{share:.1%}", verdict_of_share(share)]
 
 
 def error_tables(excursion: DataArray, periodic: DataArray, draws: int) -> dict[str, str]:
@@ -67,7 +67,7 @@ def error_tables(excursion: DataArray, periodic: DataArray, draws: int) -> dict[
     )
     return {
         str(values.name): f"{title}: mean, and the interval of 90 % of {draws} draws.\n\n"
-        + _by_drive(over_draws(1e6 * values))
+        + _by_drive(draws_summary(1e6 * values))
         for values, title in zip((excursion, periodic), titles, strict=True)
     }
 
@@ -76,5 +76,5 @@ def _by_drive(summary: DataArray) -> str:
     heads = ["drive", *(titled(str(name)) for name in summary["strategy"].values)]
     cells = summary.transpose("drive", "strategy", "summary")
     return markdown(
-        heads, [[str(row["drive"].values), *(with_interval(one) for one in row)] for row in cells]
+        heads, [[str(row["drive"].values), *(interval_text(one) for one in row)] for row in cells]
     )

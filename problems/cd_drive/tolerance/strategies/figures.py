@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench import figures
 from workbench._core.heavy_types import Axes, Dataset, Figure
-from workbench.study import over_draws
+from workbench.study import draws_summary
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
@@ -100,7 +100,7 @@ def _drives(answer: Dataset, axis: Axis) -> Figure:
     ):
         for k, name in enumerate(names):
             places = np.arange(answer.sizes["drive"]) + 0.1 * (k - (len(names) - 1) / 2)
-            every = over_draws(1e6 * answer[what].sel(strategy=name))
+            every = draws_summary(1e6 * answer[what].sel(strategy=name))
             mean, *ends = every.transpose("summary", "drive").values
             panel.vlines(places, *ends, color=COLOURS[name], linewidth=1.2)
             panel.plot(places, mean, "os^vD"[k], color=COLOURS[name], label=titled(name))

@@ -16,24 +16,24 @@ from workbench import Run, problem, ref
 from workbench._core.heavy_types import DataArray, StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
 )
 from workbench.study.draws import SURE
-from workbench.synthesis import discretised
-from workbench.systems.storage import restored
+from workbench.synthesis import discretise
+from workbench.systems.storage import restored_system
 
 from ...diagnosis.defect_runs import ROTATION
 from ...diagnosis.scratch_draws import ScratchDraw
@@ -114,8 +114,8 @@ def strategies(
     if fault_filter == "robust":
         if designed is None:
             raise InputError("the robust fault filter is asked for, and no run of it is given")
-        F = restored(designed.data, "discrete")
-    K_prime = discretised(slower.answer.K, PERIOD)
+        F = restored_system(designed.data, "discrete")
+    K_prime = discretise(slower.answer.K, PERIOD)
     experiment = Experiment(axis, values, depth, displacement)
     return StrategiesStudy(experiment, drive_count, draws, F, K_prime)
 
@@ -185,7 +185,7 @@ class StrategiesStudy(Study):
         cells = [
             (drive, one) for drive, row in zip(self.names, scratches, strict=True) for one in row
         ]
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         found = context.spread(lambda cell: self.outcomes(*cell), cells, "drives and draws")
         return np.reshape(found, (-1, self.draws, len(STRATEGIES), 4))
 
@@ -371,15 +371,15 @@ class StrategiesStudy(Study):
 
     excursions_of_nominal = metric(
         template="excursion_{strategy}_{summary}",
-        value=lambda excursion: over_draws(excursion.sel(drive="nominal")),
+        value=lambda excursion: draws_summary(excursion.sel(drive="nominal")),
     )
     excursions_of_drives = metric(
         template="excursion_{strategy}_drives_{summary}",
-        value=lambda excursion: over_draws(excursion, "drive"),
+        value=lambda excursion: draws_summary(excursion, "drive"),
     )
     periodics_of_nominal = metric(
         template="periodic_{strategy}_{summary}",
-        value=lambda periodic: over_draws(periodic.sel(drive="nominal")),
+        value=lambda periodic: draws_summary(periodic.sel(drive="nominal")),
     )
     without_noise = metric(
         template="excursion_{strategy}_without_noise", value=lambda quiet_excursion: quiet_excursion

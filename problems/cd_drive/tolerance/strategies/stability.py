@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.certify.norms import certified_norm
 from workbench.diagnosis import Rotation
-from workbench.simulation import continued, in_discrete_time
+from workbench.simulation import continuous_system, discrete_system
 
 from ...diagnosis.position_estimator.model import kalman
 from ...laboratory.bench_setup import PERIOD
@@ -21,8 +21,8 @@ def repetitive_level(strategies: Strategies, bench: Laboratory) -> float:
     norm, since SLICOT's norm of this discrete system is 4 % too small. Raises InputError if K alone
     does not stabilise the drive.
     """
-    loop = -bench.sampled_error() * in_discrete_time(strategies.controller, PERIOD)
-    return certified_norm(continued(strategies.repetitive.contraction(loop)))
+    loop = -bench.sampled_error() * discrete_system(strategies.controller, PERIOD)
+    return certified_norm(continuous_system(strategies.repetitive.contraction(loop)))
 
 
 def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:
@@ -32,7 +32,7 @@ def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:
     steady state, which gets the previous command and whose u_p is added to K's command.
     """
     drive = bench.sampled_error()
-    K = in_discrete_time(strategies.controller, PERIOD)
+    K = discrete_system(strategies.controller, PERIOD)
     settled = kalman(bench.axis, Rotation(strategies.rotation)).settled
     model, n = settled.model, settled.model.seen
     A, B, C = model.A[:n, :n], model.B[:n], model.C[:n]

@@ -12,7 +12,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench.errors import InputError
 from workbench.synthesis import ControllerMode, SampledPlant, SwitchedBox
-from workbench.synthesis.switching.loops import transition
+from workbench.synthesis.switching.loops import mode_transition
 
 from ...control.control_problem import optical_gain
 from ...drive.actuator import SERIES_RESISTANCE
@@ -63,7 +63,7 @@ def parametric_box(
         return _continuous(axis, parameters)
 
     def loops(held: RealArray) -> tuple[RealArray, RealArray]:
-        clean, defect = (transition(_late(axis, held), mode) for mode in modes)
+        clean, defect = (mode_transition(_late(axis, held), mode) for mode in modes)
         return clean, defect
 
     return SwitchedBox((low, high), plant, loops, PERIOD, FIRST_CELLS, halved=HALVED, dwells=DWELLS)

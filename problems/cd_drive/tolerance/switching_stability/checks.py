@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from workbench import Check
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset
-from workbench.synthesis import SwitchedLoop, closed_transition, discretised
+from workbench.synthesis import SwitchedLoop, closed_loop_transition, discretise
 from workbench.synthesis.switching.boxes import LARGEST_RATIO
 
 from ...drive.plants import ANTIALIASING
@@ -52,10 +52,10 @@ def switching_checks(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
 
 def _loops(drives: SwitchedDrives) -> Check:
     """Compare the poles of every clean loop with those of the loop of u -> f_en and K."""
-    K = discretised(drives.reference, PERIOD)
+    K = discretise(drives.reference, PERIOD)
     worst, where = 0.0, ""
     for (name, G), loop in zip(drives.alone.plants.items(), drives.loops("open"), strict=False):
-        expected = _sorted(np.linalg.eigvals(closed_transition(G, K, drives.delay)))
+        expected = _sorted(np.linalg.eigvals(closed_loop_transition(G, K, drives.delay)))
         found = _sorted(np.linalg.eigvals(loop.clean[0]))
         off = float(abs(expected - found).max())
         worst, where = max((worst, where), (off, f"of {name}"))

@@ -14,7 +14,7 @@ import numpy as np
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
-from workbench.synthesis import discretised
+from workbench.synthesis import discretise
 from workbench.synthesis.switching.single_loops import SingleLoops
 from workbench.systems import loop_response
 
@@ -49,7 +49,7 @@ class LoopsAlone:
         """Loops of the controllers named in CONTROLLERS."""
         controllers = (self.K, self.K * low_pass(), self.lower)
         named = dict(zip(CONTROLLERS, controllers, strict=True))
-        discrete = {name: discretised(K, PERIOD) for name, K in named.items()}
+        discrete = {name: discretise(K, PERIOD) for name, K in named.items()}
         return SingleLoops(named, discrete, self.plants, self.delay)
 
     def nominal(self, frequency: RealArray) -> ComplexArray:

@@ -15,7 +15,7 @@ from workbench import Run, figures, problem, ref
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
-from workbench.simulation import Cascade, Part, linear
+from workbench.simulation import Cascade, Part, linear_controller
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     balloon_size,
@@ -24,7 +24,7 @@ from workbench.simulation.ensemble_scores import (
     percentile_interval,
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.synthesis import discretised
+from workbench.synthesis import discretise
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -75,7 +75,7 @@ def two_controllers_switched(
     in turn. drives: how many of the twelve. workers: number of threads; the answer does not depend
     on it.
     """
-    slow = discretised(lower.answer.K, PERIOD)
+    slow = discretise(lower.answer.K, PERIOD)
     return SwitchedPair(axis, fast_db, slow, scenarios, chosen(drives), workers)
 
 
@@ -94,7 +94,7 @@ class ControllerPair:
         if case == "switched":
             made = Strategies(one.axis, level, one.believed, K=fast, replacement=slow)
             return made.named("K_prime")
-        alone = linear(fast if case == "fast" else slow, PERIOD)
+        alone = linear_controller(fast if case == "fast" else slow, PERIOD)
         return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], tells=["u"])])
 
     def error(self, case: str, one: Circumstance, drive: str, refine: int = 1) -> RealArray:

@@ -16,22 +16,22 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import machine
+from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
     arrays,
     check,
-    claim_of,
     dim,
+    draws_summary,
     figure,
     independent_seeds,
+    interval_text,
     metric,
-    over_draws,
     part,
     share_of_draws,
     table,
-    with_interval,
+    verdict_of_share,
 )
 
 from ...diagnosis.defect_runs import ROTATION
@@ -97,7 +97,7 @@ class WrongRotation(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Outcomes (draws, 1 + strategies x errors, 4), those of the reference strategy first."""
-        machine()  # otherwise threads that need it at the same time would each compile it
+        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cases = [("reference", 0.0), *((name, wrong) for name in TOLD for wrong in WRONG)]
 
         def outcomes(place: int) -> list[StrategyOutcome]:
@@ -150,7 +150,7 @@ class WrongRotation(Study):
             for wrong in WRONG:
                 at, key = {"strategy": name, "wrong": wrong}, f"{name}_{100 * wrong:.0f}pct"
                 for kind, values in kinds.items():
-                    told = over_draws(values.sel(at))
+                    told = draws_summary(values.sel(at))
                     for summary in told["summary"].values:
                         found = float(told.sel(summary=summary))
                         numbers[f"{kind.format(key)}_{summary}"] = found
@@ -161,15 +161,15 @@ class WrongRotation(Study):
     @table
     def rotations(self, answer: Dataset) -> dict[str, str]:
         """Each strategy at each error: mean, and 90 % range of the draws."""
-        below, reference = self.below(answer), over_draws(1e6 * answer["reference_excursion"])
-        rows = [["reference", "", with_interval(reference), "", "", ""]]
+        below, reference = self.below(answer), draws_summary(1e6 * answer["reference_excursion"])
+        rows = [["reference", "", interval_text(reference), "", "", ""]]
         for name in TOLD:
             for wrong in WRONG:
                 at = {"strategy": name, "wrong": wrong}
-                told = with_interval(over_draws(1e6 * answer["excursion"].sel(at)))
+                told = interval_text(draws_summary(1e6 * answer["excursion"].sel(at)))
                 share = float(below.sel(at))
                 lost = f"{float((answer['events'].sel(at) > 0).mean()):.0%}"
-                claim = claim_of(share)
+                claim = verdict_of_share(share)
                 rows.append([titled(name), f"{wrong:.0%}", told, lost, f"{share:.0%}", claim])
         heads = ["strategy", "rotation off by", "excursion [um]", "lost"]
         heads += ["below the reference", "claim"]
@@ -180,11 +180,11 @@ class WrongRotation(Study):
         """Excursion over the error of the rotation frequency."""
         drawn, (panel,) = figures.axes(size=(7.0, 4.4))
         off, axis = 100 * answer["wrong"].values, self.experiment.axis
-        mean, low, high = (1e6 * over_draws(answer["reference_excursion"])).values
+        mean, low, high = (1e6 * draws_summary(answer["reference_excursion"])).values
         panel.axhspan(low, high, color="0.9")
         panel.axhline(mean, color="0.4", linestyle="--", label="reference strategy")
         for n, name in enumerate(TOLD):
-            told = over_draws(answer["excursion"].sel(strategy=name)).transpose("summary", ...)
+            told = draws_summary(answer["excursion"].sel(strategy=name)).transpose("summary", ...)
             mean, low, high = (1e6 * told).values
             look: Any = {"color": figures.CYCLE[n], "capsize": 2, "marker": "o", "markersize": 3}
             panel.errorbar(off, mean, [mean - low, high - mean], label=titled(name), **look)

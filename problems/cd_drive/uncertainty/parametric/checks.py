@@ -9,7 +9,7 @@ import numpy as np
 from workbench import Check
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import Dataset
-from workbench.certificate import worst
+from workbench.certificate import worst_value
 from workbench.uncertainty.parametric_models.model import ParametricModel
 from workbench.uncertainty.parametric_models.parameters import Parameter, samples, vertices
 
@@ -58,8 +58,8 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
     hertz, models = answer["frequency"].values, pulled_out(axis)
     copies = answer["copies"].sel(stage="after reduction").values
     wanted = [[COPIES[n] * (n in m.repetitions) for n in UNITS] for m in models.values()]
-    claimed, claim = worst(_claims(axis, answer), lambda p: f"at {hertz[p[1]]:.6g} Hz")
-    missed, miss = worst(
+    claimed, claim = worst_value(_claims(axis, answer), lambda p: f"at {hertz[p[1]]:.6g} Hz")
+    missed, miss = worst_value(
         _missed(axis, answer.isel(frequency=slice(None, None, CHECK_STRIDE))),
         lambda p: f"at {hertz[CHECK_STRIDE * p[1]]:.6g} Hz",
     )

@@ -14,7 +14,7 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_pl
 import workbench as wb
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.fitting.rational import from_system
+from workbench.fitting.rational import rational_of_system
 from workbench.mu import conditions
 from workbench.synthesis import MuSynthesis
 from workbench.uncertainty import contains
@@ -28,7 +28,8 @@ def test_the_synthesis_plant_adds_only_noise_to_one_disturbance_and_both_outputs
     plant = synthesis_plant(axis, parametric_plant(axis))
     assert (plant.exogenous, plant.performance) == (2, 2)
     K = control.ss(reference(axis))
-    alone = generalised(axis, parametric_plant(axis)).channel(("z_p", "z_u"), "w_p")
+    whole = generalised(axis, parametric_plant(axis))
+    alone = whole.channel(performance=("z_p", "z_u"), exogenous="w_p")
     without = conditions(alone, K).robust_performance
     found = MuSynthesis(plant).certified(K)
     assert without.lower <= found.upper
@@ -65,7 +66,7 @@ def test_stadiums_for_a_controller_contain_the_drives_and_hurt_its_loop_less(mea
     run = wb.run("cd/focus/stadium-cover", method="steps", frequencies=60)
     given = uncertainty("focus", run)
     cover = control_cover("focus", 1.0, measured, 6)
-    parts = {"nominal": given.nominal, "real": given.W_r, "controller": from_system(K)}
+    parts = {"nominal": given.nominal, "real": given.W_r, "controller": rational_of_system(K)}
     last = cover.lowered(parts, ["real"], Context())
     model = cover.model(last, Context())
     assert contains(model, measured)

@@ -23,7 +23,9 @@ def run():
 @pytest.mark.cases(0)
 def test_peaks_beside_the_edges_are_on_either_side_of_one(run):
     """Computed anew for one edge."""
-    plant = generalised("focus", parametric_plant("focus")).channel("z_p", "w_p")
+    plant = generalised("focus", parametric_plant("focus")).channel(
+        performance="z_p", exogenous="w_p"
+    )
     ends = run.data["room"].sel(form="parametric", channel="disturbance")
     kept, lost = (float(ends.sel(end=end)) for end in ("low", "below"))
     assert performance_peak(plant, kept * controller("focus"), tolerance=1e-4).upper < 1.0

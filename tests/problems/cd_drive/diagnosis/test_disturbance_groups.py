@@ -14,7 +14,7 @@ from workbench.plants.cd_drive.laboratory.experiment import Laboratory
 
 from workbench import solve
 from workbench.errors import InputError
-from workbench.simulation import linear
+from workbench.simulation import linear_controller
 from workbench.solvers import Options
 
 TIME = np.arange(0.0, 0.2, 1e-4)
@@ -48,7 +48,7 @@ def test_error_by_a_force_is_that_of_the_simulated_loop():
     frequency, bench = 100.0, Laboratory("focus", "CD2", noise=0.0, electronics=0.0, bits=None)
     time = np.arange(round(0.3 * RATE)) / RATE
     force = 1e-3 * np.sin(2 * np.pi * frequency * time)
-    law = linear(controller("focus"), PERIOD)
+    law = linear_controller(controller("focus"), PERIOD)
     record = bench.closed_loop(law, voltage_of_force(bench) * force)
     turns = record.x[-round(0.1 * RATE) :] * np.exp(
         -2j * np.pi * frequency * time[: round(0.1 * RATE)]

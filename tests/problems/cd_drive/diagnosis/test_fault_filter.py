@@ -32,10 +32,16 @@ from workbench.plants.cd_drive.drive.plants import controller
 from workbench.plants.cd_drive.drive.red_book import envelope
 
 import workbench as wb
-from workbench.diagnosis import FaultFront, LaguerreBasis, few_states, full_order, least_total
-from workbench.diagnosis.estimation.front_filters import estimation
+from workbench.diagnosis import (
+    FaultFront,
+    LaguerreBasis,
+    full_order_filter,
+    least_total_error,
+    low_order_filter,
+)
+from workbench.diagnosis.estimation.front_filters import loop_estimation
 from workbench.errors import SolverError
-from workbench.fitting.storage import function
+from workbench.fitting.storage import stored_rational
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import UncertaintyModel
 
@@ -43,7 +49,9 @@ from workbench.uncertainty import UncertaintyModel
 @pytest.fixture(scope="module")
 def loops(reference):
     data = reference("cd/focus/cover-for-control").data
-    model = UncertaintyModel(*(function(data, f"{name}3_") for name in ("nominal", "W_c", "W_r")))
+    model = UncertaintyModel(
+        *(stored_rational(data, f"{name}3_") for name in ("nominal", "W_c", "W_r"))
+    )
     K = control.ss(controller("focus"))
     return fault_loop("focus", model, K), fault_loop("focus", model, K, 1.0)
 
@@ -103,7 +111,7 @@ def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops):
     points = [each.least(basis.response(each.omega, 12), 0.3) for each in fronts]
     assert points[0].total < points[1].total
     assert all(point.error <= 0.3 for point in points)
-    bound = least_total(loop.demands, 0.3, BOUND_CORNER, coefficients=24)
+    bound = least_total_error(loop.demands, 0.3, BOUND_CORNER, coefficients=24)
     assert 0.2 * points[0].total < bound < points[0].total
 
 
@@ -116,11 +124,11 @@ def test_a_set_too_large_for_an_error_is_named(loops):
 @pytest.mark.slow
 def test_ten_states_keep_what_is_wanted_of_every_plant(loops):
     loop = loops[1]
-    fine = full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), 20, 0.3, 0.5e-6)
-    few = few_states(loop, fine_grid(loop), fine.F, 10, 0.3, 0.5e-6)
+    fine = full_order_filter(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), 20, 0.3, 0.5e-6)
+    few = low_order_filter(loop, fine_grid(loop), fine.F, 10, 0.3, 0.5e-6)
     assert few.F.nstates == 10
     assert few.answer.upper < 1.0
-    again = estimation(loop, 0.3, 0.5e-6).answer(few.F)
+    again = loop_estimation(loop, 0.3, 0.5e-6).answer(few.F)
     assert again.upper == pytest.approx(few.answer.upper)
 
 

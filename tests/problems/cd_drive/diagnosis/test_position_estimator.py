@@ -36,7 +36,7 @@ from workbench.plants.cd_drive.laboratory.experiment import Laboratory
 
 from workbench import solve
 from workbench.diagnosis import Rotation, prototype_poles
-from workbench.simulation import band_limited
+from workbench.simulation import band_limited_noise
 from workbench.solvers import Options, Outcome
 
 AXES = ("focus", "radial")
@@ -80,7 +80,7 @@ def test_colour_has_the_size_and_band_of_the_noise(axis):
     below = abs(np.linspace(-RATE / 2, RATE / 2, 40_001)) < 1750.0
     assert power[below].sum() > 0.75 * power.sum()
     rng = np.random.default_rng(0)
-    assert band_limited(rng, (20_000, 1), size, 1750.0, 1 / RATE).std() == pytest.approx(
+    assert band_limited_noise(rng, (20_000, 1), size, 1750.0, 1 / RATE).std() == pytest.approx(
         size, rel=0.05
     )
 

@@ -14,7 +14,7 @@ from workbench.plants.cd_drive.diagnosis.residual_index import (
 )
 
 import workbench as wb
-from workbench.diagnosis import transfer
+from workbench.diagnosis import residual_response
 from workbench.errors import InputError
 
 
@@ -51,7 +51,7 @@ def test_the_control_does_not_reach_the_residual_and_the_ratio_is_that_of_the_we
     disturbance, defect = weights(task.axis, omega / (2 * np.pi))
     for H in task.filters(solution.answer).values():
         u, w_p, w_sd = (
-            abs(transfer(residual_of(H, task.axis), model, [name], omega)[:, 0, 0])
+            abs(residual_response(residual_of(H, task.axis), model, [name], omega)[:, 0, 0])
             for name in ("u", "w_p", "w_sd")
         )
         assert u.max() < 1e-6 * abs(model.response(["u"], omega)).max()

@@ -13,7 +13,7 @@ from workbench.plants.cd_drive.laboratory.experiment import MEASUREMENTS, Labora
 
 from workbench._core.compiled import compiled
 from workbench.errors import InputError
-from workbench.simulation import Controller, linear
+from workbench.simulation import Controller, linear_controller
 
 AXES = ("focus", "radial")
 QUIET = {"noise": 0.0, "electronics": 0.0, "bits": None}
@@ -21,7 +21,7 @@ LINES = np.array([20, 47, 100, 310, 500, 800, 1500, 3000])
 
 
 def law(axis):
-    return linear(drives.controller(axis), PERIOD)
+    return linear_controller(drives.controller(axis), PERIOD)
 
 
 def disc(axis, share=1.0, **options):

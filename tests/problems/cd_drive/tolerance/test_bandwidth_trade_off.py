@@ -15,7 +15,7 @@ from workbench.plants.cd_drive.tolerance.bandwidth_trade_off.problem import (
 from workbench.plants.cd_drive.tolerance.bandwidth_trade_off.runs import ROTATION
 
 import workbench as wb
-from workbench.simulation import in_discrete_time
+from workbench.simulation import discrete_system
 from workbench.solvers import Options
 
 
@@ -32,7 +32,7 @@ def test_the_disc_leaves_what_the_sensitivity_says(slower, axis):
     z = np.exp(2j * np.pi * ROTATION * PERIOD)
     error = Laboratory(axis, "nominal").response([ROTATION])["f_en"][0]
     for law, gain in (("full gain", 1.0), ("third gain", 1 / 3)):
-        K = complex(in_discrete_time(controller(axis), PERIOD)(z)) * gain
+        K = complex(discrete_system(controller(axis), PERIOD)(z)) * gain
         left = 0.25 * red_book(axis).deviation / abs(1 - K * error)
         found = loop.reaction(law, 0.25, 1e-3, ScratchDraw(1, 0.3)).disc
         assert found == pytest.approx(left, rel=0.03, abs=0.02e-6)

@@ -19,12 +19,12 @@ from workbench.plants.cd_drive.tolerance.designed_filter.problem import (
 )
 from workbench.plants.cd_drive.tolerance.tactics import stand_in_filter
 
-from workbench.diagnosis import Reached
+from workbench.diagnosis import DemandReached
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.storage import restored
+from workbench.systems.storage import restored_system
 
 AXES = ("focus", "radial")
-AS_ASKED = Reached(1.0, 1.0)
+AS_ASKED = DemandReached(1.0, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -52,9 +52,9 @@ def test_the_stand_ins_margins_are_those_of_another_study(reference):
 @pytest.mark.parametrize("axis", AXES)
 def test_the_stored_filter_keeps_every_drive_stable_and_the_other_does_not(axis, stored):
     run, (_, estimation), _ = stored(axis)
-    made = restored(run.data, "designed")
+    made = restored_system(run.data, "designed")
     assert all(one.holds for one in drive_checks(axis, made, 1.0, 3.0))
-    other = restored(estimation.data, "discrete")
+    other = restored_system(estimation.data, "discrete")
     failed = [one.name for one in drive_checks(axis, other, 1.0, 3.0) if not one.holds]
     assert failed == ["drives: growth", "drives: gain", "drives: phase"]
 
@@ -72,7 +72,7 @@ def test_filters_that_are_not_stable_or_too_large_are_rejected(axis, stored):
 @pytest.mark.parametrize("axis", AXES)
 def test_the_estimation_filter_fails_the_certificate_of_its_removal(axis, stored):
     _, (_, estimation), task = stored(axis)
-    F = restored(estimation.data, "discrete")
+    F = restored_system(estimation.data, "discrete")
     every = filter_checks(task.loop, F, 10, task.made.asked, AS_ASKED)
     found = {one.name: one.holds for one in every}
     assert not found["removal: stable"]
@@ -84,7 +84,7 @@ def test_the_estimation_filter_fails_the_certificate_of_its_removal(axis, stored
 def test_another_seed_changes_no_verdict(stored):
     _, _, task = stored("focus")
     run, _, _ = stored("focus")
-    filters = task.every(restored(run.data, "designed"))
+    filters = task.every(restored_system(run.data, "designed"))
     below = []
     for seeds in ((1, 2, 3), (4, 5, 6)):
         outcomes = np.array([task.outcomes(filters, "nominal", seed) for seed in seeds])

@@ -7,7 +7,7 @@ from workbench.plants.cd_drive.tolerance.lower_bandwidth import ROLL_OFF, lower_
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.systems.storage import restored
+from workbench.systems.storage import restored_system
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def test_defects_move_the_lens_less(solved):
 def test_others_can_restore_both_forms(solved):
     program, solution = solved
     data = program.to_dataset(solution.answer)
-    K, sampled = (restored(data, name) for name in ("controller", "sampled"))
+    K, sampled = (restored_system(data, name) for name in ("controller", "sampled"))
     assert sampled.dt == pytest.approx(PERIOD)
     omega = 2 * np.pi * 300.0
     ratio = complex(sampled(np.exp(1j * omega * PERIOD))) / complex(K(1j * omega))

@@ -19,7 +19,7 @@ from workbench.plants.cd_drive.tolerance.observer_bandwidth import (
 
 import workbench as wb
 from workbench.diagnosis import estimate
-from workbench.simulation import linear, play
+from workbench.simulation import linear_controller, play
 from workbench.systems import bandwidths, loop_response
 from workbench.systems.sampling import respond
 
@@ -30,7 +30,7 @@ def test_the_law_is_what_streams(name):
     observer = observers("focus")[name]
     f_en = np.random.default_rng(1).standard_normal(40)
     found = respond(law("focus", observer, SEEN[0]), f_en[:, None])[:, 0]
-    u_k = play(linear(controller("focus"), PERIOD), f_en[:, None])[:, 0]
+    u_k = play(linear_controller(controller("focus"), PERIOD), f_en[:, None])[:, 0]
     last = np.concatenate([[0.0], found[:-1]])
     u_p = estimate(observer.controller, f_en, last, np.ones(40)).disturbance
     np.testing.assert_allclose(found, u_k + u_p, rtol=1e-7, atol=1e-9 * abs(found).max())
@@ -43,7 +43,7 @@ def test_what_the_controller_sees_is_what_it_is_told():
     found = respond(law("radial", observer, SEEN[2]), f_en[:, None])[:, 0]
     last = np.concatenate([[0.0], found[:-1]])
     told = estimate(observer.controller, f_en, last, np.ones(40)).outputs[:, :1]
-    expected = play(linear(controller("radial"), PERIOD), told)[:, 0]
+    expected = play(linear_controller(controller("radial"), PERIOD), told)[:, 0]
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9 * abs(found).max())
 
 

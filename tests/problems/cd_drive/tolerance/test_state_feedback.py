@@ -24,7 +24,7 @@ from workbench.plants.cd_drive.tolerance.tactics import Strategies
 
 from workbench import solve
 from workbench.errors import SolverError
-from workbench.simulation import in_discrete_time
+from workbench.simulation import discrete_system
 from workbench.solvers import Options
 
 AXES = ("focus", "radial")
@@ -32,7 +32,7 @@ AXES = ("focus", "radial")
 
 @pytest.mark.parametrize("axis", AXES)
 def test_the_loop_of_b_decays_as_another_analysis_says(axis):
-    K = in_discrete_time(control.ss(controller(axis)), PERIOD)
+    K = discrete_system(control.ss(controller(axis)), PERIOD)
     for name in ("nominal", "CD8"):
         bench = Laboratory(axis, name)
         growth = _growth(loop(bench, estimated(axis, 5.5, K)))
@@ -64,7 +64,7 @@ def test_the_gain_beats_its_neighbours():
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", AXES)
 def test_a_law_is_matched_and_stable_on_every_drive(axis):
-    K = in_discrete_time(control.ss(controller(axis)), PERIOD)
+    K = discrete_system(control.ss(controller(axis)), PERIOD)
     frequency = crossover(loop(Laboratory(axis, "nominal"), K))
     law = matched(axis, 5.5, frequency)
     assert crossover(law.target) == pytest.approx(frequency, rel=1e-4)

@@ -34,7 +34,7 @@ from workbench._core.compiled import compiled
 from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import Cascade, Controller, Part
 from workbench.solvers import Options
-from workbench.systems.storage import restored
+from workbench.systems.storage import restored_system
 
 AXES = ("focus", "radial")
 TWELVE = ("nominal", *(f"CD{n}" for n in range(1, 13)))
@@ -202,7 +202,7 @@ def test_removing_nothing_is_the_controller_alone():
 def test_bumpless_transfer_helps(axis, slower):
     """Radially the track is lost without it; in focus it costs nothing."""
     experiment, sizes = Experiment(axis), {}
-    designed = restored(slower[axis].data, "sampled")
+    designed = restored_system(slower[axis].data, "sampled")
     for bumpless in (False, True):
         scratches = [experiment.printed(seed) for seed in range(3)]
         scenarios = (experiment.scenario("nominal", "K_prime", one) for one in scratches)
@@ -235,7 +235,7 @@ def test_speed(slower):
     a fiftieth.
     """
     bench = Laboratory("focus", "nominal")
-    designed = restored(slower["focus"].data, "sampled")
+    designed = restored_system(slower["focus"].data, "sampled")
     made = Strategies("focus", clean_level(bench), 5.5, replacement=designed)
     samples = round(RATE)
     at = np.arange(samples + 1) / RATE

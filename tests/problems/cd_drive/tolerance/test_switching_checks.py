@@ -5,13 +5,13 @@ import pytest
 from workbench.plants.cd_drive.tolerance.switching_stability import checks
 from workbench.plants.cd_drive.tolerance.switching_stability.study import SwitchingStability
 
-from workbench.systems.storage import restored
+from workbench.systems.storage import restored_system
 
 
 @pytest.fixture(scope="module")
 def stored(slower, reference):
     run = reference("cd/focus/switching-stability")
-    K_lower = restored(slower["focus"].data, "controller")
+    K_lower = restored_system(slower["focus"].data, "controller")
     return SwitchingStability("focus", K_lower, 2.5e-3, 1.0, 0.0, "own", False), run.data
 
 

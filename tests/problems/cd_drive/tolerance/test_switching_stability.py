@@ -26,14 +26,14 @@ from workbench.plants.cd_drive.tolerance.switching_stability.switched_drives imp
 import workbench as wb
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.simulation import sampled
+from workbench.simulation import sampled_model
 from workbench.synthesis import (
     Deviations,
     Mode,
     SwitchedBox,
     SwitchedStability,
-    closed_transition,
-    discretised,
+    closed_loop_transition,
+    discretise,
     proven_share,
     switched_loop,
 )
@@ -66,7 +66,7 @@ def deviations(loop, false=0.5, longest=30):
 def test_figure_8_10():
     F = control.ss(-900 * np.pi, 900 * np.pi, 1.0, 0.0)
     G = plant(nominal_parameters("focus"), total_gain("focus"))
-    found = nearest_margins(sampled(G, PERIOD) * discretised(K * F, PERIOD))
+    found = nearest_margins(sampled_model(G, PERIOD) * discretise(K * F, PERIOD))
     assert found.gain_db == pytest.approx(3.0, abs=0.5)
     assert found.phase == pytest.approx(8.0, abs=1.0)
 
@@ -79,16 +79,19 @@ def test_poles_are_those_of_each_controller(lens, strategy):
     gains = total_gains("focus", drives("focus"), [each.K_optn for each in drives("focus")])
     G = plant(drive, float(gains[0]))
     F = control.ss(-900 * np.pi, 900 * np.pi, 1.0, 0.0)
-    clean = np.linalg.eigvals(closed_transition(G, discretised(K, PERIOD), 1.0))
+    clean = np.linalg.eigvals(closed_loop_transition(G, discretise(K, PERIOD), 1.0))
     for pole in clean:
         assert abs(np.linalg.eigvals(one.clean[0]) - pole).min() < 1e-7
     if strategy == "open":
-        expected = [*sampled(G, PERIOD, delay_samples=1.0).poles(), *discretised(K, PERIOD).poles()]
+        expected = [
+            *sampled_model(G, PERIOD, delay_samples=1.0).poles(),
+            *discretise(K, PERIOD).poles(),
+        ]
     elif strategy == "filter":
-        both = discretised(K, PERIOD) * discretised(F, PERIOD)
-        expected = np.linalg.eigvals(closed_transition(G, both, 1.0))
+        both = discretise(K, PERIOD) * discretise(F, PERIOD)
+        expected = np.linalg.eigvals(closed_loop_transition(G, both, 1.0))
     else:
-        expected = np.linalg.eigvals(closed_transition(G, discretised(LOWER, PERIOD), 1.0))
+        expected = np.linalg.eigvals(closed_loop_transition(G, discretise(LOWER, PERIOD), 1.0))
     for pole in expected:
         assert abs(np.linalg.eigvals(one.defect[0]) - pole).min() < 1e-7
 
@@ -215,7 +218,7 @@ def test_points_of_the_set_are_drives(axis):
         changed = {"R": 1 / point[0] - 1.25, "k1": point[1], "k2": point[2]}
         G = plant(replace(nominal_parameters(axis), **changed), total_gain(axis))
         poles = np.linalg.eigvals(box.at(point)[0])
-        for pole in np.linalg.eigvals(closed_transition(G, discretised(law, PERIOD), 1.0)):
+        for pole in np.linalg.eigvals(closed_loop_transition(G, discretise(law, PERIOD), 1.0)):
             assert abs(poles - pole).min() < 1e-6
 
 

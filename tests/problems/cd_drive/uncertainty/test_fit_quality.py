@@ -8,7 +8,7 @@ from workbench.plants.cd_drive.uncertainty.measured_drives import measured_drive
 from workbench import solve
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium, smallest_circle
-from workbench.uncertainty.covers.orientation import limited
+from workbench.uncertainty.covers.orientation import limited_orientation
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 from workbench.uncertainty.covers.weights import needed_radius, unwrapped
 
@@ -32,7 +32,7 @@ def away(axis):
 
 
 def third(axis):
-    return stadiums_about_nominal(away(axis), limited()(family(axis).omega, away(axis)))
+    return stadiums_about_nominal(away(axis), limited_orientation()(family(axis).omega, away(axis)))
 
 
 def radii(axis, kind):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.finding import Finding, TestedAssumption
 from workbench.identification.record_tests.loop.feedback_findings import (
     closed_loop,
     of_excitation,
@@ -71,7 +71,7 @@ class Verdict:
     repeats: bool = False
 
 
-def open_loop(record: RecordData) -> Tested:
+def open_loop(record: RecordData) -> TestedAssumption:
     """Test whether the inputs come from outside; or, with an excitation, whether that does.
 
     An input that repeats exactly, up to rounding, contains no noise of the outputs. If it repeats
@@ -132,7 +132,7 @@ def open_loop(record: RecordData) -> Tested:
     ]
     if not moving or not seen:
         what = "output" if moving else "input"
-        return Tested(assumption, f"no {what} ever changes", testable=False)
+        return TestedAssumption(assumption, f"no {what} ever changes", testable=False)
     record = replace(
         record,
         u=_scaled(record.u[:, moving]),
@@ -236,7 +236,9 @@ def _explained(alike: Prediction, weighted: Prediction, chance: float) -> float 
     return weighted.explained if small and not doubtful else None
 
 
-def _summed_up(assumption: str, names: tuple[str, ...], verdicts: list[Verdict]) -> Tested:
+def _summed_up(
+    assumption: str, names: tuple[str, ...], verdicts: list[Verdict]
+) -> TestedAssumption:
     """One statement about all inputs."""
     findings = tuple(one.finding for one in verdicts if one.finding is not None)
     said = [finding.message for finding in findings]
@@ -257,4 +259,4 @@ def _summed_up(assumption: str, names: tuple[str, ...], verdicts: list[Verdict])
         )
         said.append(f"at most {most:.0f} % of the variance of {which} can come from the outputs")
     testable = bool(findings) or not any(one.untestable for one in verdicts)
-    return Tested(assumption, "; ".join(said), testable=testable, findings=findings)
+    return TestedAssumption(assumption, "; ".join(said), testable=testable, findings=findings)

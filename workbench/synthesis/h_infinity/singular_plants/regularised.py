@@ -40,10 +40,10 @@ T = TypeVar("T")
 NEAR_CORNER = 1e-9
 """The fastest pole counts as on the axis within this distance, relative to its size."""
 ADDED = "regular_"
-"""Beginning of the names of signals that `regularised` adds."""
+"""Beginning of the names of signals that `regularise` adds."""
 
 
-def regularised(
+def regularise(
     plant: GeneralisedPlant, *by_place: float, size: float = DEFAULT_SIZE
 ) -> GeneralisedPlant:
     """Add small exogenous inputs and performance outputs so that the plant meets the assumptions.
@@ -80,7 +80,7 @@ def regularised(
     Examples
     --------
     >>> import control
-    >>> from workbench.synthesis import hinf, regularised
+    >>> from workbench.synthesis import hinf, regularise
     >>> from workbench.uncertainty import generalised_plant
     >>> G = control.tf([1.0], [1.0, 1.0])
     >>> plant = generalised_plant(
@@ -91,7 +91,7 @@ def regularised(
     ...     control="u",
     ...     measurement="e",
     ... )
-    >>> regular = regularised(plant)  # neither u nor noise stood in the plant
+    >>> regular = regularise(plant)  # neither u nor noise stood in the plant
     >>> regular.system.ninputs - plant.system.ninputs, bool(hinf(regular).norm <= 1.1)
     (0, True)
     """
@@ -119,7 +119,7 @@ def on_regular(plant: GeneralisedPlant, made: Callable[[Scaled], T]) -> T:
     try:
         return made(normalised_plant(standard_plant(plant)))
     except (SingularPlantError, SolverError):
-        regular = regularised(plant)
+        regular = regularise(plant)
         if regular.system.D.shape == plant.system.D.shape:
             raise
     return made(normalised_plant(standard_plant(regular)))

@@ -15,7 +15,7 @@ from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.riccati import (
     LEVEL_RISE_MULTIPLES,
     Central,
-    central,
+    central_controller,
     central_of,
 )
 from workbench.synthesis.mu.dk import LEVEL_TOLERANCE
@@ -46,7 +46,7 @@ def dgk_k_step(
         beta, made = _least_beta(Multiplied.of(plant, multipliers, x), near)
         return control.ss(*made.K), beta
     system = scaled_by_D(plant, multipliers, x)
-    made = central(
+    made = central_controller(
         system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL_TOLERANCE
     )
     return control.ss(*made.K), made.gamma

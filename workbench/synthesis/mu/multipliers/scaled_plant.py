@@ -33,7 +33,7 @@ from workbench.synthesis.mu.biquads import Biquads
 from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.functions import Multipliers, Place
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.norms import norm
+from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
@@ -156,6 +156,6 @@ def _channel(plus: StateSpace, minus: StateSpace) -> tuple[RealArray, ...]:
     C_w, C_z = np.hstack([C_minus, C_plus]), np.hstack([C_minus, -C_plus])
     # the transfer function from z / beta to w for w' = 0: (m_+ - m_-) / (m_+ + m_-)
     contraction: Matrices = (A - B_w @ C_w / direct, B_z, -C_w / direct, np.zeros((1, 1)))
-    if not norm(contraction) < 1.0:
+    if not hinf_norm(contraction) < 1.0:
         raise SolverError("the phase of a real scalar's multiplier exceeds a right angle")
     return A, B_w, B_z, C_w, C_z, direct

@@ -11,7 +11,7 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
-from workbench.mu import UpperBound, gradient, upper_bound
+from workbench.mu import UpperBound, bound_gradient, upper_bound
 from workbench.structure import Structure
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
@@ -108,7 +108,7 @@ class PeakProblem:
         _, slopes = self.family.response(x, omega)
         bound: UpperBound = upper_bound(N, self.structure)
         # dN = back dK out
-        with_K = out @ gradient(N, self.structure, bound) @ back
+        with_K = out @ bound_gradient(N, self.structure, bound) @ back
         return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
 
     def iterate(self, x: RealArray, bound: RealArray) -> Iterate:
