@@ -14,13 +14,7 @@ from ..cd_drive.drive.tables import Axis
 from ..cd_drive.uncertainty.parametric_model import parametric_plant
 
 REGULARISATION = 1e-4
-<<<<<<< ours
-"""Relative size of the signals that `regularised` adds to the CD drive's plants."""
-||||||| base
-"""Relative size of the signals that make the CD drive's plants regular (see `regularised`)."""
-=======
-"""Relative size of the signals that make the CD drive's plants regular (see `regularise`)."""
->>>>>>> theirs
+"""Relative size of the signals that `regularise` adds to the CD drive's plants."""
 
 
 def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
