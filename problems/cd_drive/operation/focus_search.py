@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
 
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
 from workbench.simulation import Cascade, Controller, Part, blend, following
 
 from ..drive.actuator import SERIES_RESISTANCE

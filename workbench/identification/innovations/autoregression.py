@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
-from workbench.arrays import RealArray
+from workbench._core.arrays import RealArray
 
 LONGEST_PER_DECADE = 10
 """Longest autoregression that is tried [samples], over the decimal logarithm of the samples."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.autoregression import chosen_autoregression
 from workbench.identification.innovations.criterion import Criterion

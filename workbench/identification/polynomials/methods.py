@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from workbench._core.arrays import BoolArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import BoolArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.executor import Context

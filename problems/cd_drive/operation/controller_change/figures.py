@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from workbench.heavy_types import Dataset, Figure
-
 from workbench import figures
+from workbench._core.heavy_types import Dataset, Figure
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.tables import Axis

@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
-from workbench.heavy_types import TransferFunction
 
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
+from workbench._core.heavy_types import TransferFunction
 from workbench.simulation import (
     Cascade,
     Controller,

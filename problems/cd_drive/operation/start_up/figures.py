@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from workbench.heavy_types import Dataset, Figure
 
 from workbench import figures
+from workbench._core.heavy_types import Dataset, Figure
 from workbench.study import share_interval
 
 from .runs import LAWS, OUTCOMES

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from workbench.arrays import RealArray
-from workbench.compiled import kernel
 
+from workbench._core.arrays import RealArray
+from workbench._core.compiled import kernel
 from workbench.simulation import Cascade, Controller, Part, blend, linear, total
 
 from ...drive.actuator import SERIES_RESISTANCE

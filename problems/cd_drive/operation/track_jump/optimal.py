@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from workbench.arrays import RealArray
 
 from workbench import Options
+from workbench._core.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.simulation import hold
 from workbench.solvers import ipopt

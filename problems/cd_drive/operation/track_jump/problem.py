@@ -10,10 +10,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
-from workbench.arrays import RealArray
-from workbench.heavy_types import DataArray, Dataset
 
 from workbench import Run, problem, ref
+from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
 from workbench.simulation.machine import machine
 from workbench.study import (

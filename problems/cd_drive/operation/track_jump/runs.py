@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from workbench.arrays import RealArray
 
+from workbench._core.arrays import RealArray
 from workbench.simulation import Controller
 
 from ...drive.disc import Disc
