@@ -9,7 +9,7 @@ import numpy as np
 import workbench as wb
 from workbench._core.heavy_types import Dataset, Figure
 from workbench._core.tables import markdown
-from workbench.bench.comparison.layout import METHOD, cell_labels, command, tried
+from workbench.bench.comparison.layout import METHOD, NOT_COMPARED, cell_labels, command, tried
 from workbench.bench.comparison.numbers import (
     badge,
     certified,
@@ -137,6 +137,10 @@ def sections(data: Dataset) -> Iterator[str]:
         heads = ["method", "cells", "certified", "false claims", "time [s]", "above the best"]
         yield markdown(heads, rows)
         yield f"Problems: {names}.\n"
+        unasked = (of_kind["outcome"].values == NOT_COMPARED).any(axis=(0, 2, 3))
+        if unasked.any():
+            named = ", ".join(f"`{name}`" for name in of_kind[METHOD].values[unasked])
+            yield f"Not compared, as it was never the best (ask by name): {named}.\n"
 
 
 def false_claims(data: Dataset) -> Iterator[str]:

@@ -17,7 +17,7 @@ ENVIRONMENT = "WORKBENCH_TESTS_QUICK"
 """Set to 1 by conftest.py when the slow tests are left out; its workers inherit it."""
 TURN = "WORKBENCH_TESTS_TURN"
 """Which cases are tried: a number, 0 unless it is set."""
-MOST = 4
+MOST = 3
 """Cases of a test with parameters in a sample."""
 
 T = TypeVar("T")

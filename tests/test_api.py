@@ -76,6 +76,7 @@ def test_progress_is_handed_to_the_method(project):
     assert told[0] == ("waiting", 0, 1000) and told[-1] == ("waiting", 1000, 1000)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("verbose", "printed"), [(False, False), (True, True)])
 def test_a_problem_of_the_workbench_runs_and_is_verified(project, capfd, verbose, printed):
     run = wb.run("cd/focus/circles", method="clarabel", frequencies=3, verbose=verbose)

@@ -33,6 +33,9 @@ from workbench.executor import (
 from workbench.executor.worker import alarm, printed
 from workbench.solvers import Options
 
+HANGS = 120
+"""Seconds after which a worker counts as one that does nothing."""
+
 
 def add(a, b=0):
     return a + b
@@ -251,12 +254,20 @@ def test_an_error_in_the_caller_ends_the_workers_at_once(tmp_path):
     start = time.perf_counter()
     with pytest.raises(ArithmeticError), Workers(count=2) as executor:
         executor.submit(hang, tmp_path / "pid")
-        while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
-            time.sleep(0.02)
+        written(tmp_path / "pid")
         raise ArithmeticError
     assert time.perf_counter() - start < 60  # which is how long the task would take
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+def written(file):
+    """What a worker writes into a file as soon as it is there."""
+    until = time.perf_counter() + HANGS
+    while not file.exists() or not file.read_text():
+        assert time.perf_counter() < until, f"{file.name} was not written"
+        time.sleep(0.02)
+    return file.read_text()
 
 
 def test_workers_whose_pool_is_killed_are_gone(tmp_path):
@@ -268,15 +279,13 @@ def test_workers_whose_pool_is_killed_are_gone(tmp_path):
     )
     file = tmp_path / "pid"
     pool = subprocess.Popen([sys.executable, "-c", code, str(file), str(Path(__file__).parent)])
-    while not file.exists() or not file.read_text():
-        assert pool.poll() is None
-        time.sleep(0.02)
+    pid = int(written(file))
     pool.kill()
     pool.wait()
     until = time.perf_counter() + 10
-    while is_alive(int(file.read_text())) and time.perf_counter() < until:
+    while is_alive(pid) and time.perf_counter() < until:
         time.sleep(0.02)
-    assert not is_alive(int(file.read_text()))
+    assert not is_alive(pid)
 
 
 def is_alive(process):

@@ -163,7 +163,7 @@ def many(problems, count):
     ]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("problem", "seeds"),
     [

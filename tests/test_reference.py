@@ -13,8 +13,7 @@ FOLDERS = finished_folders(REFERENCE)
 
 
 SLOW = {entry.name for entry in wb.problems() if entry.slow} | {"cd/focus/controller"}
-SLOW -= {"cd/claims"}
-"""Slow problems but the ledger, which only reads, and the problem that feeds most of them."""
+"""Slow problems, the ledger among them, and the problem that feeds most of them."""
 ILL_CONDITIONED = "cd/focus/controller/bac2ba4d"
 """Its modes have eigenvectors of condition 3e9, which a kernel was once too coarse for."""
 

@@ -17,6 +17,8 @@ import pytest
 ROOT = Path(__file__).parents[1] / "workbench"
 UNIT = re.compile(r"\[(rad/s|k?Hz|m?s|us|1/s|m|mm|um|nm|V|A|N|W|kg|m/s|V/m)\]")
 NAMES = re.compile(r"_(hz|seconds|s)$", re.IGNORECASE)
+SPACED = re.compile("geomspace|logspace")
+"""Functions of a range between two numbers."""
 
 LEFT = {
     "time of this computer, not of a system": """
@@ -101,7 +103,8 @@ def places(source: str, path: str) -> Iterator[str]:
             constants[name] = numbers(node.value)
             if constants[name] and (UNIT.search(text) or NAMES.search(name)):
                 yield f"{path}: {name}"
-    yield from ranges(tree, path)
+    if SPACED.search(source):
+        yield from ranges(tree, path)
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             text = ast.get_docstring(node) or ""
@@ -124,7 +127,7 @@ def ranges(tree: ast.Module, path: str) -> Iterator[str]:
         for call in ast.walk(outer):
             if not isinstance(call, ast.Call) or len(call.args) < 2:
                 continue
-            if getattr(call.func, "attr", "") in ("geomspace", "logspace"):
+            if SPACED.fullmatch(getattr(call.func, "attr", "")):
                 ends = [literal(end) for end in call.args[:2]]
                 if None not in ends:
                     yield f"{path}: {name} from {ends[0]:g} to {ends[1]:g}"

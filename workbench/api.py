@@ -142,7 +142,8 @@ def compare(
         Shell pattern of the problems. Problems marked slow are included only with ``slow``, or if
         the pattern is their full name.
     methods
-        Names of methods; None: all that each problem has.
+        Names of methods; None: all that each problem has, but those that say that they are never
+        the best, which are compared if they are named.
     accuracies
         Levels among "low", "middle", "high".
     time_limit

@@ -298,7 +298,8 @@ class Method:
 
     ``optimal`` tells whether it claims to find the optimum; ``unfit`` returns the reason why it
     cannot take a program, or None; ``accuracy`` is the range of tolerances that make a difference
-    to it; ``packages`` lists those that it uses without importing them by name.
+    to it; ``packages`` lists those that it uses without importing them by name. ``by_name``: an
+    independent answer that is never the best, which a comparison of all methods leaves out.
     """
 
     name: str
@@ -308,6 +309,7 @@ class Method:
     help: str
     accuracy: AccuracyRange = EVERY_ACCURACY
     packages: tuple[str, ...] = ()
+    by_name: bool = False
 
     def judging_tolerance(self, tolerance: float) -> float:
         """The tolerance of the certificate.
@@ -333,11 +335,13 @@ def method(
     unfit: Callable[[Any], str | None] = _always_fit,
     accuracy: AccuracyRange = EVERY_ACCURACY,
     packages: tuple[str, ...] = (),
+    by_name: bool = False,
 ) -> Callable[[Callable[[Any, Context], Claim]], Callable[[Any, Context], Claim]]:
     """Register ``function(program, context)`` as a method; its docstring is the method's help.
 
     Tolerances outside ``accuracy`` are never passed to the function. ``packages`` are those that it
-    uses without an import that names them; the question's key includes their versions.
+    uses without an import that names them; the question's key includes their versions. With
+    ``by_name`` a comparison asks the method only if it is named: its file says why.
 
     A subclass may have its own method under a name of its base class. Defining a function again (by
     importing its file or running its notebook cell again) replaces it.
@@ -357,7 +361,7 @@ def method(
                 f"{_source(registered[name].answer)} and {_source(function)}; give one of them "
                 "another name"
             )
-        registered[name] = Method(name, function, optimal, unfit, text, accuracy, packages)
+        registered[name] = Method(name, function, optimal, unfit, text, accuracy, packages, by_name)
         return function
 
     return register

@@ -81,6 +81,7 @@ def test_two_processes_that_need_the_same_code_compile_it_once(room):
     assert sorted(process.communicate()[0] for process in both) == ["0 1\n", "1 0\n"]
 
 
+@pytest.mark.cases(0)
 def test_code_is_compiled_where_no_lock_can_be_made(room, monkeypatch):
     (room / "__pycache__").mkdir()
     for name in ("inner.inner-3", "outer.outer-4"):  # a folder where the lock would be

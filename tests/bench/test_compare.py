@@ -150,6 +150,17 @@ def test_every_method_of_a_problem_is_asked_where_none_is_named(project):
     assert {labels[1] for labels in plan.places} >= {"exact", "rough", "hanging", "picky"}
 
 
+def test_a_method_that_is_never_the_best_is_compared_if_it_is_named(project):
+    project.edit('"rough", optimal=False', '"rough", optimal=False, by_name=True')
+
+    def states(methods):
+        asked = asked_for("toy/root", methods, ["low"], {}, executor=InProcess())
+        return {labels[1]: state for labels, state in described(asked.planned())}
+
+    assert states(None)["rough"] == "not compared: ask by name"
+    assert states(None)["exact"] == states(["rough"])["rough"] == "would run"
+
+
 @pytest.mark.cases(0)
 def test_a_study_has_nothing_to_compare(project):
     run = wb.compare("toy/[rt]o*", methods=["exact"], accuracies=["low"], executor=InProcess())

@@ -83,6 +83,7 @@ def test_a_narrow_crossing_ends_the_interval():
     assert top == math.inf
 
 
+@pytest.mark.cases(0)
 @examples(25, 60)
 @given(st.integers(0, 10**6), st.booleans(), st.floats(-2, 2))
 def test_holds_inside_and_ends_at_a_crossing(seed, real, decade):

@@ -28,6 +28,7 @@ def verdict(seed):
     return "true" if bound < 1.01 * truth else "loose"
 
 
+@pytest.mark.cases(0)
 def test_no_certified_norm_excludes_the_truth_in_a_sample():
     found = Counter(verdict(seed) for seed in range(30))
     assert found["true"] >= 27, found

@@ -40,6 +40,7 @@ def test_a_stored_proof_proves_again(system, found, tmp_path):
     assert proves(system, STRUCTURE, proof, found.upper) == ""
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("scale", [1.0, 0.9, 3.0])
 @pytest.mark.parametrize("fast", [20.0, 1e3])
 def test_linear_multipliers_prove_a_realisation_that_is_rounded_in_another_way(scale, fast):

@@ -28,6 +28,7 @@ def exactly(A):
         return np.array([complex(value.mid()) for value in found])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("n", [FEWEST_REAL, 53])
 def test_discs_hold_every_eigenvalue(n):
     A = matrix(n, n)

@@ -73,6 +73,7 @@ def test_repeated_poles_that_no_output_sees_do_not_blur_the_others():
         stable_system(control.ss(A, B, np.eye(1, 6), 0))
 
 
+@pytest.mark.cases(0)
 def test_coordinates_of_sixteen_equal_poles_are_not_worked_in():
     """A loop with a Laguerre filter: its modal form in balls places the poles, and blurs all else.
 

@@ -49,6 +49,7 @@ def dense(T, W_c, W_r, count=40_001):
     return best.max()
 
 
+@pytest.mark.cases(0)
 @examples(8, 25)
 @given(st.integers(0, 10_000), st.integers(1, 4), st.sampled_from([1e-4, 1e-2, 1.0]), st.booleans())
 def test_bounds_enclose_what_a_dense_grid_finds(seed, states, period, mixed):
@@ -134,6 +135,7 @@ FLAT, TINY = (Rational([], [], gain) for gain in (0.3, 1e-9))
 LIGHT = Rational([], [-1.0 + 950j, -1.0 - 950j], 1e3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("T", "W_c", "W_r"),
     [

@@ -69,6 +69,7 @@ def test_multipliers_are_squares_of_the_magnitudes(scalings):
         assert not G.any()
 
 
+@pytest.mark.cases(0)
 def test_the_bound_is_the_norm_of_the_scaled_system(system, scalings):
     """Just above the norm all frequencies are proven, below it the peak is left out."""
     grid = np.geomspace(0.01, 1e3, 20000)

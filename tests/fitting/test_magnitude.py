@@ -121,6 +121,7 @@ def test_covers_cover_between_the_data_too(name, method):
     assert program.metrics(solution.answer)["cover_margin"] >= 0
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("name", "error"), [("first", 1.0913195), ("later", 1.0923205)])
 def test_a_cover_whose_plain_fit_is_zero_between_the_data_is_proven_optimal(name, error):
     """Radii of a stadium cover of the drives on a refined grid, and stretched by eight decades.
@@ -225,6 +226,7 @@ def test_datasets_come_back():
     assert program.metrics(back) == program.metrics(answer)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("cover", [False, True])
 def test_figures_are_labelled(cover):
     program = MagnitudeFit(OMEGA, V, 2, cover=cover)

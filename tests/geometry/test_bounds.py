@@ -196,7 +196,7 @@ def test_regular_polygons(count, turned):
     assert least * (1 - 1e-10) <= bound <= least * (1 + 1e-15)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "shape", [(1000, 12), (1, 1_000_000), (1, 2000)], ids=["sets", "points", "cocircular"]
 )

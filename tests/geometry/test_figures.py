@@ -53,6 +53,7 @@ def no_number(answer):
     return replace(answer, **lost)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("program", "function"), PAIRS)
 def test_axes_are_labelled_with_units(program, function):
     points = response()
@@ -73,6 +74,7 @@ def test_axes_are_labelled_with_units(program, function):
                 assert re.search(r"\[.+\]$", label) or label.startswith("real part")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("program", "function"), PAIRS)
 def test_legends_are_outside_the_axes(program, function):
     points = response()
@@ -112,7 +114,7 @@ def test_the_angle_is_drawn_in_degrees_and_the_frequency_as_decades():
     assert figures["sizes"].axes[0].get_xscale() == "linear"
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("pair", thinned(PAIRS, 2))
 @pytest.mark.parametrize(
     "points",

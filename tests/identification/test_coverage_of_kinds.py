@@ -42,7 +42,7 @@ def test_bands_hold_the_truth_in_a_thousand_records(kind):
     assert 0.93 <= share_held(kind, 1000) <= 0.97
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("kind", ["arx", "box-jenkins"])
 def test_bands_hold_the_truth_in_forty_records(kind):
     assert 0.88 <= share_held(kind, 40) <= 0.995

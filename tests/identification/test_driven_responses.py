@@ -57,6 +57,7 @@ def test_regions_hold_the_plant_that_open_loop_estimates_miss(loop, excitation):
     assert open_coverage(loop, excitation, 3.0, 3, seed=1) < 0.9
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("loop", ["lag", "resonance"])
 def test_the_period_of_an_excitation_that_was_not_recorded_is_enough(loop):
     held, refused = coverage(loop, "periodic", 3.0, 12, seed=2, stated=256)
@@ -95,6 +96,7 @@ def several_coverage(excitation, size, records, seed):
     return float(np.mean(np.concatenate(held)))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("excitation", ["binary", "periodic"])
 def test_regions_of_several_inputs_hold_them_at_once(excitation):
     assert several_coverage(excitation, 10.0, 4, seed=1) >= LEAST
@@ -143,6 +145,7 @@ def test_regions_hold_the_plant_in_many_records(loop, excitation, size):
     assert refused <= (0.2 if size == SIZES[0] else 0.0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("excitation", ["steps", "binary"])
 @pytest.mark.parametrize("size", [100.0, 1e4])
 def test_bias_counts_where_there_is_hardly_any_noise(excitation, size):

@@ -69,7 +69,7 @@ def test_no_drawn_spectrum_beats_the_bound():
     assert 0 < loose <= bound * (1 + 1e-9)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_several_limits_hold(method):
     """No line may have more than a fifth of the power, and the output has a limit too."""

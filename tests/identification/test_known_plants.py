@@ -347,7 +347,7 @@ def test_units_of_what_is_known():
     assert unit.gain[0, 0] == pytest.approx(10 * scaling.u_spread[0] / scaling.y_spread[0])
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", thinned(range(6), 2))
 def test_refined_models_fit_no_worse_than_their_starts(seed):
     program = StateSpaceFit(*record("both", seed), orders=(2,), **PLANTS["both"][2])

@@ -86,7 +86,7 @@ def test_folds_of_a_long_record_come_from_its_first_part(short_limits):
     assert program.nonparametric.cycles_per_sample[-1] > 0.499
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("given", [{"noise": 0.0}, {"kind": "f4"}, {"units": (1e-6, 1e6)}], ids=str)
 @pytest.mark.parametrize("method", ["subspace", "prediction-error"])
 def test_long_records_without_noise_in_single_precision_and_of_far_units(

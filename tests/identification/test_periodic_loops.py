@@ -62,7 +62,7 @@ def test_the_loop_is_explained_line_by_line():
     assert apart[1] < 0.15 * apart[0]  # 20 lines of 250, and the mean of 24 periods
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["two-stage", "instrumental-variables", "indirect"])
 def test_without_noise_the_plant_is_exact(name):
     solution = solve(fit(0.0), method=name)

@@ -72,6 +72,7 @@ def test_least_squares_are_biased_and_instruments_are_not(runs):
     assert abs(bias(runs["output error"])).max() < 4
 
 
+@pytest.mark.cases(0)
 def test_the_covariance_is_the_least_one_of_unbiased_estimates(benchmark, runs):
     u, y, size = benchmark
     step = 1e-4 * np.diag(TRUTH)

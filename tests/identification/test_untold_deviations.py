@@ -49,6 +49,7 @@ def test_one_input_of_two_may_tell_all():
     assert np.isinf(found[0]).tolist() == [True, False]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("method", "told"), [("output-error", False), ("prediction-error", True)])
 def test_a_free_run_of_an_integrator_does_not_tell_the_offset(method, told):
     """The mean of u is not its offset: the ramp that is left was taken for the plant."""

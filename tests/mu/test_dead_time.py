@@ -309,7 +309,7 @@ def test_poles_are_counted_as_they_are(gain):
     assert again.unstable_poles() == right
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("order", [1, 2, 4, 6, 8, 10, 14])
 def test_the_bound_of_a_pade_approximation_holds_at_all_frequencies(order):
     """Against 50 digits, as the error is far below what doubles tell at low frequencies."""
@@ -355,6 +355,7 @@ def test_what_needs_states_refuses_dead_time_by_name():
     assert "DeadTime(name='tau', delay=0.2)" in repr(closed)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("function", [worst_case_gain, robust_performance])
 def test_a_gain_is_told_the_call_that_bounds_it(function):
     """What that call proves is compared with responses of members, with the dead time itself."""

@@ -57,7 +57,7 @@ def random_loop(rng, dt=0.0):
     return control.ss(A, B, C, rng.choice([0.0, 0.4]), dt)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @pytest.mark.parametrize("seed", range(15))
 def test_each_crossing_puts_a_pole_on_the_axis(seed, dt):
@@ -114,7 +114,7 @@ def test_gain_and_phase_of_a_disk(alpha, skew):
         assert abs(delta) == pytest.approx(alpha, rel=1e-6)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("skew", [-1.0, 0.0, 1.0, 2.0])
 def test_disks_as_python_control(skew):
     omega = np.geomspace(1e-2, 1e2, 20_001)

@@ -26,6 +26,7 @@ def lag(T, unit=1.0):
     return feedback(tf([5], [unit, 1]) * (1 + 0.2 * dynamics("d", 1, 1)) * late(T * unit), 1)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 def test_dynamics_of_a_lag_with_dead_time(unit):
     """|1 + L| is 0.2 |L| times the margin where it is lost."""
@@ -122,6 +123,7 @@ def test_a_loop_that_keeps_a_size_at_infinity_is_not_decided():
     assert "not decided" in repr(found)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("field", ["lower", "upper"])
 @pytest.mark.parametrize("kind", ["dynamics", "parameter"])
 def test_a_claim_that_is_too_good_fails(kind, field):

@@ -55,6 +55,7 @@ def test_a_response_where_doubles_see_a_pole():
     assert np.isinf(plain_response(pole, np.array([0.0]))[0]).all()
 
 
+@pytest.mark.cases(0)
 def test_ends_that_are_lost_are_lost():
     """5 / (s - p), p to 0.75: the gain falls to 0.15, and poles were found in doubles."""
     loop = tf([5.0], [1, -1 * real("p", 0.0, plus_minus=0.75)])

@@ -87,6 +87,7 @@ def scaled_norm(M, structure):
     return norm(best)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("structure", thinned(FEW, 2), ids=lambda s: str(s.to_pairs()))
 def test_meets_the_upper_bound_where_that_is_mu(structure):
     rng = np.random.default_rng(1)

@@ -74,6 +74,7 @@ def test_the_answer_for_a_matrix_does_not_depend_on_the_others(structure):
         np.testing.assert_array_equal(alone.Delta[0], together.Delta[index])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("n", thinned([1, 2, 4, 9], 2))
 def test_a_followed_eigenvalue_converges_cubically(n):
     rng = np.random.default_rng(2)

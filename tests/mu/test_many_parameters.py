@@ -66,6 +66,7 @@ def test_bounds_are_told_as_they_tighten():
     assert (lower[-1], upper[-1]) == (found.lower, found.upper)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("limit", [1e-9, 0.5])
 def test_a_time_limit_ends_with_what_is_known(limit):
     started = time.perf_counter()

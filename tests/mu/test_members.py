@@ -81,6 +81,7 @@ def test_unstable_members_are_infinite():
     assert np.isinf(found.bound)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kinds", [("bode", "nyquist", "step", "poles"), "bode", ["poles", "step"]])
 def test_bundles(kinds):
     figure = bundle_plot(loop(), kinds=kinds, samples=5)

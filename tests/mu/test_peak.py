@@ -242,6 +242,7 @@ def uncertainty(kind):
     return UncertaintyModel(parametric_nominal("focus"), W_c, W_r)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "kind", ["circle", "stadium", pytest.param("parametric", marks=pytest.mark.slow)]
 )

@@ -58,7 +58,7 @@ def test_perturbations_attain_the_lower_bound(case):
     assert (found.lower > 0).any()
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("structure", "fixed"), STRUCTURES, ids=IDS)
 def test_no_sample_is_worse_than_the_upper_bound(structure, fixed):
     """For given fixed blocks of size 1 a spectral radius is a lower bound of complex ones."""

@@ -139,6 +139,7 @@ def nearly_real(seed):
     return M, structure
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", thinned(range(12), 3))
 def test_nearly_real_structures_have_bounds_that_hold(seed):
     M, structure = nearly_real(seed)

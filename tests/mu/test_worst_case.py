@@ -58,6 +58,7 @@ def check(N, structure, found):
     assert gain_at(N, structure, found.omega, found.Delta) == pytest.approx(found.lower)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("damping", "share"),
     [(0.1, 0.5), (0.01, 0.5), pytest.param(0.1, 0.999, marks=pytest.mark.slow)],
@@ -183,7 +184,7 @@ def test_without_any_part_in_the_performance_it_is_the_norm():
     assert norm <= found.upper <= 1.011 * norm
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "structure",
     [

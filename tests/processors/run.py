@@ -2,7 +2,7 @@
 
 What a part gave is kept in `.processors/PLACE/KEY/`, where the key is a hash of every file of the
 checkout and of what it runs on; so what was stopped goes on where it was. When it last passed, with
-whatever files, stands in `.processors/PLACE/PART.passed`.
+whatever files, and how long it took stands in `.processors/PLACE/PART.passed`.
 """
 
 from __future__ import annotations
@@ -98,13 +98,13 @@ def result(part: Part | Room) -> dict[str, Any] | None:
         found = {"failed": failed, "minutes": minutes, "log": str(log.relative_to(ROOT))}
         kept.write_text(json.dumps(found), encoding="utf-8")
         if not failed:
-            day = time.strftime("%Y-%m-%d %H:%M")
-            (folder.parent / f"{stem}.passed").write_text(day, encoding="utf-8")
+            told = f"{time.strftime('%Y-%m-%d %H:%M')}, {minutes:.0f} min"
+            (folder.parent / f"{stem}.passed").write_text(told, encoding="utf-8")
     return json.loads(kept.read_text(encoding="utf-8"))
 
 
 def last_passed(name: str) -> str:
-    """When a part last passed, with whatever files."""
+    """When a part last passed, with whatever files, and how long it took."""
     file = KEPT / f"{name}.passed"
     return file.read_text(encoding="utf-8") if file.exists() else "never"
 

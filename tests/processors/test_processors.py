@@ -4,6 +4,7 @@ what is kept."""
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 
@@ -170,6 +171,7 @@ def test_when_a_part_last_passed_is_kept_beyond_a_change_of_files(part, monkeypa
     assert run.last_passed(part.name) == "never"
     assert run.result(part)["failed"] == []
     passed = run.last_passed(part.name)
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d, 0 min", passed)
     monkeypatch.setattr(run, "proven", lambda emulation: ("second", ""))
     type(part).end = "sys.exit(3)"
     assert run.result(part)["failed"] and run.last_passed(part.name) == passed != "never"

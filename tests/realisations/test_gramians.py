@@ -118,6 +118,7 @@ def test_a_change_of_states_or_of_the_unit_of_time_changes_no_value():
         assert other.upper == pytest.approx(values.upper, rel=1e-8)
 
 
+@pytest.mark.cases(0)
 def test_lags_of_order_n_that_doubles_alone_cannot_do():
     """24 equal lags: python-control's least value has no digit right."""
     values = hankel_values(control.tf([1.0], np.poly([-1.0] * 20)))

@@ -65,6 +65,7 @@ def test_bounds_that_are_right_pass_and_those_too_small_are_refuted(blocks):
     assert noticed >= 3
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("fixed", [[0], [1]])
 def test_skewed_bounds_that_are_too_small_are_refuted(fixed):
     structure, noticed = Structure([Real(1), Complex(1), Full(2, 1)]), 0

@@ -62,6 +62,7 @@ def test_a_gain_that_spreads_evenly_is_known_about_its_middle():
     assert "hold and delay" in chosen.reasons["bandwidth_hz"]
 
 
+@pytest.mark.cases(0)
 def test_plants_of_opposite_sign_have_no_nominal_there():
     gain = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
     opposite = plants(gain / (S + 1) * np.where(np.arange(6) < 3, 1, np.where(S.imag > 1e3, -1, 1)))

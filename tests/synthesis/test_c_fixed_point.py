@@ -35,6 +35,7 @@ def random_controller(rng, inputs, outputs):
     return control.ss(A, B, 0.3 * C, 0.3 * rng.normal(size=(outputs, inputs)), T)
 
 
+@pytest.mark.cases(1)
 @needs_compiler
 @pytest.mark.parametrize("seed", range(8))
 def test_controls_are_those_of_the_controller_until_they_saturate(seed, tmp_path):

@@ -138,6 +138,7 @@ def test_loops_that_keep_the_weights_do_in_time_what_the_words_say(name):
     assert np.abs(2 * u).max() < 2 * 200.0  # the peak between both ends is not bounded by a norm
 
 
+@pytest.mark.cases(0)
 def test_a_zero_right_of_the_axis_forbids_a_bandwidth_above_it():
     """|W(z)| at a zero z is the least norm of W S (maximum modulus): 1.5 for z = 2, w_b = 2."""
     task = NominalDemands(Rational([2.0], [-1.0, -3.0], -1.0), Demands(bandwidth=2.0), 1e-4, 0.0)
@@ -148,6 +149,7 @@ def test_a_zero_right_of_the_axis_forbids_a_bandwidth_above_it():
     assert found.factors["bandwidth"] == pytest.approx(2.0, rel=0.03)  # w_b = z / 2: |W(z)| = 1
 
 
+@pytest.mark.cases(0)
 def test_a_control_that_is_too_small_for_the_step_conflicts_with_what_needs_it():
     """T(0) = 1 needs the control step / G(0) = 2 / 2."""
     G = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.1], [1.0]))

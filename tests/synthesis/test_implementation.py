@@ -72,7 +72,7 @@ def test_the_certificate_holds_and_comes_back(done):
     assert task.tables(back)["code"].startswith("```c\n/* Controller")
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @needs_compiler
 def test_the_compiled_code_runs_in_the_loop_as_the_model_does(done, tmp_path):
     task, found = done
@@ -185,6 +185,7 @@ def test_anti_windup_shortens_what_a_limit_costs(precision, tmp_path):
     assert np.abs(with_it - 1).sum() < 0.8 * np.abs(without - 1).sum()
 
 
+@pytest.mark.cases(1)
 @needs_compiler
 def test_it_takes_over_without_a_bump(done, tmp_path):
     answer = done[1].answer
@@ -233,6 +234,7 @@ def test_absolute_sums_bound_and_are_near(seed):
     assert np.isinf(absolute_sums(np.eye(1), B[:1], C[:, :1], D)).all()
 
 
+@pytest.mark.cases(0)
 @pytest.mark.filterwarnings("ignore:the sampling time:workbench.errors.RangeWarning")
 def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
     """Poles a millionth from the circle: single precision loses the slow one, and says so."""

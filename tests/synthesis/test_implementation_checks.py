@@ -95,6 +95,7 @@ def found_once(monkeypatch):
     monkeypatch.setattr(implementation, "sampled_conditions", once)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", ["double", "few bits"])
 def test_each_claim_is_refused_by_the_check_of_its_name(board, case, found_once):
     """By the kernel alone, whatever the second opinion says."""

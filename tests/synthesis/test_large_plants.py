@@ -35,6 +35,7 @@ def controlled(G, error=None):
     )
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(
     ("modes", "order"), [(20, 12), pytest.param(300, 12, marks=pytest.mark.slow)]
 )

@@ -28,6 +28,7 @@ def norms(plant, K):
     return control.norm(loop, 2), control.linfnorm(limited)[0]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("plant", [PLANT, SAMPLED], ids=["continuous", "sampled"])
 def test_norms_are_those_of_other_code_and_keep_limit_and_bound(plant):
     solution = wb.solve(H2HinfSynthesis(plant, 2.8))
@@ -48,6 +49,7 @@ def test_solvers_agree_on_the_bound():
 SOLVERS = ("clarabel", "cvxopt")
 
 
+@pytest.mark.cases(0)
 def test_a_limit_that_does_not_bind_leaves_the_best_of_all():
     free = wb.solve(H2Synthesis(PLANT.nominal())).answer
     size = norms(PLANT, free.K)[1]
@@ -58,6 +60,7 @@ def test_a_limit_that_does_not_bind_leaves_the_best_of_all():
     assert least.norm == pytest.approx(free.norm, rel=1e-3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("limit", [1.3, 1.6, 4.0])
 def test_a_gain_is_that_of_a_scan(limit):
     a = 1.0
@@ -82,6 +85,7 @@ def test_descent_of_the_norm_itself_is_no_worse_than_a_common_lyapunov_matrix(pl
     assert energy == pytest.approx(solution.answer.norm, rel=1e-6) and size <= 2.8 * (1 + 1e-6)
 
 
+@pytest.mark.cases(0)
 def test_a_limit_below_the_least_one_has_no_controller():
     solution = wb.solve(H2HinfSynthesis(PLANT, 0.9))
     assert solution.answer is None and "gamma may be too small" in solution.message

@@ -16,6 +16,7 @@ def lags(omega, gain):
     return gain * np.exp(-10.0 * s) / ((500.0 * s + 1) * (20.0 * s + 1))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("noise", [0.003, 0.005, 0.03])
 def test_noise_makes_no_resonances(noise):
     """With 5 poles in place of 3 a model had a resonance between the frequencies."""

@@ -200,6 +200,7 @@ def test_every_round_is_stored_with_its_controller_and_scalings(program, whole_o
         assert 0.99 * found.lower <= each.peak <= found.upper
 
 
+@pytest.mark.cases(0)
 def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, whole_of):
     """The bound of the scaled loop is the one that `fit` says it misses."""
     from workbench.mu import upper_bound

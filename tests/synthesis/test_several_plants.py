@@ -51,6 +51,7 @@ HINF = largest(lambda rate, r: np.sqrt(1 + (r * GAINS) ** 2) / np.maximum(rate, 
 H2 = largest(lambda rate, r: np.sqrt((1 + (r * GAINS) ** 2) / (2 * np.maximum(rate, 1e-9))))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("make", "sizes"), [(HinfSynthesis, HINF), (H2Synthesis, H2)])
 def test_a_gain_for_three_lags_is_that_of_a_scan(make, sizes):
     solution = wb.solve(make(PLANTS[0], family=Static(), further_plants=PLANTS[1:]))
@@ -59,6 +60,7 @@ def test_a_gain_for_three_lags_is_that_of_a_scan(make, sizes):
     assert solution.answer.K.D[0, 0] == pytest.approx(GAINS[sizes.argmin()], rel=5e-2)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(("make", "sizes"), [(HinfSynthesis, HINF), (H2Synthesis, H2)])
 def test_a_limited_gain_is_that_of_a_scan_within_the_limit(make, sizes):
     most = 0.5 * (2.0 - GAINS[sizes.argmin()])
@@ -140,6 +142,7 @@ def test_a_pid_for_three_plants_is_as_good_as_the_best_of_a_search_without_slope
     assert solution.answer.norm <= 1.005 * best
 
 
+@pytest.mark.cases(0)
 def test_a_pi_of_a_sampled_plant_is_the_trapezoidal_one():
     dt = 0.1
     plants = []

@@ -48,6 +48,7 @@ def test_an_offset_without_an_integrator_is_that_of_the_certificate():
     assert done.metrics["static_error"] < made.metrics["static_error"]
 
 
+@pytest.mark.cases(0)
 def test_a_control_that_is_another_is_found():
     done = wb.solve(WorkingLoop(PLANTS, board(), step=1.0))
     signals = done.answer["signals"].copy()

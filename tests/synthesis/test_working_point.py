@@ -65,6 +65,7 @@ def test_every_heater_reaches_its_set_point_without_bump_or_offset(precision, tm
             assert u.min() > 0 and u.max() <= 100
 
 
+@pytest.mark.cases(1)
 @needs_compiler
 @pytest.mark.parametrize("precision", MADE)
 def test_limits_are_absolute_and_leave_no_windup(precision, tmp_path):

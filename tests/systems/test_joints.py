@@ -102,6 +102,7 @@ def test_a_number_and_an_array_are_gains(plant):
     assert one.upper == other.upper == whole.upper
 
 
+@pytest.mark.cases(0)
 def test_the_signs_are_those_of_the_sums_in_a_generalised_plant(cover, plant, design):
     K = discretise(design, PERIOD, plant=plant)
     inside = sampled_conditions(plant, K, PERIOD, delay_samples=1.0)

@@ -29,6 +29,7 @@ def measured(noise, seed=7, omega=OMEGA):
     return Responses(omega=omega, values=values, variance=(noise * np.abs(exact)) ** 2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("noise", [0.001, 0.01])
 def test_the_true_plants_are_found_between_the_lines(noise):
     fine = refined_responses(measured(noise))

@@ -492,6 +492,7 @@ def test_an_orientation_of_another_shape_is_named():
 # --- storage and figures --------------------------------------------------------------------------
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("form", SLOW_ADDITIVE)
 @pytest.mark.parametrize("kind", KINDS)
 def test_covers_come_back_from_their_files(kind, form, tmp_path):

@@ -82,6 +82,7 @@ def excess(model, systems):
     return (np.abs(away - along * end[:, None]) / np.abs(W_c)[:, None]).max() - 1
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("kind", [pytest.param("circle", marks=pytest.mark.slow), "stadium"])
 def test_known_plants_are_contained_between_the_frequencies(kind):
     systems = family()

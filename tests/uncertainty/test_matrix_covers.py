@@ -247,6 +247,7 @@ def test_a_known_plant_with_other_unstable_poles_is_refused_where_no_stable_delt
     solved(MatrixCover(responses, stable, form="coprime", left_order=1, right_order=1))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dt", [0, 0.5])
 def test_an_integrator_counts_as_unstable_wherever_its_bits_round_it(dt):
     rounded = set()

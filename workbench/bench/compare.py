@@ -23,7 +23,7 @@ from workbench.bench.cells.site import Site
 from workbench.bench.cells.stored import Journal, in_folder
 from workbench.bench.cells.table import Filled, Labels, cell_table
 from workbench.bench.code import code_hash
-from workbench.bench.comparison import UNFIT, Comparison
+from workbench.bench.comparison import NOT_COMPARED, UNFIT, Comparison
 from workbench.bench.describe import describe
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical
@@ -40,7 +40,8 @@ from workbench.solvers import ACCURACY, Options, Outcome
 class Asked:
     """The question of a comparison.
 
-    ``methods`` None: every method of every problem. ``executor`` None: a pool of processes.
+    ``methods`` None: every method of every problem, but those that are compared only by name.
+    ``executor`` None: a pool of processes.
     ``light``: cells leave records instead of folders; not ``kept``: not even records.
     """
 
@@ -140,6 +141,8 @@ class Asked:
         for method in self.methods if self.methods is not None else _methods(planned):
             known = planned.methods.get(method)
             reason = _why_not(planned, method)
+            if self.methods is None and reason is None and known is not None and known.by_name:
+                reason = Record(NOT_COMPARED, message="ask by name")
             for level, repetition in product(self.accuracies, range(self.repeat)):
                 labels = (planned.problem, method, level, repetition)
                 if reason is not None or known is None or planned.question is None:

@@ -58,7 +58,8 @@ def describe(problem: Problem) -> Description:
             own = problem.settings.method or kind.default_method
             default = " (default)" if name == own else ""
             words = f" [{entry.accuracy.words}]" if entry.accuracy.words else ""
-            listed[name] = f"{entry.help}{claim}{words}{default}"
+            named = " [compared if it is named]" if entry.by_name else ""
+            listed[name] = f"{entry.help}{claim}{words}{named}{default}"
     return Description(
         problem.name,
         _source(problem.entry),

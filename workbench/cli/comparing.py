@@ -19,7 +19,11 @@ _UNITS |= {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
 @main.command()
 @click.argument("pattern", shell_complete=problem_names)
 @click.option("--methods", metavar="A,B,C", help="Methods to compare.", shell_complete=method_names)
-@click.option("--all-methods", is_flag=True, help="Compare every method of each problem.")
+@click.option(
+    "--all-methods",
+    is_flag=True,
+    help="Compare every method of each problem but those that are compared only by name.",
+)
 @click.option("--accuracy", default="low,middle,high", help="Accuracy levels.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE")
 @click.option(

@@ -117,13 +117,15 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
     """
     from workbench.bench.comparison import (
         HEADS,
+        NOT_COMPARED,
+        UNFIT,
         alike_methods,
         badge,
         changed_cells,
         changes_table,
         failures,
+        left_out,
         rows,
-        unfit_problems,
     )
 
     data = one.data
@@ -139,7 +141,8 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
     for cell in failures(data)[1]:
         click.echo(f"  {': '.join([' '.join(cell[:3]), *cell[3:5]])}")
         click.echo(f"    {cell[5].strip('`')}{folders}")
-    for title, sentences in (("unfit", unfit_problems(data)), ("alike", alike_methods(data))):
+    notes = [(outcome, left_out(data, outcome)) for outcome in (UNFIT, NOT_COMPARED)]
+    for title, sentences in (*notes, ("alike", alike_methods(data))):
         for sentence in sentences:
             click.echo(f"  {title}: {sentence}")
     if changed is not None:

@@ -40,6 +40,7 @@ def test_metrics_count_every_kind_of_cell():
     cells = {
         ("p", "good"): solved(), ("p", "bad"): invalid(), ("p", "dead"): nothing("crashed"),
         ("p", "other"): nothing("unfit"), ("p", "unasked"): nothing(""),
+        ("p", "left out"): nothing("not compared"),
     }  # fmt: skip
     assert Comparison.stored().metrics(made(cells)) == {
         "certified_share": pytest.approx(1 / 3), "cells": 3, "certified": 1, "false_claims": 1,
@@ -179,6 +180,7 @@ def test_programs_have_tables_of_their_own():
     cells = {
         ("p", "a"): solved(), ("p", "b"): solved(), ("q", "b"): solved(), ("q", "a"): nothing(""),
         ("s", "a"): nothing("unfit", message="a study"), ("s", "b"): nothing("unfit"),
+        ("p", "c"): nothing("not compared", message="ask by name"),
     }  # fmt: skip
     programs = {"p": "SmallestCircle", "q": "MuUpperBound", "s": ""}
     found = tables(judged_cells(made(cells, programs=programs)))
@@ -187,6 +189,7 @@ def test_programs_have_tables_of_their_own():
     assert "| a " in circle and "| b " in circle and "| b " in mu and "| a " not in mu
     assert found["failures"] == "Every cell is certified.\n"
     assert "Unfit: s by a: a study" in found["comparison"]
+    assert "Not compared: p by c: ask by name" in found["comparison"]
     empty = judged_cells(made({("p", "a"): nothing("failed")}))
     assert tables(empty)["agreement"] == "No Program of this comparison has an objective.\n"
 

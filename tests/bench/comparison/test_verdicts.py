@@ -34,6 +34,7 @@ ALONE = {
     "time limit": nothing("time limit", "time limit"),
     "memory limit": nothing("memory limit"),
     "unfit": nothing("unfit"),
+    "not compared": nothing("not compared"),
     "wrong": invalid(),
 }
 

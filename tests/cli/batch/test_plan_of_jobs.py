@@ -123,6 +123,7 @@ def test_each_is_made_once(fed, project):
     assert len(list(project.results.rglob("run.json"))) == 5
 
 
+@pytest.mark.cases(0)
 def test_a_circle_and_a_gap_are_told_by_the_run(fed):
     runs = dict(ended(["fed/round", "fed/lost"], {}, jobs=2))
     assert "cyclic needs" in str(runs["fed/round"])

@@ -12,6 +12,7 @@ from workbench.program import methods
 from workbench.solvers import Options
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", CASES)
 def test_it_finds_the_smallest_area(case):
     points = random_sets(11, 8, 10)

@@ -78,6 +78,7 @@ def test_failures_of_the_peer_are_counted(solved):
     assert failed(answer).all()
 
 
+@pytest.mark.cases(0)
 def test_the_run_is_shown(solved):
     study, solution = solved
     assert set(study.figures(solution.answer)) == {"hinf"}

@@ -249,6 +249,7 @@ print(json.dumps([run.data.attrs["refused"], run.metrics]))
 """
 
 
+@pytest.mark.cases(0)
 def test_a_heater_is_known_to_an_installed_wheel(elsewhere):
     """The quick part of the test below."""
     said = elsewhere("-m", "workbench", "run", "strangers/heater/truth")

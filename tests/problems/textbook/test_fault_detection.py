@@ -26,6 +26,7 @@ def test_it_is_certified_and_agrees_with_the_literature(solved):
     assert found["fault_gain_exact"] == pytest.approx(1.0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("name", "place", "failing"),
     [

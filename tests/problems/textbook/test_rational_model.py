@@ -6,6 +6,7 @@ from workbench.plants.textbook.rational_model import rational_model
 import workbench as wb
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(
     ("plant", "order"), [pytest.param("delay", 1, marks=pytest.mark.slow), ("two-masses", 4)]
 )

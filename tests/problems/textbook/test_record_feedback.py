@@ -35,6 +35,7 @@ def test_what_is_known_of_the_noise_matters_more_than_its_length(solved):
     assert (long.sel(known="energy") < short.sel(known="energy")).all()
 
 
+@pytest.mark.cases(0)
 def test_wrong_norms_and_verdicts_are_rejected(solved):
     study, answer = solved[0], solved[1].answer
     assert study.certify(answer, 1e-6).holds

@@ -61,6 +61,7 @@ def test_no_neighbour_of_the_controller_is_better(seed, dt):
         assert other is None or other.norm >= answer.norm * (1 - 1e-9)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_methods_agree(dt):
     for seed in range(3):

@@ -26,6 +26,7 @@ def loop_norm(K):
     return min(control.linfnorm(control.ss(both), tol=1e-7)[0], 1e6) if stable else 1e6
 
 
+@pytest.mark.cases(0)
 def test_a_gain_is_as_good_as_the_best_of_a_search_along_the_line():
     found = minimize_scalar(
         lambda k: loop_norm(control.tf([k], [1.0])), bounds=(0.01, 30.0), method="bounded"

@@ -30,6 +30,7 @@ def norms_of(plant, gains):
     return np.array(found)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_gain_of_the_box_comes_below_the_bound(seed):
     plant = random_plant(seed)
@@ -41,6 +42,7 @@ def test_no_gain_of_the_box_comes_below_the_bound(seed):
         assert found.lower >= 0.85 * best
 
 
+@pytest.mark.cases(0)
 def test_two_gains():
     plant = random_plant(11, states=2, measurements=2)
     low, high = [[-2.0, -2.0]], [[2.0, 2.0]]

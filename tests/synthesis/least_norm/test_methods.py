@@ -34,6 +34,7 @@ def flexible():
     return GeneralisedPlant(control.ss(A, B, C, D), None, 1, 1)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_finds_the_best_gain(method):
     solution = wb.solve(
@@ -59,6 +60,7 @@ def test_the_answer_tells_what_starts_reached_and_the_slope_that_remains():
     assert (again.reached, again.slope) == (answer.reached, answer.slope)
 
 
+@pytest.mark.cases(0)
 def test_a_family_and_a_sampled_plant():
     solution = wb.solve(
         HinfSynthesis(first_order(), family=PI()), method="bfgs", options=Options(seed=0)
@@ -117,6 +119,7 @@ def crossed():
     return GeneralisedPlant(control.ss(A, B, C, D), None, 2, 2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("Synthesis", [HinfSynthesis, MuSynthesis])
 def test_a_pole_that_no_channel_has_alone_hinders_no_search(Synthesis):
     solution = wb.solve(Synthesis(crossed(), order=0), options=Options(seed=0))

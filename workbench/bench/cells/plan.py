@@ -24,13 +24,14 @@ class Planned:
     """A method of a problem: why it is unfit, whether it claims the optimum, its code.
 
     ``tolerances`` are those of the certificate, by accuracy level; two levels with the same
-    tolerance share one cell.
+    tolerance share one cell. ``by_name``: it is compared only if it is named.
     """
 
     unfit: str
     optimal: bool = False
     code: str = ""
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    by_name: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,6 @@ def plan(
             planned[method] = Planned(reason)
             continue
         levels = {level: entry.judging_tolerance(value) for level, value in ACCURACY.items()}
-        planned[method] = Planned("", entry.optimal, bound.code(method), levels)
+        planned[method] = Planned("", entry.optimal, bound.code(method), levels, entry.by_name)
     own = bound.own_question
     return Plan(name, own, type(task).__name__, np.nan if size is None else size, planned)

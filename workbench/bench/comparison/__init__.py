@@ -5,10 +5,16 @@ from typing import TYPE_CHECKING
 from workbench._core.on_demand import no_more_names
 from workbench.bench.comparison.changes import changed_cells, changes, changes_table
 from workbench.bench.comparison.files import cell_columns, need_table_file, write_cells
-from workbench.bench.comparison.layout import DIMS, METHOD, UNFIT, need_comparison
+from workbench.bench.comparison.layout import (
+    DIMS,
+    METHOD,
+    NOT_COMPARED,
+    UNFIT,
+    need_comparison,
+)
 from workbench.bench.comparison.numbers import badge, counts, shifted_mean
 from workbench.bench.comparison.study import Comparison
-from workbench.bench.comparison.tables import HEADS, alike_methods, failures, rows, unfit_problems
+from workbench.bench.comparison.tables import HEADS, alike_methods, failures, left_out, rows
 from workbench.bench.comparison.verdicts import SAFETY, judged_cells
 
 if not TYPE_CHECKING:
@@ -18,6 +24,7 @@ __all__ = [
     "DIMS",
     "HEADS",
     "METHOD",
+    "NOT_COMPARED",
     "SAFETY",
     "UNFIT",
     "Comparison",
@@ -30,10 +37,10 @@ __all__ = [
     "counts",
     "failures",
     "judged_cells",
+    "left_out",
     "need_comparison",
     "need_table_file",
     "rows",
     "shifted_mean",
-    "unfit_problems",
     "write_cells",
 ]

@@ -24,7 +24,9 @@ DIMS = ("problem", METHOD, "accuracy", "repetition")
 """Dimensions of every variable."""
 UNFIT = "unfit"
 """Outcome of a cell whose method cannot take its problem."""
-KNOWN = {*map(str, Outcome), UNFIT, ""}
+NOT_COMPARED = "not compared"
+"""Outcome of a cell whose method is compared only if it is named."""
+KNOWN = {*map(str, Outcome), UNFIT, NOT_COMPARED, ""}
 """Every outcome of a cell."""
 TEXTS = ("outcome", "claim", "message", "key")
 NUMBERS = (
@@ -68,13 +70,13 @@ def need_comparison(data: Dataset) -> Dataset:
 
 
 def asked_cells(data: Dataset) -> np.ndarray:
-    """Mask of the cells: the problem was given to the method, be that fit for it or not."""
+    """Mask of the cells of a problem and one of its methods, be that fit and compared or not."""
     return np.asarray(data["outcome"].values != "")
 
 
 def tried(data: Dataset) -> np.ndarray:
-    """Mask of the cells whose method can take the problem."""
-    return np.asarray(asked_cells(data) & (data["outcome"].values != UNFIT))
+    """Mask of the cells whose method was given the problem, and can take it."""
+    return ~np.isin(data["outcome"].values, ("", UNFIT, NOT_COMPARED))
 
 
 def seconds(data: Dataset) -> DataArray:

@@ -8,6 +8,7 @@ from workbench._core.heavy_types import Dataset
 from workbench._core.tables import Rows, markdown
 from workbench.bench.comparison.layout import (
     METHOD,
+    NOT_COMPARED,
     UNFIT,
     asked_cells,
     cell_labels,
@@ -104,7 +105,7 @@ def failures(data: Dataset) -> Rows:
 
     Contradictions and wrong claims come first. Repetitions with the same verdict share a row.
     """
-    verdict, done = data["verdict"].values, {*CERTIFIED, UNFIT, ""}
+    verdict, done = data["verdict"].values, {*CERTIFIED, UNFIT, NOT_COMPARED, ""}
     found = {}
     for place in np.ndindex(*verdict.shape):
         word = str(verdict[place])
@@ -135,10 +136,13 @@ def agreement(data: Dataset) -> Rows:
     return ["method", *names], table
 
 
-def unfit_problems(data: Dataset) -> list[str]:
-    """One sentence for each problem that a method cannot take, with the reason."""
+def left_out(data: Dataset, outcome: str) -> list[str]:
+    """One sentence for each problem that a method cannot take, or was not given, with the reason.
+
+    ``outcome`` is `UNFIT` or `NOT_COMPARED`.
+    """
     found = {}
-    for place in zip(*np.nonzero(data["outcome"].values == UNFIT), strict=True):
+    for place in zip(*np.nonzero(data["outcome"].values == outcome), strict=True):
         problem, method, _ = cell_labels(data, place)
         found[problem, method] = f"{problem} by {method}: {data['message'].values[place]}"
     return list(found.values())
@@ -161,7 +165,11 @@ def alike_methods(data: Dataset) -> list[str]:
 def tables(data: Dataset) -> dict[str, str]:
     """Every table of a dataset with verdicts, in Markdown, by file stem."""
     heads, failed = failures(data)
-    notes = "".join(f"\nUnfit: {text}\n" for text in unfit_problems(data))
+    notes = "".join(
+        f"\n{outcome.capitalize()}: {text}\n"
+        for outcome in (UNFIT, NOT_COMPARED)
+        for text in left_out(data, outcome)
+    )
     notes += "".join(f"\nAlike: {text}\n" for text in alike_methods(data))
     return {
         "means": _by_program(data),

@@ -12,7 +12,7 @@ import numpy as np
 from workbench import figures
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Axes, Dataset, Figure
-from workbench.bench.comparison.layout import METHOD, UNFIT, seconds
+from workbench.bench.comparison.layout import METHOD, NOT_COMPARED, UNFIT, seconds
 from workbench.bench.comparison.styles import Look, keys, legend, method_looks
 from workbench.bench.comparison.verdicts import CONTRADICTION, WRONG
 from workbench.bench.report.toggles import Told
@@ -105,7 +105,7 @@ def _cells(data: Dataset) -> Iterator[CellPoint]:
     repeated = verdicts.sizes.get("repetition", 1) > 1
     for place in np.ndindex(*verdicts.shape):
         verdict = str(verdicts.values[place])
-        if verdict in ("", UNFIT):
+        if verdict in ("", UNFIT, NOT_COMPARED):
             continue
         labels = [str(data[name].values[i]) for name, i in zip(verdicts.dims, place, strict=True)]
         names = dict(zip(verdicts.dims, labels, strict=True))

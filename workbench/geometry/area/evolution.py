@@ -4,6 +4,9 @@ For a given angle, axis and radius the shortest stadium has a closed form: its e
 by the first and the last of the points' chords. Three numbers remain, in which the area has many
 local minima; a population of stadiums explores all of them (R. Storn, K. Price, Differential
 evolution, J. Global Optimization 11 (1997) 341-359).
+
+It is an independent answer beside the search, compared only if it is named: on the CD drives, with
+10 s for each cell, it has no certificate (docs/study.md).
 """
 
 from __future__ import annotations
@@ -71,7 +74,7 @@ class ShapeFamily(NamedTuple):
         return np.pi * radius**2 + 4 * radius * half
 
 
-@method(SmallestAreaStadium, "evolution", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(SmallestAreaStadium, "evolution", optimal=False, accuracy=ANY_ACCURACY_ALIKE, by_name=True)
 def _evolution(program: SmallestAreaStadium, context: Context) -> Claim:
     """Differential evolution over angle, axis and radius, whose shortest stadium is in closed form.
 

@@ -27,6 +27,7 @@ def test_a_mean_of_ten_draws_has_the_interval_of_student():
     assert (found.low, found.high) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.cases(0)
 def test_intervals_of_means_hold_the_truth():
     rng = np.random.default_rng(5)
     held = 0

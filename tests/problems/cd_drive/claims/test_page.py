@@ -17,6 +17,7 @@ def pages():
     return thesis.pages()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["thesis.md", "thesis-numbers.md"])
 def test_the_pages_are_made_of_the_reference_result(pages, name):
     made = f"run `make thesis`: docs/{name} is not the page of results/reference"

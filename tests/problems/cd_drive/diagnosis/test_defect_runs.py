@@ -71,6 +71,7 @@ def test_the_diodes_are_one_on_a_clean_disc(dirty):
     assert np.median(one.diodes.sum(axis=1)) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.cases(1)
 def test_every_defect_is_an_event(dirty):
     one, kinds = dirty
     dist = play(diode_quality(one.level, 0.18, 0.5), measurements(one.record))[:, 1]

@@ -25,6 +25,7 @@ def solved(request):
     return task, wb.solve(task)
 
 
+@pytest.mark.cases(1)
 def test_the_certificate_holds_and_there_is_a_figure(solved):
     task, solution = solved
     assert solution.certificate.holds, solution.certificate

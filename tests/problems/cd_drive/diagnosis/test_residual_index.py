@@ -44,6 +44,7 @@ def test_the_weights_are_those_printed():
     assert found[1] == pytest.approx(abs(W_sd), rel=1e-9)
 
 
+@pytest.mark.cases(1)
 def test_the_control_does_not_reach_the_residual_and_the_ratio_is_that_of_the_weights(solved):
     task, solution = solved
     omega = 2 * np.pi * np.geomspace(20.0, 9e3, 7)

@@ -209,6 +209,7 @@ def test_draws_differ_in_what_is_told(runs):
     assert m1.std() > 0.2 * MASS_DEVIATION * m1.mean()
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_the_disc_hardly_matters(runs, axis):
     still, turning = (runs(axis, d)[1].answer["value"] for d in (False, True))
@@ -227,6 +228,7 @@ def test_wrong_order_is_told_not_failed(runs):
     assert "for instance order" in task.tables(solution.answer)["parameters"]
 
 
+@pytest.mark.cases(0)
 def test_wrong_order_fails_where_it_was_not_asked_for(runs):
     task, solution = runs("focus", mismatch=0.25)
     bench = replace(task.bench, mismatch=0.0)
@@ -235,6 +237,7 @@ def test_wrong_order_fails_where_it_was_not_asked_for(runs):
     assert "smooth misfit" in failed and "coverage of m2" in failed
 
 
+@pytest.mark.cases(0)
 def test_lost_loop_and_saturation_fail(runs):
     task, solution = runs("focus")
     answer = solution.answer
@@ -249,6 +252,7 @@ def test_lost_loop_and_saturation_fail(runs):
     assert all(name in failed for name in names)
 
 
+@pytest.mark.cases(0)
 def test_figure_and_table(runs):
     task, solution = runs("focus")
     (figure,) = task.figures(solution.answer).values()

@@ -23,6 +23,7 @@ def test_the_frequency_of_a_growing_oscillation(frequency):
     assert oscillation(signal) == pytest.approx(frequency, abs=4.0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_the_models_limits_lie_within_the_ramps(axis):
     limits = [nearest_margins(gain_ramp(axis).loop(f"CD{n}")) for n in range(1, 13)]

@@ -51,7 +51,7 @@ def measured(axis):
     return drive, DriveExperiments(open_loop, closed_loop, 0)
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_precise_responses_give_the_drive_back(axis):
     drive, found = measured(axis)

@@ -33,6 +33,7 @@ def test_levels_are_those_of_the_text(solved):
     assert metrics["input_closed_last_percent_high"] < 5.0
 
 
+@pytest.mark.cases(1)
 def test_more_harmonics_add_little_to_the_output(solved):
     """And of what they add most is noise: without it there is hardly any."""
     study, solution = solved

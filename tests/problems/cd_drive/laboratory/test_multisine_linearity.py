@@ -65,6 +65,7 @@ def test_focus_has_nothing_to_find():
     assert max(abs(np.array(levels))) < 1e-9
 
 
+@pytest.mark.cases(0)
 def test_the_run_is_stored_and_shown(solved):
     program, solution = solved
     stored = program.from_dataset(program.to_dataset(solution.answer))

@@ -33,6 +33,7 @@ def test_the_parameters_come_back_at_the_mass_that_is_told(solved):
     assert metrics["error_b_told_mass_high"] < 1e-2
 
 
+@pytest.mark.cases(1)
 def test_the_mass_that_is_told_is_the_error(solved):
     """k and b are wrong as the mass is, Bl half as much; the intervals contain it."""
     program, solution = solved

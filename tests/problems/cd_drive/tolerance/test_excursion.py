@@ -56,6 +56,7 @@ def test_the_strategies_are_in_the_order_of_the_thesis(focus):
     assert numbers["survived_A_low"] >= numbers["survived_reference_high"]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("name", "factor", "check"),
     [

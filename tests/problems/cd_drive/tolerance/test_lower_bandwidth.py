@@ -24,6 +24,7 @@ def test_its_certificate_holds(solved):
     assert solution.answer.K.nstates == 3
 
 
+@pytest.mark.cases(0)
 def test_defects_move_the_lens_less(solved):
     program, solution = solved
     slow, fast = (program.defect_gain(K) for K in (solution.answer.K, program.reference))

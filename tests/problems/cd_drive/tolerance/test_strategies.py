@@ -96,6 +96,7 @@ def test_draws_are_independent_and_strategies_share_them(studies):
     np.testing.assert_array_equal(one["excursion"], [outcome.excursion for outcome in again])
 
 
+@pytest.mark.cases(0)
 def test_without_noise_the_scratch_costs_what_the_thesis_draws(studies):
     """Two other simulations of the printed scratch gave 0.100 and 0.054 um for A and B."""
     quiet = studies("focus")[1].answer["quiet_excursion"]
@@ -112,6 +113,7 @@ def test_without_noise_the_scratch_costs_what_the_thesis_draws(studies):
     np.testing.assert_allclose(costs, [0.67e-6, 0.96e-6, 0.31e-6], rtol=0.02)
 
 
+@pytest.mark.cases(0)
 def test_checks_can_fail(studies):
     task, solution = studies("focus")
     worse = solution.answer.copy(deep=True)
@@ -127,6 +129,7 @@ def test_checks_can_fail(studies):
     assert failed == {*names, "half the step"}
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_figures(studies, axis):
     task, solution = studies(axis)

@@ -63,6 +63,7 @@ def test_complex_weights(axis, kind, cover):
     assert worst(program, None) <= worst(program, "sb10yd")
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("minimum_phase", [False, True])
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_real_weights(axis, minimum_phase):

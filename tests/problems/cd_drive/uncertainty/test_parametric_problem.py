@@ -78,6 +78,7 @@ def test_the_certificate_holds(solved):
     assert (reduced > 0).all()
 
 
+@pytest.mark.cases(1)
 def test_the_run_is_stored_and_shown(solved):
     study, solution = solved
     stored = study.from_dataset(study.to_dataset(solution.answer))
