@@ -21,16 +21,16 @@ class IdentifiedModels(ProgramAnswer):
     """A model for each use, and the validation fits that chose their orders.
 
     ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
-    simulators. ``sample_time`` [s] is the record's; ``candidates`` are those of a choice, if any.
+    simulators. ``dt`` [s] is the record's; ``candidates`` are those of a choice, if any.
     """
 
     predictor: InnovationsModel
     simulator: InnovationsModel
     scores: RealArray
-    sample_time: float = 1.0
+    dt: float = 1.0
     candidates: Candidates | None = None
 
     @property
     def lti(self) -> StateSpace:
         """The simulator's system from u to y, at the record's sampling time."""
-        return replace(self.simulator, dt=self.sample_time).system()
+        return replace(self.simulator, dt=self.dt).system()
