@@ -8,6 +8,7 @@ from problems.bench.regions.plants import PLANTS
 from problems.bench.regions.records import EXCITATIONS
 from workbench import solve
 from workbench.identification import StateSpaceFit, arx, as_experiments, response_deviations
+from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.uncertainty import model_deviations
 
 SINE = 0.3 / (2 * np.pi)
@@ -60,3 +61,16 @@ def test_a_free_run_of_an_integrator_does_not_tell_the_offset(method, told):
     fit = StateSpaceFit(u[2000:], y, orders=(4,), direct=False)
     found = fit.deviations(solve(fit, method=method).answer, [0.01, 0.1])
     assert np.isfinite(found).all() == told
+
+
+def test_a_record_repeated_with_its_own_errors_is_itself():
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((200, 2))
+    y = lfilter([0.0, 0.5], [1.0, -0.8], u[:, 0]) + 0.1 * rng.standard_normal(200) + 3.0
+    y[50:55] = np.nan
+    told = as_experiments([u[:120], u[120:]], [y[:120], y[120:]])
+    model = arx(told, order=2, delay_samples=(1, 3))
+    criterion = Criterion(model, told, 0.0)
+    theta = criterion.start(model)
+    again = criterion.repeated(theta, told, criterion.errors(theta))
+    np.testing.assert_allclose(again.y, told.y, rtol=0, atol=1e-12)

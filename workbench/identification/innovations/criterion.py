@@ -143,6 +143,20 @@ class Criterion:
         """One-step errors (N, ny); missing ones are zero."""
         return np.concatenate([own for _, own, _ in self._blocks(theta, 0)])
 
+    def repeated(self, theta: RealArray, record: Experiments, errors: RealArray) -> Experiments:
+        """The record with the outputs that the model has with other one-step errors (N, ny)."""
+        outputs, first = record.y.copy(), 0
+        offset = self.model(theta).y_offset
+        for _, x, (A, B, C, D, K), u, y in self._runs(theta, 0):
+            drawn = np.ascontiguousarray(errors[first : first + len(u)])
+            still, nothing = np.zeros_like(K), np.zeros_like(y)
+            driven = predictions(A, B, C, D, still, x, u, nothing)
+            noise = predictions(A, K, C, np.eye(len(C)), still, np.zeros_like(x), drawn, nothing)
+            made = np.where(np.isnan(y), np.nan, driven + noise + offset)
+            outputs[self._seen[first : first + len(u)]] = made
+            first += len(u)
+        return replace(record, y=outputs)
+
     def filtered_rows(
         self, theta: RealArray, filters: list[RealArray]
     ) -> Iterator[tuple[IntegerArray, RealArray]]:

@@ -4,7 +4,8 @@ The noise near slow or lightly damped poles of a plant shows at a few lines of a
 There a model of the noise with as many poles as the plant follows what these lines happen to have,
 most often as if there were little, and the plant seems more certain than it is. So deviations are
 computed with a second model of the noise, too, an autoregression of the free run's errors, whose
-spectrum has no narrow dips; the larger ones count.
+spectrum has no narrow dips, and from the scatter over records that the model makes; the largest
+count.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, section 9.4.
 """
@@ -26,7 +27,7 @@ from workbench.identification.innovations.gain_surface import GainSurface
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 
-HESSIAN_ROUNDING = 1e-11
+HESSIAN_ROUNDING = 1e-14
 """Curvature, relative to the largest, below which the record tells nothing of a direction."""
 OPEN = 1e-3
 """Change along such a direction, over the deviation by all others, that is no rounding.
@@ -34,6 +35,8 @@ OPEN = 1e-3
 One that only changes the basis of states changes no pole and no response."""
 KNOWN_ROUNDING = 1e-7
 """The same over the value itself: what is known exactly has no deviation."""
+REPEATED, REPEATED_SEED = 30, 0
+"""Number of records that a model makes to tell the scatter of its estimates, and their seed."""
 Change = Callable[[Criterion, RealArray, RealArray], RealArray]
 """Change of values by a small step of the parameters: of a criterion, its parameters, the step."""
 
@@ -75,7 +78,9 @@ def largest_deviations(estimates: list[Estimates], change: Change, values: Array
 def estimates_of(
     model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
 ) -> list[Estimates]:
-    """What the record tells of a model with its own noise, and with the autoregressive one."""
+    """What the record tells of a model with its own noise, with the autoregressive one, and by
+    repetition.
+    """
     if known is not None:
         model = known.exact(model) or model
     entries = _free_entries(model, known)
@@ -89,7 +94,35 @@ def estimates_of(
         criterion = Criterion(simulator, record, 0.0, direct, held)
         theta = criterion.start(simulator)
         found.append(_estimated(criterion, theta, _autoregressive(criterion, theta), known))
+    if known is None:
+        found.append(_repeated(found[0], model, record, direct, entries))
     return found
+
+
+def _repeated(
+    found: Estimates,
+    model: InnovationsModel,
+    record: Experiments,
+    direct: bool,
+    entries: BoolArray,
+) -> Estimates:
+    """Estimates that scatter as those of records which the model itself makes, by a Newton step.
+
+    Where a record hardly tells the noise, the curvature varies with the noise that it happens to
+    have, and is largest where the estimate errs most. So what one record says of the scatter is too
+    small, and the scatter is told by repetition.
+    """
+    criterion, theta = found.criterion, found.theta
+    errors = criterion.errors(theta)
+    factor = np.linalg.cholesky(errors.T @ errors / len(errors) + criterion.floor)
+    rng, steps = np.random.default_rng(REPEATED_SEED), []
+    for _ in range(REPEATED):
+        drawn = rng.standard_normal(errors.shape) @ factor.T
+        repeated = Criterion(model, criterion.repeated(theta, record, drawn), 0.0, direct, entries)
+        _, gradient, hessian = repeated.expand(theta)
+        root = root_of_inverse(hessian)
+        steps.append(root @ (root.T @ gradient))
+    return replace(found, root=np.array(steps).T / np.sqrt(REPEATED))
 
 
 def _autoregressive(criterion: Criterion, theta: RealArray) -> RealArray:

@@ -89,8 +89,9 @@ def response_deviations(
     """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
 
     They come from the curvature of the prediction errors, so they are valid if these are white: the
-    model must have the order of plant and noise. They are computed with the model's
-    own noise and with an autoregression of the errors of its free run; the larger ones count.
+    model must have the order of plant and noise, and the plant must be linear, for distortion is
+    not counted. They are computed with the model's own noise, with an autoregression of the errors
+    of its free run, and from the scatter over records that the model makes; the largest count.
     ``direct`` says whether D is free. A response that
     the record does not determine, such as that of one of two equal inputs, has an infinite
     deviation. For models of `impulse_response` use `impulse_response_deviations`.

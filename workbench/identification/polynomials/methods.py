@@ -36,6 +36,7 @@ from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
 from workbench.identification.state_space.selection import best_fitting, least_of
 from workbench.program import Claim, method
+from workbench.solvers import Outcome
 
 MOST_STATES = 60
 """Most states of a structured model: Box-Jenkins has at least n for each pair of channels."""
@@ -135,8 +136,18 @@ def _box_jenkins(program: StateSpaceFit, context: Context) -> Claim:
 
 
 def _structured_answer(program: StateSpaceFit, context: Context, kind: PolynomialKind) -> Claim:
-    way = structured_fits(program, kind, SubspaceStarts(program))
-    return claim(identify(program, way, way, context))
+    starts = SubspaceStarts(program)
+    way = structured_fits(program, kind, starts)
+    answer = identify(program, way, way, context)
+    if answer is None and kind != "armax":
+        radii = [m.radius for n in program.orders or () for m in starts.of(program.used, n)]
+        largest = max(radii, default=0.0)
+        if largest >= 1 - CIRCLE_ROUNDING:
+            return None, Outcome.FAILED, (
+                "its predictor has the poles of the plant, and the record shows one of modulus "
+                f"{largest:.6g}, not inside the unit circle: take method prediction-error or armax"
+            )  # fmt: skip
+    return claim(answer)
 
 
 def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
