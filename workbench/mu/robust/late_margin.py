@@ -1,10 +1,11 @@
 """Robust stability with known dead time, proven with exp(-s T) itself between all frequencies.
 
 With exp(-s T) = P (1 + W delta), |delta| at most 1
-(`workbench.uncertainty.dead_time_approximation`), the dead time is one member of a rational set. The block of delta keeps its size while all other blocks
-grow, so that the skewed mu of the set gives a lower bound of the margin at every frequency. The
-upper bound comes from mu at single frequencies, with exp(-j omega T) itself in the response. If the
-bounds do not meet, a higher order makes W smaller.
+(`workbench.uncertainty.dead_time_approximation`), the dead time is one member of a rational set.
+The block of delta keeps its size while all other blocks grow, so that the skewed mu of the set
+gives a lower bound of the margin at every frequency. The upper bound comes from mu at single
+frequencies, with exp(-j omega T) itself in the response. If the bounds do not meet, a higher order
+makes W smaller.
 """
 
 from __future__ import annotations
