@@ -21,8 +21,8 @@ def as_omega(omega: Any, frequency: Any) -> RealArray:
     data.
     """
     if (omega is None) == (frequency is None):
-        raise InputError("give the frequencies once: omega= in rad/s, or frequency= in Hz")
-    name, unit = ("omega", "rad/s") if frequency is None else ("frequency", "Hz")
+        raise InputError("give the frequencies once: omega= in rad/s, or frequency_hz= in Hz")
+    name, unit = ("omega", "rad/s") if frequency is None else ("frequency_hz", "Hz")
     try:
         given = np.asarray(omega if frequency is None else frequency, dtype=float)
     except Exception:  # an object that is no array may raise any error

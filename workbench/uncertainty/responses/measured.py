@@ -185,7 +185,7 @@ def _stacked(
     return {
         "reports": reports,
         "values": np.stack([one.response[:, output, input] for one in estimates], axis=1),
-        "frequency": frequency,
+        "frequency_hz": frequency,
         "variance": np.stack([one.variance[:, output, input] for one in estimates], axis=1),
         "degrees": [one.degrees for one in estimates],
         "ratios": _ratios(estimates, output),
@@ -375,7 +375,7 @@ def _unheld(found: Arguments, rate: float) -> Arguments:
     """Responses and variances divided by the hold (1 - exp(-j omega T)) / (j omega T) of the
     input.
     """
-    turn = np.asarray(found["frequency"]) / rate
+    turn = np.asarray(found["frequency_hz"]) / rate
     held = (np.sinc(turn) * np.exp(-1j * np.pi * turn))[:, None]
     parts = {"values": found["values"] / held, "variance": found["variance"] / np.abs(held) ** 2}
     if (ratios := found.get("ratios")) is not None:

@@ -48,7 +48,7 @@ def spread_about(
             raise InputError(f"{name} is {value!r}; it must lie between 0 and 1: 0.2 for 20 %")
     if spread is None and resonance_shift is None:
         return found
-    frequency, values = np.asarray(found["frequency"]), np.asarray(found["values"])
+    frequency, values = np.asarray(found["frequency_hz"]), np.asarray(found["values"])
     variance, count = np.asarray(found["variance"]), np.shape(found["values"])[1]
     ratios = found.get("ratios")
     joint = np.zeros((*values.shape, 2, 2)) if ratios is None else ratios.joint
@@ -85,7 +85,7 @@ def spread_about(
     shifted = SHIFTS if resonance_shift is not None else 1
     order = np.tile(np.repeat(np.arange(count), copies // shifted), shifted)
     return found | {
-        "frequency": frequency,
+        "frequency_hz": frequency,
         "values": values,
         "variance": variance,
         "degrees": np.asarray(found["degrees"])[order],
