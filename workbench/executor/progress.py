@@ -19,7 +19,7 @@ def no_progress(description: str, done: int, total: int) -> None:
     Examples
     --------
     >>> from workbench.executor import InProcess, no_progress, spread
-    >>> spread(abs, [-1, 2], InProcess(), progress=silent)
+    >>> spread(abs, [-1, 2], InProcess(), progress=no_progress)
     [1, 2]
     """
 
@@ -30,7 +30,7 @@ def no_watch(rows: Sequence[Row]) -> None:
     Examples
     --------
     >>> from workbench.executor import Context, no_watch
-    >>> Context(watch=unwatched).record({"round": 1, "peak": 0.9})
+    >>> Context(watch=no_watch).record({"round": 1, "peak": 0.9})
     """
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from workbench.realisations.descriptor_form import from_descriptor
     from workbench.realisations.gramian_pair import Gramians, gramians
     from workbench.realisations.hankel import HankelValues, hankel_values
-    from workbench.realisations.minimal_realisation import MinimalRealisation, minimal_realisation
+    from workbench.realisations.minimal import MinimalRealisation, minimal_realisation
     from workbench.realisations.system_parts import SystemParts, stable_part
 else:
     __getattr__, __dir__ = on_demand(__name__)

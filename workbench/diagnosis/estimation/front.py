@@ -63,7 +63,7 @@ class FrontPoint:
     >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
     >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
     >>> point = FaultFront(loop, grid).least(
-    ...     LaguerreBasis(loop, 1.0).response(6, loop.warped(grid)), 0.5
+    ...     LaguerreBasis(loop, 1.0).response(loop.warped(grid), 6), 0.5
     ... )
     >>> point.error <= 0.5 * (1 + 1e-6), len(point.coefficients)
     (True, 6)

@@ -55,7 +55,7 @@ def refined_responses(responses: Responses, *, unstable_poles: int = 0) -> Respo
     >>> omega = np.geomspace(0.1, 10.0, 30)
     >>> def ringing(omega):
     ...     return np.stack([1 / (1 - omega**2 + 0.02j * omega), 1 / (1 + 1j * omega)], axis=1)
-    >>> fine = refined_responses(Responses(omega, ringing(omega), variance=1e-8))
+    >>> fine = refined_responses(Responses(omega=omega, values=ringing(omega), variance=1e-8))
     >>> missed = np.abs(fine.values / ringing(fine.omega) - 1).max()
     >>> fine.omega.size > 40, bool(missed < 0.01)
     (True, True)
