@@ -101,7 +101,7 @@ class FirstChoices:
     >>> from workbench.starter import first_choices
     >>> choices = first_choices(plants, dt=1e-3)
     >>> sorted(choices.reasons)
-    ['band', 'bandwidth', 'effort', 'order']
+    ['band_hz', 'bandwidth_hz', 'effort', 'order']
     """
 
     band_hz: tuple[float, float]
