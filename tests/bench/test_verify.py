@@ -532,7 +532,9 @@ class Gaps(Study):
     relative_metrics: ClassVar[tuple[str, ...]] = ("gap",)
 
     number = array(dims="number", unit="1", meaning="some", value=lambda self: [1.0])
-    small = check("small", "the number", lambda number: number, at_most=2.0)
+    small = check(
+        title="small", statement="the number", value=lambda number: number, at_most=2.0
+    )
 
     def metrics(self, answer):
         return {"gap": 1e-8, "length": 1e-8}

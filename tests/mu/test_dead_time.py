@@ -362,7 +362,7 @@ def test_a_gain_is_told_the_call_that_bounds_it(function):
     k = real("k", 2, percent=20)
     closed = feedback(tf([k], [1, 1]) * late(0.2))
     name = function.__name__
-    with pytest.raises(InputError, match=rf"call `{name}\(without_dead_time\(system\)\)`"):
+    with pytest.raises(InputError, match=rf"call `{name}\(dead_time_approximation\(system\)\)`"):
         function(closed)
     omega = np.geomspace(1e-2, 1e2, 4001)
     turned = np.exp(-0.2j * omega)

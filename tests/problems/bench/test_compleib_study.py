@@ -27,7 +27,7 @@ def test_a_folder_with_one_plant(tmp_path):
 def test_no_folder():
     solution = wb.solve(Compleib("there is none", ("bfgs",), 1.0, 1))
     assert solution.answer is None
-    assert "give that of your MAT files" in solution.message
+    assert "name the folder with your MAT files" in solution.message
 
 
 def test_shares():

@@ -40,7 +40,7 @@ def test_chains_need_what_they_go_on_from():
     assert earlier("distillation") == {}
     (need,) = earlier("distillation", after="dk").values()
     assert (need.name, need.method) == ("distillation/controller", "dk")
-    with pytest.raises(InputError, match="after which"):
+    with pytest.raises(InputError, match="name it by after"):
         controller("mass-spring", order=5)
 
 

@@ -230,7 +230,7 @@ def test_the_agc_levels_the_drives_at_crossover():
     ("parameters", "message"),
     [
         ({"frequencies": 1}, "frequencies"),
-        ({"lowest": 100.0, "highest": 10.0}, "must lie below"),
+        ({"lowest": 100.0, "highest": 10.0}, "must be below"),
         ({"gain": "none"}, "gain"),
         ({"form": "relative"}, "form"),
         ({"source": "guessed"}, "source"),
