@@ -1,5 +1,6 @@
 """Every problem by every method: each cell stored when it ends, killed at its limits, judged."""
 
+import importlib.util
 import json
 import os
 import signal
@@ -15,6 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 import workbench as wb
+from workbench.bench.cells.answer import WARM
 from workbench.bench.cells.stored import Journal, light_records
 from workbench.bench.compare import asked_for, described
 from workbench.bench.store import damage, seal
@@ -616,3 +618,8 @@ def test_the_question_decides_the_folder_of_a_comparison(one):
     assert len(set(paths)) == 3
     assert one("exact").path == paths[0]
     assert Path(paths[0]).parent.name == "compare"
+
+
+def test_workers_import_what_there_is():
+    """A worker that cannot import dies, and every cell of a comparison with it."""
+    assert [name for name in WARM if importlib.util.find_spec(name) is None] == []

@@ -8,7 +8,7 @@ from problems.bench.regions.plants import PLANTS
 from problems.bench.regions.records import EXCITATIONS
 from workbench import solve
 from workbench.identification import StateSpaceFit, arx, as_experiments, response_deviations
-from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.criterion import Criterion, whitening
 from workbench.identification.innovations.uncertainty import model_deviations
 
 SINE = 0.3 / (2 * np.pi)
@@ -74,3 +74,13 @@ def test_a_record_repeated_with_its_own_errors_is_itself():
     theta = criterion.start(model)
     again = criterion.repeated(theta, told, criterion.errors(theta))
     np.testing.assert_allclose(again.y, told.y, rtol=0, atol=1e-12)
+
+
+def test_errors_that_are_multiples_of_each_other():
+    """Two sensors of one signal: their noise has a singular covariance."""
+    covariance = np.outer([1.0, 1e-6], [1.0, 1e-6]) + np.diag([1e-18, 1e-30])
+    W = whitening(covariance)
+    assert np.isfinite(W).all()
+    assert np.linalg.norm(W.T @ covariance @ W, 2) < 1 + 1e-6
+    regular = np.array([[2.0, 0.5], [0.5, 1.0]])
+    assert np.allclose(whitening(regular) @ whitening(regular).T, np.linalg.inv(regular))

@@ -137,7 +137,7 @@ def _once(task: Program, method: str, options: Options, longer: float = 0.0) -> 
 
 
 WARM = (
-    *(__name__, "workbench.bench.formats.netcdf", "workbench.bench.crate"),
+    *(__name__, "workbench.bench.formats.netcdf", "workbench.bench.formats.crate"),
     *("casadi", "clarabel", "control", "cvxpy", "numba.core.event", "scipy.optimize", "slycot"),
 )
 """Modules that a worker imports before its first cell."""

@@ -132,7 +132,7 @@ class Criterion:
         for run, weight in enumerate(self._weights):
             covariance = self._covariance(theta, run)
             value += weight * self._likelihood(covariance)
-            whiten = np.linalg.cholesky(weight * np.linalg.inv(covariance))
+            whiten = np.sqrt(weight) * whitening(covariance)
             for columns, errors, rows in self._blocks(theta, run):
                 white = np.matmul(whiten.T, rows).reshape(-1, rows.shape[2])
                 gradient[columns] += white.T @ (errors @ whiten).ravel()
@@ -243,3 +243,15 @@ class Criterion:
                 if run:  # the gain has no effect on a free run
                     rows[:, :, self._ends[4] : self._ends[5]] = 0.0
                 yield columns, errors, rows if everything else rows[:, :, kept]
+
+
+def whitening(covariance: RealArray) -> RealArray:
+    """W (n, n) with W W^T = covariance^-1, for positive definite covariances (n, n) of any scale.
+
+    Errors that are multiples of each other have a correlation that is singular to rounding; its
+    eigenvalues count as at least that rounding.
+    """
+    scale = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    least = len(scale) * np.finfo(float).eps
+    return np.asarray(vectors / np.sqrt(np.maximum(values, least)) / scale[:, None])

@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 from workbench._core.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.autoregression import chosen_autoregression
-from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.criterion import Criterion, whitening
 from workbench.identification.innovations.gain_surface import GainSurface
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
@@ -114,7 +114,8 @@ def _repeated(
     """
     criterion, theta = found.criterion, found.theta
     errors = criterion.errors(theta)
-    factor = np.linalg.cholesky(errors.T @ errors / len(errors) + criterion.floor)
+    covariance = errors.T @ errors / len(errors) + criterion.floor
+    factor = np.linalg.inv(whitening(covariance)).T
     rng, steps = np.random.default_rng(REPEATED_SEED), []
     for _ in range(REPEATED):
         drawn = rng.standard_normal(errors.shape) @ factor.T
@@ -131,7 +132,7 @@ def _autoregressive(criterion: Criterion, theta: RealArray) -> RealArray:
     filters = [np.concatenate([[1.0], -chosen_autoregression(v)]) for v in errors.T]
     hessian = np.zeros((len(theta), len(theta)))
     white = np.column_stack([lfilter(a, 1.0, v) for a, v in zip(filters, errors.T, strict=True)])
-    whiten = np.linalg.cholesky(np.linalg.inv(white.T @ white / len(white) + criterion.floor))
+    whiten = whitening(white.T @ white / len(white) + criterion.floor)
     for columns, rows in criterion.filtered_rows(theta, filters):
         whitened = np.matmul(whiten.T, rows).reshape(-1, rows.shape[2])
         hessian[np.ix_(columns, columns)] += whitened.T @ whitened
