@@ -35,8 +35,10 @@ OPEN = 1e-3
 One that only changes the basis of states changes no pole and no response."""
 KNOWN_ROUNDING = 1e-7
 """The same over the value itself: what is known exactly has no deviation."""
-REPEATED, REPEATED_SEED = 30, 0
-"""Number of records that a model makes to tell the scatter of its estimates, and their seed."""
+REPEATED, REPEATED_SEED = 30, 141421356237
+"""Number of records that a model makes to tell the scatter of its estimates, and their seed.
+
+No seed that a user takes: noise drawn as the input was would be a multiple of the input."""
 Change = Callable[[Criterion, RealArray, RealArray], RealArray]
 """Change of values by a small step of the parameters: of a criterion, its parameters, the step."""
 
