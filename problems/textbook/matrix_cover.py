@@ -11,7 +11,7 @@ from workbench import problem
 from workbench._core.heavy_types import StateSpace
 from workbench.uncertainty import MatrixCover, MatrixResponses
 from workbench.uncertainty.matrix_covers.forms import MatrixForm
-from workbench.uncertainty.matrix_sets.shapes import Shape
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape
 
 BAND = (0.05, 100.0)
 """First and last frequency [rad/s]."""

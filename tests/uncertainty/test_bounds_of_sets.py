@@ -13,8 +13,8 @@ from workbench.uncertainty.matrix_covers.checks_of_model import (
     unstable_poles,
 )
 from workbench.uncertainty.matrix_covers.cover import FoundCover
-from workbench.uncertainty.matrix_sets.optimality import farthest, trace_bound, volume_excess
-from workbench.uncertainty.matrix_sets.sets import FoundSets
+from workbench.uncertainty.matrix_covers.sets.optimality import farthest, trace_bound, volume_excess
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets
 
 NO_REACH = np.zeros(1), np.zeros(1)
 TURN = np.array([[0.6, -0.8], [0.8, 0.6]])

@@ -19,8 +19,8 @@ from workbench.uncertainty import (
     feedback,
     real,
 )
-from workbench.uncertainty.matrix_sets.loop import loop_level
-from workbench.uncertainty.matrix_sets.sets import FoundSets
+from workbench.uncertainty.matrix_covers.sets.loop import loop_level
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets
 
 OMEGA = np.geomspace(1e-3, 1e2, 25)
 SHAPES = ("full", "diagonal", "scalar")

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from workbench.uncertainty.matrix_covers.model import MatrixModel
     from workbench.uncertainty.matrix_covers.nominal import central_nominal
     from workbench.uncertainty.matrix_covers.responses import MatrixResponses
-    from workbench.uncertainty.matrix_sets.sets import MatrixSets
+    from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
     from workbench.uncertainty.parametric_models.estimate_region import EstimateRegion
     from workbench.uncertainty.parametric_models.members import members
     from workbench.uncertainty.parametric_models.model import ParametricModel, parametric_lft

@@ -16,7 +16,7 @@ from workbench.certify.stability import balanced_states, stability_of
 from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
-from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose
 
 REALISED = 1e-6
 """Tolerance of the second opinion: excess of a norm of Delta over 1, and distance of a plant."""

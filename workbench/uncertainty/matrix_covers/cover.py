@@ -46,9 +46,14 @@ from workbench.uncertainty.matrix_covers.forms import (
 )
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
+from workbench.uncertainty.matrix_covers.sets.program import (
+    CONTAINED,
+    SHAPED,
+    FoundSets,
+    MatrixSets,
+)
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape, between_weights
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
-from workbench.uncertainty.matrix_sets.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import Shape, between_weights
 
 LEAST_GAP = 1e-4
 """A set counts as the smallest if its log size exceeds the proven bound by at most this."""

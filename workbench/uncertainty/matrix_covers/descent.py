@@ -23,7 +23,7 @@ from workbench.fitting.rational import Rational
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
 from workbench.uncertainty.matrix_covers.sections import SideOfWeights
-from workbench.uncertainty.matrix_sets.loop import VOLUME_SHARE, loop_level, scaled_loop
+from workbench.uncertainty.matrix_covers.sets.loop import VOLUME_SHARE, loop_level, scaled_loop
 
 HARDNESS = (30.0, 100.0, 300.0, 1000.0, 3000.0)
 """Factors of the logarithms in the soft maximum, used one after the other."""

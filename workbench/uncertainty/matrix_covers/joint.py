@@ -22,9 +22,9 @@ from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.semidefinite import Inequality, least
+from workbench.uncertainty.matrix_covers.sets.shapes import between_weights, ctranspose
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 from workbench.uncertainty.matrix_covers.weights import FittedWeight, thinned
-from workbench.uncertainty.matrix_sets.shapes import between_weights, ctranspose
 
 ROUNDS = 6
 """Largest number of rounds, each with a new linearisation of the volume."""

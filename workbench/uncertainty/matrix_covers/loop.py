@@ -19,8 +19,8 @@ from workbench.uncertainty.matrix_covers.figures import loop_mu_figure
 from workbench.uncertainty.matrix_covers.forms import delta_shape
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
-from workbench.uncertainty.matrix_sets.loop import VOLUME_SHARE, loop_level
-from workbench.uncertainty.matrix_sets.sets import MatrixSets
+from workbench.uncertainty.matrix_covers.sets.loop import VOLUME_SHARE, loop_level
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 
 @dataclass(frozen=True, eq=False)

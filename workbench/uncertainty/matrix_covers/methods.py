@@ -23,14 +23,14 @@ from workbench.uncertainty.matrix_covers.joint import smaller_weights
 from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
+from workbench.uncertainty.matrix_covers.sets.shapes import between_weights, ctranspose
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
     diagonal_weight,
     left_weight,
     right_weight,
 )
-from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import between_weights, ctranspose
 
 GAIN_MARGIN = 1e-9
 """Relative excess of a gain over the needed one."""

@@ -26,8 +26,8 @@ from workbench.uncertainty.matrix_covers.forms import (
     interconnection,
 )
 from workbench.uncertainty.matrix_covers.responses import system_response
+from workbench.uncertainty.matrix_covers.sets.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
-from workbench.uncertainty.matrix_sets.shapes import ctranspose
 
 DRAWN = 200
 """Number of frequencies of a figure, besides those near poles."""

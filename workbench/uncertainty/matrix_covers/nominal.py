@@ -10,7 +10,7 @@ from workbench.fitting.response.matrix_fit import fit_matrix_response
 from workbench.solution import solve
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
-from workbench.uncertainty.matrix_sets.sets import MatrixSets
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 
 def central_nominal(responses: MatrixResponses, order: int) -> StateSpace:

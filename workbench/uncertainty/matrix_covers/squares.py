@@ -19,7 +19,7 @@ from workbench.fitting.rational import Rational
 from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation
-from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose
 
 LEAST_SQUARE = 1e-4
 """Least square of a weight, relative to its mean. Without it a zero could lie on the axis."""

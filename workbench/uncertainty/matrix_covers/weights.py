@@ -18,8 +18,8 @@ from workbench.fitting.rational import Rational
 from workbench.systems.realisation import realisation, transposed_system
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond, complex_weight
 from workbench.uncertainty.matrix_covers.semidefinite import least
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
-from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
 
 MOST_FREQUENCIES = 80
 """Largest number of frequencies of the semidefinite program."""

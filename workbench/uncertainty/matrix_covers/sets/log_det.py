@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.shapes import ctranspose
+from workbench.uncertainty.matrix_covers.sets.shapes import ctranspose
 
 
 def log_det_derivatives(

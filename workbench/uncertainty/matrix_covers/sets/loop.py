@@ -16,8 +16,8 @@ a line. So sets with the least mu are also a global optimum.
     L = diag(-B, -e),  R = diag(-A, e),
 
 for weights e_1 >= e_2 >= ... of sum 1. Together with the inequalities of
-`workbench.uncertainty.matrix_sets.optimality` for the volume and for containment, the parts in A, B
-and e cancel. Their remainder is bounded with the farthest cover that is not worse.
+`workbench.uncertainty.matrix_covers.sets.optimality` for the volume and for containment, the parts
+in A, B and e cancel. Their remainder is bounded with the farthest cover that is not worse.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ import numpy as np
 from workbench._core.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import as_array
-from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives
-from workbench.uncertainty.matrix_sets.optimality import (
+from workbench.uncertainty.matrix_covers.sets.log_det import log_det_derivatives
+from workbench.uncertainty.matrix_covers.sets.optimality import (
     SMALLEST,
     InUnits,
     farthest,
     nuclear,
     sum_of_dyads,
 )
-from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose, of_shape
 
 VOLUME_SHARE = 1e-3
 """Weight of the log radius beside log mu. The least mu alone does not determine the parts of a set
@@ -201,7 +201,7 @@ def mu_excess(
     proof
         Logarithm of the factor, delta, and the weights e of the loop (F, 2 + rank).
     floor
-        As in `workbench.uncertainty.matrix_sets.optimality.farthest`.
+        As in `workbench.uncertainty.matrix_covers.sets.optimality.farthest`.
     """
     P, S, M, K, loop = within.P, within.S, within.M, within.K, within.loop
     assert K is not None and loop is not None

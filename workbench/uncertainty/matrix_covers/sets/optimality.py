@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose, of_shape
 
 SMALLEST = 1e-300
 """Replacement for a singular value of zero in a logarithm."""

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import ctranspose
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
+from workbench.uncertainty.matrix_covers.sets.shapes import ctranspose
 
 
 def finished(

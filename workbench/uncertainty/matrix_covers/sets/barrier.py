@@ -19,10 +19,10 @@ import numpy as np
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
-from workbench.uncertainty.matrix_sets.loop import loop_in_unit
-from workbench.uncertainty.matrix_sets.multipliers import with_balanced_multipliers
-from workbench.uncertainty.matrix_sets.newton import BarrierSets
-from workbench.uncertainty.matrix_sets.sets import MatrixSets
+from workbench.uncertainty.matrix_covers.sets.loop import loop_in_unit
+from workbench.uncertainty.matrix_covers.sets.multipliers import with_balanced_multipliers
+from workbench.uncertainty.matrix_covers.sets.newton import BarrierSets
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 FALL = 0.05
 """Factor from one weight of the barrier to the next."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.loop import VOLUME_SHARE
-from workbench.uncertainty.matrix_sets.sets import MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import ctranspose
+from workbench.uncertainty.matrix_covers.sets.loop import VOLUME_SHARE
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
+from workbench.uncertainty.matrix_covers.sets.shapes import ctranspose
 
 
 def size_derivatives(

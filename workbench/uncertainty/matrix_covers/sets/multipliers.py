@@ -8,15 +8,15 @@ import numpy as np
 from scipy.optimize import nnls
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.loop import loop_directions
-from workbench.uncertainty.matrix_sets.optimality import InUnits
-from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import (
+from workbench.uncertainty.matrix_covers.sets.loop import loop_directions
+from workbench.uncertainty.matrix_covers.sets.optimality import InUnits
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
+from workbench.uncertainty.matrix_covers.sets.shapes import (
     ctranspose,
     directions,
     entry_directions,
 )
-from workbench.uncertainty.matrix_sets.size import size_derivatives
+from workbench.uncertainty.matrix_covers.sets.size import size_derivatives
 
 CORRECTIONS = 10
 """Number of corrections of the multipliers."""

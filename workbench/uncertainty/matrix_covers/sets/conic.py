@@ -14,10 +14,10 @@ from workbench._core.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
-from workbench.uncertainty.matrix_sets.finish import finished
-from workbench.uncertainty.matrix_sets.multipliers import with_touching_multipliers
-from workbench.uncertainty.matrix_sets.sets import MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import Shape
+from workbench.uncertainty.matrix_covers.sets.finish import finished
+from workbench.uncertainty.matrix_covers.sets.multipliers import with_touching_multipliers
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape
 
 
 def _no_volume(program: MatrixSets) -> str | None:

@@ -12,17 +12,17 @@ from functools import cached_property
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.finish import finished
-from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives, log_det_value
-from workbench.uncertainty.matrix_sets.loop import LoopBarrier, loop_level
-from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import (
+from workbench.uncertainty.matrix_covers.sets.finish import finished
+from workbench.uncertainty.matrix_covers.sets.log_det import log_det_derivatives, log_det_value
+from workbench.uncertainty.matrix_covers.sets.loop import LoopBarrier, loop_level
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
+from workbench.uncertainty.matrix_covers.sets.shapes import (
     Shape,
     ctranspose,
     directions,
     entry_directions,
 )
-from workbench.uncertainty.matrix_sets.size import size_derivatives
+from workbench.uncertainty.matrix_covers.sets.size import size_derivatives
 
 START = 0.5
 """Largest norm of a deviation, in units of the first sets."""

@@ -21,8 +21,8 @@ from workbench.certificate import Check, worst_value
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_choice, need_numbers
 from workbench.program import Program
-from workbench.uncertainty.matrix_sets.channels import equilibrated
-from workbench.uncertainty.matrix_sets.loop import (
+from workbench.uncertainty.matrix_covers.sets.channels import equilibrated
+from workbench.uncertainty.matrix_covers.sets.loop import (
     VOLUME_SHARE,
     loop_in_unit,
     loop_level,
@@ -30,14 +30,14 @@ from workbench.uncertainty.matrix_sets.loop import (
     need_loop,
     scaled_loop,
 )
-from workbench.uncertainty.matrix_sets.optimality import (
+from workbench.uncertainty.matrix_covers.sets.optimality import (
     SMALLEST,
     InUnits,
     farthest,
     trace_bound,
     volume_excess,
 )
-from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose, of_shape
 
 Size = Literal["volume", "trace", "mu"]
 Centre = Literal["zero", "free"]
@@ -64,10 +64,10 @@ class FoundSets(ProgramAnswer):
         Z (F, p, m).
     weights
         Weights (F, N + p m, min(p, m)) that prove that no set is smaller; see
-        `workbench.uncertainty.matrix_sets.optimality`. Zeros prove nothing.
+        `workbench.uncertainty.matrix_covers.sets.optimality`. Zeros prove nothing.
     of_loop
         Further data (F, 2 + rank) of the proof for sets of least mu; see
-        `workbench.uncertainty.matrix_sets.loop`.
+        `workbench.uncertainty.matrix_covers.sets.loop`.
     """
 
     left: Array
@@ -152,8 +152,8 @@ class MatrixSets(Program):
 
     default_method: ClassVar[str] = "barrier"
     methods_in: ClassVar[tuple[str, ...]] = (
-        "workbench.uncertainty.matrix_sets.barrier",
-        "workbench.uncertainty.matrix_sets.conic",
+        "workbench.uncertainty.matrix_covers.sets.barrier",
+        "workbench.uncertainty.matrix_covers.sets.conic",
     )
     headline: ClassVar[str] = "radius_mean"
 
