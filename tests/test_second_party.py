@@ -48,7 +48,8 @@ from workbench.synthesis import (
 )
 from workbench.synthesis.no_controller.interlacing import NoStableController
 from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
-from workbench.uncertainty import MatrixSets, Responses, UncertaintyModel
+from workbench.uncertainty import Responses, UncertaintyModel
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 LAG = control.tf([1.0], [1.0, 1.0])

@@ -16,7 +16,7 @@ from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.study import Study, array, check, dim, figure, metric, part
-from workbench.uncertainty import MatrixSets
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 from .bars import ratio_bars
 

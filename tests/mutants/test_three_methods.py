@@ -116,7 +116,6 @@ MATHEMATICS = {
     },
 }
 """What each method is, by Program; a combination of other methods counts as nothing of its own."""
-MATHEMATICS["MatrixCoverForLoop"] = MATHEMATICS["MatrixCover"]
 MATHEMATICS["ClosedLoopFit"] = MATHEMATICS["StateSpaceFit"] | {
     "direct": "descent of prediction errors",
     "two-stage": "a response to the excitation",

@@ -44,10 +44,10 @@ from workbench.uncertainty import (
     CircleCover,
     MatrixCover,
     MatrixResponses,
-    MatrixSets,
     Responses,
     StadiumCover,
 )
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 
 class Solved(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 import workbench as wb
 from workbench.program import Program
 from workbench.synthesis import LoopShaping, MixedSensitivity
-from workbench.uncertainty import MatrixCoverForLoop, MatrixModel, feedback
+from workbench.uncertainty import MatrixCover, MatrixModel, feedback
 
 MUTANTS = Path(__file__).parents[1] / "mutants"
 if str(MUTANTS) not in sys.path:
@@ -41,7 +41,7 @@ def cover_for_loop() -> Program:
     cover = TIGHT["matrix_cover"]()
     K = control.ss([], [], [], 0.2 * np.eye(2))
     open_loop = MatrixModel.unweighted(cover.nominal, form="additive")
-    return MatrixCoverForLoop(
+    return MatrixCover(
         cover.responses,
         cover.nominal,
         loop=feedback(np.eye(2), open_loop * K),

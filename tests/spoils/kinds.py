@@ -69,7 +69,6 @@ FREE: dict[str, tuple[Free, ...]] = {
     "ClosedLoopFit": (MODELS, Free("validation_fit|candidate_.*|fit_of_average", TOLD)),
     "MatrixSets": (Free("left|right", ANSWER), Free("weights", PROOF)),
     "MatrixCover": COVER,
-    "MatrixCoverForLoop": COVER,
     "FeedbackFromRecords": (Free("level", ABOVE), Free("bound", BELOW)),
     "ExperimentDesign": (Free("worst", ABOVE),),
     "Implementation": (Free("sensitivity|rounding_share|contraction", ABOVE),),

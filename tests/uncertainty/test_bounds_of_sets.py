@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.uncertainty import MatrixCover, MatrixModel, MatrixResponses, MatrixSets
+from workbench.uncertainty import MatrixCover, MatrixModel, MatrixResponses
 from workbench.uncertainty.matrix_covers.checks_of_model import (
     off_shape,
     plants_made,
     semidefinite,
     unstable_poles,
 )
-from workbench.uncertainty.matrix_covers.cover import FoundCover
+from workbench.uncertainty.matrix_covers.found import FoundCover
 from workbench.uncertainty.matrix_covers.sets.optimality import farthest, trace_bound, volume_excess
-from workbench.uncertainty.matrix_covers.sets.program import FoundSets
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
 
 NO_REACH = np.zeros(1), np.zeros(1)
 TURN = np.array([[0.6, -0.8], [0.8, 0.6]])

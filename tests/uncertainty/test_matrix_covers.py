@@ -17,7 +17,6 @@ from workbench.uncertainty import (
     MatrixCover,
     MatrixModel,
     MatrixResponses,
-    MatrixSets,
     central_nominal,
     feedback,
     real,
@@ -26,6 +25,7 @@ from workbench.uncertainty import (
 from workbench.uncertainty.matrix_covers.checks_of_model import unstable_poles
 from workbench.uncertainty.matrix_covers.forms import MatrixForm, delta_shape
 from workbench.uncertainty.matrix_covers.responses import system_response
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 OMEGA = np.geomspace(0.1, 100.0, 40)
 FORMS = get_args(MatrixForm)

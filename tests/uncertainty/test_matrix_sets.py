@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.uncertainty import MatrixSets
-from workbench.uncertainty.matrix_covers.sets.program import FoundSets
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
 
 SHAPES = ("full", "diagonal", "scalar")
 

@@ -11,16 +11,14 @@ from workbench.mu import upper_bound
 from workbench.structure import Full, Structure
 from workbench.uncertainty import (
     MatrixCover,
-    MatrixCoverForLoop,
     MatrixModel,
     MatrixResponses,
-    MatrixSets,
     append,
     feedback,
     real,
 )
 from workbench.uncertainty.matrix_covers.sets.loop import loop_level
-from workbench.uncertainty.matrix_covers.sets.program import FoundSets
+from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
 
 OMEGA = np.geomspace(1e-3, 1e2, 25)
 SHAPES = ("full", "diagonal", "scalar")
@@ -164,7 +162,7 @@ def plants():
 
 def cover(form="additive", performance=True, **changes):
     shapes = {"left_order": 1, "right_order": 1} | changes
-    return MatrixCoverForLoop(
+    return MatrixCover(
         plants(), column(), form=form, loop=loop_of(form), performance=performance, **shapes
     )
 
@@ -240,7 +238,6 @@ def test_bad_loops_of_sets_are_named(changes, words):
 @pytest.mark.parametrize(
     ("loop", "words"),
     [
-        (None, "NoneType"),
         (column(), "StateSpace"),
         (feedback(real("k", 1.0, percent=10) * column(), np.eye(2)), "one full block of 2 x 2"),
         (append(MatrixModel.unweighted(column()), real("k", 1.0, percent=10)), "full block"),
@@ -250,7 +247,7 @@ def test_bad_loops_of_sets_are_named(changes, words):
 )
 def test_bad_loops_of_covers_are_named(loop, words):
     with pytest.raises(InputError, match=words):
-        MatrixCoverForLoop(plants(), column(), loop=loop)
+        MatrixCover(plants(), column(), loop=loop)
 
 
 def test_other_bad_input_is_named():
@@ -258,4 +255,6 @@ def test_other_bad_input_is_named():
         wb.solve(cover(), method="joint")
     with pytest.raises(InputError, match="performance is 1"):
         cover(performance=1)
-    assert isinstance(cover().without_loop(), MatrixCover)
+    with pytest.raises(InputError, match="no loop"):
+        smallest = cover().without_loop()
+        smallest.log_mu(MatrixModel.unweighted(smallest.nominal))

@@ -38,11 +38,9 @@ if TYPE_CHECKING:
     from workbench.uncertainty.covers.stadium_cover import StadiumCover
     from workbench.uncertainty.covers.steps import CoverSteps
     from workbench.uncertainty.matrix_covers.cover import MatrixCover
-    from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
     from workbench.uncertainty.matrix_covers.model import MatrixModel
     from workbench.uncertainty.matrix_covers.nominal import central_nominal
     from workbench.uncertainty.matrix_covers.responses import MatrixResponses
-    from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
     from workbench.uncertainty.parametric_models.estimate_region import EstimateRegion
     from workbench.uncertainty.parametric_models.members import members
     from workbench.uncertainty.parametric_models.model import ParametricModel, parametric_lft
@@ -65,10 +63,8 @@ __all__ = [
     "EstimateRegion",
     "GeneralisedPlant",
     "MatrixCover",
-    "MatrixCoverForLoop",
     "MatrixModel",
     "MatrixResponses",
-    "MatrixSets",
     "Orientation",
     "Parameter",
     "ParametricModel",

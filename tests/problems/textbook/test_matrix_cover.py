@@ -5,6 +5,7 @@ import pytest
 
 import workbench as wb
 from workbench.uncertainty import MatrixCover, MatrixResponses
+from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +47,7 @@ def test_sets_and_weights_are_smaller_than_those_of_dkpy_on_its_own_example(form
     residuals = dkpy.compute_uncertainty_residual_response(nominal, plants, {kind})[kind]
     W = dkpy.compute_uncertainty_weight_response(residuals, "diagonal", "diagonal")
 
-    traces = wb.uncertainty.MatrixSets(
-        program.deviations, left="diagonal", right="diagonal", size="trace"
-    )
+    traces = MatrixSets(program.deviations, left="diagonal", right="diagonal", size="trace")
     found = wb.solve(traces)
     theirs = np.prod([np.linalg.norm(each, axis=(1, 2)) / np.sqrt(2) for each in W], axis=0)
     np.testing.assert_allclose(traces.sizes(found.answer), theirs, rtol=1e-5)

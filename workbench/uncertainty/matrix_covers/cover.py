@@ -1,4 +1,7 @@
-"""Covers of sets of matrix responses: weights beside one Delta, from plants and a nominal."""
+"""Covers of sets of matrix responses: weights beside one Delta, from plants and a nominal.
+
+The weights minimise the size of the sets, or the mu of a loop around the model.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,6 @@ import numpy as np
 
 from workbench._core.arrays import Array, RealArray
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.answer import ProgramAnswer
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst_value
 from workbench.certify.norms import certified_norm
 from workbench.certify.stable_system import angular_frequency
@@ -23,7 +25,6 @@ from workbench.second_opinion.fits import decays
 from workbench.second_opinion.responses import plain_response
 from workbench.systems.conversion import as_system
 from workbench.systems.range_hints import warn_far_frequencies
-from workbench.systems.storage import restored_system, stored_system
 from workbench.uncertainty.covers.weights import between, beyond
 from workbench.uncertainty.matrix_covers.checks_of_model import (
     off_shape,
@@ -35,22 +36,32 @@ from workbench.uncertainty.matrix_covers.checks_of_model import (
 )
 from workbench.uncertainty.matrix_covers.figures import (
     deltas_figure,
+    loop_mu_figure,
     magnitudes_figure,
     radius_figure,
 )
 from workbench.uncertainty.matrix_covers.forms import (
     MatrixForm,
+    delta_shape,
     left_factors,
     need_reached,
     residuals,
 )
+from workbench.uncertainty.matrix_covers.found import (
+    FoundCover,
+    restored_matrix_model,
+    stored_cover,
+)
+from workbench.uncertainty.matrix_covers.loop import need_loop_around
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
+from workbench.uncertainty.matrix_covers.sets.loop import VOLUME_SHARE, loop_level
 from workbench.uncertainty.matrix_covers.sets.program import (
     CONTAINED,
     SHAPED,
     FoundSets,
     MatrixSets,
+    Size,
 )
 from workbench.uncertainty.matrix_covers.sets.shapes import Shape, between_weights
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
@@ -62,27 +73,13 @@ KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
 """Forms for which all plants have as many unstable poles as the nominal."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FoundCover(ProgramAnswer):
-    """A model, and the smallest sets at each frequency that are possible with weights of any
-    order.
-    """
-
-    model: MatrixModel
-    least: FoundSets
-
-    def said(self) -> str:
-        return repr(self.model)
-
-    @property
-    def lti(self) -> StateSpace:
-        """The nominal system."""
-        return self.model.nominal
-
-
 @dataclass(frozen=True, eq=False)
 class MatrixCover(Program):
     """Weights W_1 and W_2 of given orders with which a model contains every plant.
+
+    Without a loop the sets are as small as possible. With a loop its mu is as small as possible:
+    the weights are then a local optimum, and the sets at each frequency, with the least mu possible
+    for weights of any order, a global one.
 
     Parameters
     ----------
@@ -98,7 +95,14 @@ class MatrixCover(Program):
     left_order, right_order
         Number of poles for each channel of W_1 and of W_2.
     floor
-        As in `MatrixSets`.
+        Every set contains changes of each single entry by this share of the product of its row's
+        and column's sizes. Otherwise sets of few plants would be flat.
+    loop
+        A stable uncertain system around `MatrixModel.unweighted(nominal, form=form)`, such as
+        ``W * feedback(1, model * K)``, whose mu the weights minimise; None for the smallest sets.
+    performance
+        Whether mu is that of robust performance from the loop's inputs to its outputs; otherwise
+        that of robust stability.
 
     Raises
     ------
@@ -117,6 +121,14 @@ class MatrixCover(Program):
     >>> cover = MatrixCover(responses, nominal, left_order=1, right_order=1)
     >>> wb.solve(cover).certificate.valid
     True
+
+    The same plants, for the loop with a gain of 2:
+
+    >>> from workbench.uncertainty import MatrixModel, feedback
+    >>> loop = feedback(np.eye(2), MatrixModel.unweighted(nominal) * 2.0)
+    >>> for_loop = MatrixCover(responses, nominal, left_order=1, right_order=1, loop=loop)
+    >>> for_loop.headline
+    'mu_peak'
     """
 
     responses: MatrixResponses
@@ -128,6 +140,8 @@ class MatrixCover(Program):
     left_order: int = field(default=2, kw_only=True)
     right_order: int = field(default=2, kw_only=True)
     floor: float = field(default=1e-3, kw_only=True)
+    loop: Any = field(default=None, kw_only=True)
+    performance: bool = field(default=True, kw_only=True)
 
     default_method: ClassVar[str] = "joint"
     methods_in: ClassVar[tuple[str, ...]] = ("workbench.uncertainty.matrix_covers.methods",)
@@ -151,6 +165,11 @@ class MatrixCover(Program):
             )
         warn_far_frequencies(self.responses.omega, self.nominal)
         need_choice(self.form, MatrixForm, "form")
+        if not isinstance(self.performance, bool):
+            raise InputError(f"performance is {self.performance!r}; it must be True or False")
+        if self.loop is not None:
+            object.__setattr__(self, "default_method", "descent")
+            object.__setattr__(self, "headline", "mu_peak")
         for name in ("left_order", "right_order"):
             order = as_count(name, getattr(self, name))
             object.__setattr__(self, name, order)
@@ -211,14 +230,35 @@ class MatrixCover(Program):
         return found
 
     @cached_property
+    def loop_response(self) -> Array | None:
+        """Responses (F, ., .) of the loop that X closes, if there is one."""
+        if self.loop is None:
+            return None
+        size = delta_shape(self.form, self.nominal.noutputs, self.nominal.ninputs)
+        need_loop_around(self.loop, size, self.responses.dt)
+        response = system_response(self.loop.system, self.responses.omega)
+        rows, columns = self.deviations.shape[2:]
+        return response if self.performance else response[:, :columns, :rows]
+
+    @cached_property
     def sets(self) -> MatrixSets:
-        """The program of the smallest sets at each frequency."""
-        return MatrixSets(self.deviations, left=self.left, right=self.right, floor=self.floor)
+        """The program of the smallest sets at each frequency, or of those of the least mu."""
+        return self._sets_of(self.deviations, self.loop_response, self.right)
 
     def sets_beside(self, W_2: Array) -> MatrixSets:
-        """The program of the smallest sets for a given W_2 (F, ., .), which determines W_1."""
-        X = self.covered @ np.linalg.inv(W_2)[:, None]
-        return MatrixSets(X, left=self.left, right="scalar", floor=self.floor)
+        """The program of these sets for a given W_2 (F, ., .), which determines W_1."""
+        n, loop = W_2.shape[-1], self.loop_response
+        if loop is not None:
+            loop = np.concatenate([W_2 @ loop[:, :n], loop[:, n:]], axis=1)
+        return self._sets_of(self.covered @ np.linalg.inv(W_2)[:, None], loop, "scalar")
+
+    def _sets_of(self, X: Array, loop: Array | None, right: Shape) -> MatrixSets:
+        size: Size = "volume" if loop is None else "mu"
+        return MatrixSets(X, left=self.left, right=right, size=size, floor=self.floor, loop=loop)
+
+    def without_loop(self) -> Self:
+        """The program of the smallest sets for the same plants, without the loop."""
+        return replace(self, loop=None)
 
     @cached_property
     def covered(self) -> Array:
@@ -277,9 +317,26 @@ class MatrixCover(Program):
         ]
         return np.exp(logs[0] + logs[1])
 
+    def log_mu(self, model: MatrixModel) -> RealArray:
+        """Logarithm (F,) of the loop's mu with the model's sets.
+
+        Raises InputError for a cover without a loop.
+        """
+        if self.loop_response is None:
+            raise InputError("this cover has no loop, so no mu: give it loop=")
+        omega = self.responses.omega
+        inverses = [np.linalg.inv(system_response(W, omega)) for W in (model.W_1, model.W_2)]
+        return loop_level(self.loop_response, *inverses)[0]
+
     def objective(self, answer: FoundCover) -> float:
-        """Mean of the logarithm of the radius over the logarithm of frequency."""
-        return float(self.responses.shares @ np.log(self.radii(answer.model)))
+        """Mean of the logarithm of the radius over the logarithm of frequency.
+
+        With a loop: logarithm of the largest mu, plus VOLUME_SHARE times that mean.
+        """
+        mean = float(self.responses.shares @ np.log(self.radii(answer.model)))
+        if self.loop is None:
+            return mean
+        return float(self.log_mu(answer.model).max()) + VOLUME_SHARE * mean
 
     def objective_scale(self, answer: FoundCover) -> float:
         """The scale is 1, since differences of logarithms are already relative."""
@@ -293,7 +350,7 @@ class MatrixCover(Program):
         model = answer.model
         if model.form != self.form:
             raise InputError(f"the answer is {model.form}, asked for was {self.form}")
-        norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
+        norms = self._norms(model)
         value, where = worst_value(norms - 1, self.responses.numbered)
         checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where=where)]
         if self.everywhere:
@@ -361,9 +418,10 @@ class MatrixCover(Program):
     def metrics(self, answer: FoundCover) -> dict[str, float]:
         radii, least = self.radii(answer.model), answer.least.radius
         excess = np.log(radii / least)
-        norms = np.linalg.norm(self.deltas(answer.model), 2, axis=(2, 3))
+        norms = self._norms(answer.model)
         shares = self.responses.shares
-        return {
+        logs = {} if self.loop is None else self._mu_and_least(answer)
+        return {name: float(np.exp(log.max())) for name, log in logs.items()} | {
             "radius_mean": float(np.exp(shares @ np.log(radii))),
             "radius_mean_least": float(np.exp(shares @ np.log(least))),
             "inflation_mean": float(np.exp(shares @ excess)),
@@ -375,38 +433,34 @@ class MatrixCover(Program):
             "plants": norms.shape[1],
         }
 
+    def _mu_and_least(self, answer: FoundCover) -> dict[str, RealArray]:
+        """Logarithms (F,) of the loop's mu, and of the least one of weights of any order."""
+        least = self.sets.log_mu(answer.least)
+        return {"mu_peak": self.log_mu(answer.model), "mu_peak_least": least}
+
     # --- datasets and figures ---------------------------------------------------------------------
 
-    def to_dataset(self, answer: FoundCover) -> Dataset:
-        import xarray as xr
+    def _norms(self, model: MatrixModel) -> RealArray:
+        """Norms (F, N) of Delta of every plant."""
+        return np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
 
-        model = answer.model
-        sets = self.sets.to_dataset(answer.least)
-        parts: dict[str, Any] = {}
-        for name in ("nominal", "W_1", "W_2"):
-            parts |= stored_system(name, getattr(model, name))
-        norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
-        text = {"units": "1", "long_name": "norm of Delta"}
-        parts["delta_norm"] = (("frequency", "sample"), norms, text)
-        parts["radius"] = (
-            "frequency", self.radii(model), {"units": "1", "long_name": "radius of the model"}
-        )  # fmt: skip
-        omega = ("frequency", self.responses.omega, {"units": "rad/s", "long_name": "frequency"})
-        plants = ("sample", list(self.responses.plants))
-        return xr.Dataset(parts | dict(sets.data_vars), coords={"omega": omega, "plant": plants})
+    def to_dataset(self, answer: FoundCover) -> Dataset:
+        model, sets = answer.model, self.sets.to_dataset(answer.least)
+        return stored_cover(self.responses, model, self._norms(model), self.radii(model), sets)
 
     def from_dataset(self, data: Dataset) -> FoundCover:
-        systems = {name: restored_system(data, name) for name in ("nominal", "W_1", "W_2")}
-        model = MatrixModel(**systems, form=self.form)
-        return FoundCover(model, self.sets.from_dataset(data))
+        return FoundCover(restored_matrix_model(data, self.form), self.sets.from_dataset(data))
 
     def figures(self, answer: FoundCover) -> dict[str, Figure]:
-        norms = np.linalg.norm(self.deltas(answer.model), 2, axis=(2, 3))
-        omega, model = self.responses.omega, answer.model
-        nominal = system_response(model.nominal, omega)
-        discs = model.entry_discs(omega)
-        return {
-            "magnitudes": magnitudes_figure(omega, nominal, *discs, self.responses.values),
-            "radius": radius_figure(self.responses, self.radii(model), answer.least.radius),
-            "deltas": deltas_figure(self.responses, norms),
+        responses, model = self.responses, answer.model
+        nominal = system_response(model.nominal, responses.omega)
+        discs = model.entry_discs(responses.omega)
+        mu = {}
+        if self.loop is not None:
+            logs = self._mu_and_least(answer).values()
+            mu = {"mu": loop_mu_figure(responses, *(np.exp(each) for each in logs))}
+        return mu | {
+            "magnitudes": magnitudes_figure(responses.omega, nominal, *discs, responses.values),
+            "radius": radius_figure(responses, self.radii(model), answer.least.radius),
+            "deltas": deltas_figure(responses, self._norms(model)),
         }

@@ -21,7 +21,6 @@ from workbench._core.arrays import Array, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
-from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
 from workbench.uncertainty.matrix_covers.sections import SideOfWeights
 from workbench.uncertainty.matrix_covers.sets.loop import VOLUME_SHARE, loop_level, scaled_loop
 
@@ -101,9 +100,10 @@ class _Cost:
         self.start = np.concatenate([side.start for side in self.sides])
         self.ends = np.cumsum([side.start.size for side in self.sides])[:-1]
         self.of_loop = None
-        if isinstance(program, MatrixCoverForLoop):
+        if program.loop_response is not None:
             sides = [SideOfWeights(program.axis, unit, fits) for fits in (left, right)]
-            self.of_loop = _LoopCost(program, sides)
+            sizes = program.deviations.shape[2:]
+            self.of_loop = _LoopCost(program.loop_response, sizes, sides)
 
     def fits(self, x: RealArray) -> tuple[list[Rational], list[Rational]]:
         """The weights of both sides."""
@@ -149,11 +149,13 @@ def _for_channels(grip: RealArray, log: RealArray) -> RealArray:
 
 
 class _LoopCost:
-    """The soft maximum of log mu of the program's loop over the given frequencies."""
+    """The soft maximum of log mu of a loop over the given frequencies.
 
-    def __init__(self, program: MatrixCoverForLoop, sides: Sequence[SideOfWeights]) -> None:
-        self.loop, self.sides = program.loop_response, sides
-        self.sizes = program.deviations.shape[2:]
+    ``sizes`` are the numbers of channels of both sides.
+    """
+
+    def __init__(self, loop: Array, sizes: Sequence[int], sides: Sequence[SideOfWeights]) -> None:
+        self.loop, self.sizes, self.sides = loop, sizes, sides
 
     def __call__(
         self, parts: Sequence[RealArray], raise_: float, hardness: float

@@ -17,10 +17,10 @@ from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
-from workbench.uncertainty.matrix_covers.cover import FoundCover, MatrixCover
+from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.descent import descended, evolved
+from workbench.uncertainty.matrix_covers.found import FoundCover
 from workbench.uncertainty.matrix_covers.joint import smaller_weights
-from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
@@ -48,10 +48,9 @@ def _steps(program: MatrixCover, context: Context) -> Claim:
 
 def _for_loop(program: MatrixCover) -> str | None:
     """The reason why the objective is not a function of the weights' sizes only; None if it is."""
-    for_loop = isinstance(program, MatrixCoverForLoop)
-    return (
-        "joint minimises the size of sets, not the mu of a loop; take descent" if for_loop else None
-    )
+    if program.loop is None:
+        return None
+    return "joint minimises the size of sets, not the mu of a loop; take descent"
 
 
 @method(MatrixCover, "joint", optimal=False, unfit=_for_loop)
@@ -118,7 +117,7 @@ def _first(program: MatrixCover, context: Context) -> tuple[FoundCover, FittedWe
     """
     least, W_1, W_2 = _fitted(program, context)
     found = [(FoundCover(_reaching(program, W_1.system, W_2.system), least), W_1, W_2)]
-    if isinstance(program, MatrixCoverForLoop):
+    if program.loop is not None:
         _, W_1, W_2 = _fitted(program.without_loop(), context)
         found.append((FoundCover(_reaching(program, W_1.system, W_2.system), least), W_1, W_2))
     return min(found, key=lambda one: program.objective(one[0]))

@@ -99,6 +99,7 @@ class FoundSets(ProgramAnswer):
 class MatrixSets(Program):
     """The smallest sets Z + W_1 Delta W_2 with |Delta| <= 1 that contain N matrices.
 
+    It is the first step of a `MatrixCover`: no weights give smaller sets at a frequency.
     Frequencies are independent of each other.
 
     Parameters
@@ -129,7 +130,8 @@ class MatrixSets(Program):
     --------
     >>> import numpy as np
     >>> import workbench as wb
-    >>> from workbench.uncertainty import MatrixResponses, MatrixSets
+    >>> from workbench.uncertainty import MatrixResponses
+    >>> from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
     >>> rng, omega = np.random.default_rng(0), np.geomspace(0.1, 10, 6)
     >>> plants = 1 + 0.1 * rng.standard_normal((6, 5, 2, 2)) + np.eye(2)
     >>> responses = MatrixResponses(omega, plants + 0j)
