@@ -88,7 +88,6 @@ if TYPE_CHECKING:
     )
     from workbench.synthesis.switching.deviations import Deviations
     from workbench.synthesis.switching.loops import (
-        ControllerMode,
         SampledPlant,
         SwitchedLoop,
         closed_loop_transition,
@@ -110,7 +109,6 @@ __all__ = [
     "ApproximatedSystem",
     "BandwidthLimits",
     "ControlCover",
-    "ControllerMode",
     "Decentralised",
     "DemandConflict",
     "DemandCost",

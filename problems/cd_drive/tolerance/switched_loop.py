@@ -29,7 +29,6 @@ from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.simulation import sampled_model
 from workbench.synthesis import (
-    ControllerMode,
     SampledPlant,
     discretise,
     dropout_modes,
@@ -37,6 +36,7 @@ from workbench.synthesis import (
     replacement_modes,
     unswitched_modes,
 )
+from workbench.synthesis.switching.loops import Modes
 from workbench.systems.realisation import modal_form
 
 from ..diagnosis.stand_in import low_pass
@@ -72,9 +72,7 @@ def lens_model(
     return SampledPlant(P.A, P.B, P.C[:1], P.C[1:], K_optn * MICRO, PERIOD, filtered)
 
 
-def regulators(
-    K: StateSpace, strategy: Strategy, lower: StateSpace | None = None
-) -> tuple[ControllerMode, ControllerMode]:
+def regulators(K: StateSpace, strategy: Strategy, lower: StateSpace | None = None) -> Modes:
     """Controllers in clean parts and during defects, from continuous K and, for "lower", K'.
 
     Raises InputError for an unknown strategy, a missing K', and a K' with another slow pole than K.

@@ -15,7 +15,8 @@ from scipy.linalg import block_diag
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.synthesis.switching.loops import ControllerMode, Modes
+from workbench.synthesis.switching.loops import Modes
+from workbench.systems.realisation import realisation
 
 SLOW_POLE_TOLERANCE = 1e-6
 """Largest difference of two slow poles that count as equal, relative to their distance from 1."""
@@ -67,7 +68,7 @@ def unswitched_modes(controller: StateSpace) -> Modes:
     >>> bool(np.array_equal(clean.A, defect.A))
     True
     """
-    alone = _mode_of(split_slowest(controller))
+    alone = _mode_of(controller)
     return alone, alone
 
 
@@ -83,8 +84,8 @@ def dropout_modes(controller: StateSpace) -> Modes:
     >>> bool(clean.B.any()), bool(defect.B.any())
     (True, False)
     """
-    alone = _mode_of(split_slowest(controller))
-    return alone, ControllerMode(alone.A, 0 * alone.B, alone.C, 0 * alone.D)
+    alone = _mode_of(controller)
+    return alone, realisation((alone.A, 0 * alone.B, alone.C, 0 * alone.D), alone.dt)
 
 
 def filtering_modes(controller: StateSpace, F: StateSpace) -> Modes:
@@ -102,18 +103,14 @@ def filtering_modes(controller: StateSpace, F: StateSpace) -> Modes:
     >>> clean.A.shape  # the controller's state and that of the filter
     (2, 2)
     """
-    alone = _mode_of(split_slowest(controller))
+    alone = _mode_of(controller)
     n, both = len(alone.A), block_diag(alone.A, F.A)
     wide = np.hstack([alone.C, np.zeros((1, F.nstates))])
-    clean = ControllerMode(both, np.vstack([alone.B, F.B]), wide, alone.D)
+    clean = realisation((both, np.vstack([alone.B, F.B]), wide, alone.D), alone.dt)
     fed = both.copy()
     fed[:n, n:] = alone.B @ F.C
-    return clean, ControllerMode(
-        fed,
-        np.vstack([alone.B @ F.D, F.B]),
-        np.hstack([alone.C, alone.D @ F.C]),
-        alone.D @ F.D,
-    )
+    enter, leave = np.vstack([alone.B @ F.D, F.B]), np.hstack([alone.C, alone.D @ F.C])
+    return clean, realisation((fed, enter, leave, alone.D @ F.D), alone.dt)
 
 
 def replacement_modes(controller: StateSpace, other: StateSpace) -> Modes:
@@ -131,7 +128,7 @@ def replacement_modes(controller: StateSpace, other: StateSpace) -> Modes:
     >>> bool(abs(defect.B).sum() < abs(clean.B).sum())
     True
     """
-    a, _, _, B, C, _ = first = split_slowest(controller)
+    a, _, _, B, C, _ = split_slowest(controller)
     a2, b2, A2, B2, C2, D2 = split_slowest(other)
     if abs(a2 - a) > SLOW_POLE_TOLERANCE * abs(1 - a) + SLOW_POLE_ROUNDING:
         raise InputError(
@@ -139,15 +136,19 @@ def replacement_modes(controller: StateSpace, other: StateSpace) -> Modes:
             "over if they are the same"
         )
     one = np.array([[1.0]])
-    alone = _mode_of(first)
+    alone = _mode_of(controller)
     both = block_diag(alone.A, A2)
     none_1, none_2 = np.zeros_like(C), np.zeros_like(C2)
-    clean = ControllerMode(both, np.vstack([alone.B, B2]), np.hstack([one, C, none_2]), alone.D)
+    enter = np.vstack([alone.B, B2])
+    clean = realisation((both, enter, np.hstack([one, C, none_2]), alone.D), alone.dt)
     slow = np.vstack([[[b2]], B, B2])
-    return clean, ControllerMode(both, slow, np.hstack([one, none_1, C2]), np.array([[D2]]))
+    return clean, realisation(
+        (both, slow, np.hstack([one, none_1, C2]), np.array([[D2]])), alone.dt
+    )
 
 
-def _mode_of(K: SplitController) -> ControllerMode:
-    one = np.array([[1.0]])
+def _mode_of(controller: StateSpace) -> StateSpace:
+    """The controller with its slowest state first, which enters u with gain 1."""
+    K, one = split_slowest(controller), np.array([[1.0]])
     whole, enter = block_diag(K.a, K.A), np.vstack([[[K.b]], K.B])
-    return ControllerMode(whole, enter, np.hstack([one, K.C]), np.array([[K.D]]))
+    return realisation((whole, enter, np.hstack([one, K.C]), np.array([[K.D]])), controller.dt)

@@ -56,29 +56,10 @@ class SampledPlant:
     filter: FilterResponse
 
 
-@dataclass(frozen=True, eq=False)
-class ControllerMode:
-    """State space model of all controllers in one mode, from the measured error to u.
-
-    A (m, m), B (m, 1), C (1, m), D (1, 1).
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.synthesis import ControllerMode, discretise, unswitched_modes
-    >>> K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
-    >>> isinstance(unswitched_modes(K)[0], ControllerMode)
-    True
-    """
-
-    A: RealArray
-    B: RealArray
-    C: RealArray
-    D: RealArray
-
-
-Modes = tuple[ControllerMode, ControllerMode]
-"""The mode while the measurement is clean, and the mode while it has a defect."""
+Modes = tuple[StateSpace, StateSpace]
+"""All controllers, from the measured error to u, in the mode while the measurement is clean and in
+the mode while it has a defect. Both have the same states.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +119,11 @@ def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
     clean, defect = (
         (mode_transition(plant, mode), disturbance_input(plant, mode)) for mode in modes
     )
-    output = np.hstack([plant.output, np.zeros((1, len(modes[0].A)))])
+    output = np.hstack([plant.output, np.zeros((1, modes[0].nstates))])
     return SwitchedLoop(clean, defect, output, plant.dt, plant.filter)
 
 
-def mode_transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
+def mode_transition(plant: SampledPlant, mode: StateSpace) -> RealArray:
     """Matrix A of the loop (n + m, n + m) in one mode; the plant's states come first."""
     read = plant.gain * plant.measured
     return np.block(
@@ -150,7 +131,7 @@ def mode_transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
     )
 
 
-def disturbance_input(plant: SampledPlant, mode: ControllerMode) -> RealArray:
+def disturbance_input(plant: SampledPlant, mode: StateSpace) -> RealArray:
     """Matrix B of the loop (n + m, 1) in one mode, for the filtered disturbance H w as input."""
     return plant.gain * np.vstack([plant.B @ mode.D, mode.B])
 
