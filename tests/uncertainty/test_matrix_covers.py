@@ -264,7 +264,7 @@ def test_an_integrator_counts_as_unstable_wherever_its_bits_round_it(dt):
 def test_measured_data_of_python_control():
     omega = np.geomspace(0.1, 10, 12)
     data = [control.frd(each, omega, smooth=False) for each in family(3)]
-    responses = MatrixResponses.of_measurements(data, plants=["a", "b", "c"])
+    responses = MatrixResponses.from_frd(data, plants=["a", "b", "c"])
     np.testing.assert_allclose(
         responses.values, MatrixResponses.of_systems(family(3), omega).values
     )
@@ -318,7 +318,7 @@ LAG = control.ss(control.tf([1], [1, 1]))
         (lambda: MatrixResponses.of_systems([plant(), LAG], OMEGA), "differ"),
         (lambda: MatrixResponses.of_systems(plant(), OMEGA), "list"),
         (lambda: MatrixResponses.of_systems(["P"], OMEGA), "plant 1"),
-        (lambda: MatrixResponses.of_measurements([1.0]), "FrequencyResponseData"),
+        (lambda: MatrixResponses.from_frd([1.0]), "FrequencyResponseData"),
         (lambda: MatrixCover(VALUES, plant()), "MatrixResponses"),
         (lambda: MatrixCover(RESPONSES, LAG), "1 outputs and 1 inputs"),
         (lambda: MatrixCover(RESPONSES, bilinear_sampled(plant(), 0.01)), "dt = 0.01"),
@@ -375,3 +375,18 @@ def test_entries_that_do_not_change_are_covered_to_the_floor(method):
     metrics = program.metrics(solved(program, method))
     assert 1 - 1e-6 <= metrics["inflation_mean"] <= 1.3
     assert metrics["radius_mean_least"] > 1e-4
+
+
+def test_a_channel_of_matrix_responses_is_a_set_of_plants_with_one_input_and_output():
+    omega = np.geomspace(0.1, 10, 12)
+    lag = control.tf([1.0], [1.0, 1.0])
+    grow = control.tf([1.0], [1.0, -1.0])
+    plants = [control.combine_tf([[k * lag, lag], [lag, grow]]) for k in (1.0, 1.2)]
+    responses = MatrixResponses.of_systems([control.ss(each) for each in plants], omega)
+    stable, unstable = responses.channel(0, 0), responses.channel(1, 1)
+    np.testing.assert_allclose(stable.values[:, 1], 1.2 / (1 + 1j * omega), rtol=1e-12)
+    assert len(stable.known_plants) == 2
+    assert unstable.known_plants == {}
+    for channel in ((2, 0), (0, -1)):
+        with pytest.raises(InputError, match="numbered from 0|0 or more"):
+            responses.channel(*channel)

@@ -74,6 +74,11 @@ class InnovationsModel:
         """Spectral radius of A - K C; the one-step predictor is stable if it is below 1."""
         return float(np.max(np.abs(np.linalg.eigvals(self.A - self.K @ self.C)), initial=0.0))
 
+    @property
+    def lti(self) -> StateSpace:
+        """As `system`."""
+        return self.system()
+
     def system(self) -> StateSpace:
         """System from u to y, at the record's sampling time, with the names of its channels.
 

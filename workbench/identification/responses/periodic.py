@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.heavy_types import Dataset, Figure, FrequencyResponseData
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.record_tests.report import RecordReport
@@ -97,6 +97,13 @@ class ResponseEstimate:
     def omega(self) -> np.ndarray:
         """Angular frequencies (F,) [rad/s]."""
         return 2 * np.pi * self.frequency_hz
+
+    @property
+    def frd(self) -> FrequencyResponseData:
+        """The response as python-control's object, which has no place for the variance."""
+        import control
+
+        return control.frd(np.moveaxis(self.response, 0, -1), self.omega)
 
     def radius(self, *, confidence: float = 0.99) -> np.ndarray:
         """Radius of the disc in the complex plane that contains the true response.

@@ -10,13 +10,16 @@ import numpy as np
 
 from workbench._core.arrays import Array, RealArray
 from workbench._core.heavy_types import StateSpace
+from workbench.certify.stability import stability_of
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
-from workbench.fitting.samples import as_frequencies
+from workbench.fitting.samples import as_count, as_frequencies
 from workbench.input_checks import as_array, as_list
+from workbench.realisations import minimal_realisation
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.range_hints import warn_far_frequencies
+from workbench.uncertainty.responses.plants import Responses
 
 SAME_FREQUENCIES = 1e-9
 """Largest relative difference of frequencies that count as the same."""
@@ -112,14 +115,14 @@ class MatrixResponses:
         return cls(omega, values, plants=plants, dt=float(found[0].dt or 0.0), known=tuple(found))
 
     @classmethod
-    def of_measurements(cls, measured: Sequence[Any], *, plants: Any = None) -> MatrixResponses:
+    def from_frd(cls, systems: Sequence[Any], *, plants: Any = None) -> MatrixResponses:
         """Responses from python-control's FrequencyResponseData, all at the same frequencies."""
-        found = as_list(measured, "measured")
+        found = as_list(systems, "systems")
         try:
             omegas = [np.asarray(each.omega, dtype=float) for each in found]
             values = [np.moveaxis(np.asarray(each.frdata), -1, 0) for each in found]
         except AttributeError:
-            raise InputError("measured must be FrequencyResponseData of python-control") from None
+            raise InputError("systems must be FrequencyResponseData of python-control") from None
         for k, (omega, value) in enumerate(zip(omegas, values, strict=True)):
             if omega.shape != omegas[0].shape or not np.allclose(
                 omega, omegas[0], rtol=SAME_FREQUENCIES, atol=0
@@ -128,6 +131,24 @@ class MatrixResponses:
             if value.shape != values[0].shape:
                 raise InputError(f"plant {k + 1} has another number of inputs or outputs")
         return cls(omegas[0], np.stack(values, axis=1), plants=plants, dt=float(found[0].dt or 0.0))
+
+    def channel(self, output: int, input: int) -> Responses:
+        """Responses of one channel, by numbers from 0; known plants that are stable stay known.
+
+        Raises InputError for a channel that the plants do not have, and as `Responses` does.
+        """
+        sizes = self.values.shape[2:]
+        for name, number, size in zip(("output", "input"), (output, input), sizes, strict=True):
+            if not 0 <= as_count(name, number) < size:
+                raise InputError(f"{name} is {number}; the plants have {size}, numbered from 0")
+        known = [minimal_realisation(plant[output, input]).lti for plant in self.known]
+        return Responses(
+            omega=self.omega,
+            values=self.values[:, :, output, input],
+            plants=self.plants,
+            dt=self.dt,
+            known=[plant if stability_of(plant).holds else None for plant in known],
+        )
 
     @property
     def axis(self) -> RealArray:
