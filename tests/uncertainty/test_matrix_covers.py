@@ -388,5 +388,5 @@ def test_a_channel_of_matrix_responses_is_a_set_of_plants_with_one_input_and_out
     assert len(stable.known_plants) == 2
     assert unstable.known_plants == {}
     for channel in ((2, 0), (0, -1)):
-        with pytest.raises(InputError, match="numbered from 0|0 or more"):
+        with pytest.raises(InputError, match=r"numbered from 0|0 or more"):
             responses.channel(*channel)

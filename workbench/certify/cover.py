@@ -49,6 +49,8 @@ MOST_GRID_POINTS = 3000
 class FrequencyBounds:
     """Upper bounds over frequency with their multipliers.
 
+    Unlike `FrequencyResponseData`, it has bounds of mu, with their multipliers.
+
     ``omega`` (F,) [rad/s], increasing, ``M`` (F, c, r), ``upper`` (F,), and ``D_left`` (F, c, c),
     ``D_right`` (F, r, r), ``G`` (F, r, c) as `upper_bound` has them. ``least`` (F,) marks the
     bounds that are the least the method can find, not merely low enough; None: all of them.

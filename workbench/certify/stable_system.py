@@ -80,6 +80,9 @@ class Once:
 class StableSystem:
     """A stable continuous-time system; ``poles`` (n,) [rad/s] are its computed poles.
 
+    Unlike a `StateSpace`, it is known to be stable, and it keeps its poles and its distance
+    from the given system for proofs.
+
     For a sampled system with ``period`` T [s], the response is at v = 2 / T tan(omega T / 2)
     (bilinear transformation, in balls). All methods take frequencies v, except `plane` and
     `angular`.

@@ -71,6 +71,8 @@ class QuadraticFactor:
 class FactoredRational:
     """gain * prod(numerators) / prod(denominators), as a function of a vector of parameters (P,).
 
+    Unlike a `Rational`, it is a function of its parameters, with derivatives for searches.
+
     The vector holds the parameters of every numerator factor, of every denominator factor, and the
     gain.
     """

@@ -15,6 +15,8 @@ class FittedSystem(ProgramAnswer, control.StateSpace):
     """A StateSpace with the certificate of its fit. Systems computed from it are plain StateSpace
     objects.
 
+    Unlike a plain `StateSpace`, it is an answer with checks.
+
     ``value`` is the worst error of the fit.
 
     Examples

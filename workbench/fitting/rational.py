@@ -29,6 +29,9 @@ CONVERSION_ROUNDING = 1e-9
 class Rational(ProgramAnswer):
     """gain * prod(s - zeros) / prod(s - poles), proper, with real coefficients.
 
+    Unlike a `TransferFunction`, it keeps zeros and poles, which the coefficients of polynomials
+    lose to rounding.
+
     Parameters
     ----------
     zeros, poles

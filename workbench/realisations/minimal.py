@@ -41,6 +41,8 @@ gain.
 class MinimalRealisation(Answer):
     """A ``system`` with the fewest states, and the poles (k,) that were ``removed``.
 
+    Unlike a `StateSpace`, it is an answer with a proven error and with the removed poles.
+
     The largest gain of the difference over all frequencies is at most ``error``, not counting the
     part with poles on the boundary of stability. For that part, the first Markov parameters have
     relative errors of at most ``boundary_error``. The answer can be used as a system. ``sizes`` are

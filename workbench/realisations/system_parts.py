@@ -47,6 +47,8 @@ processors.
 class SystemParts(Answer):
     """A system as a sum of three parts: ``stable``, on the ``boundary``, and ``antistable``.
 
+    Unlike a `StateSpace`, it keeps three parts apart, with a proven error.
+
     The largest gain, over all frequencies, of the difference of the stable and the antistable part
     to the exact ones is at most ``error``. The first 2 k Markov parameters of the k states on the
     boundary have relative errors of at most ``boundary_error``. The states of the system are

@@ -18,6 +18,9 @@ from workbench.errors import InputError
 class Controller:
     """Any sampled controller, with its logic and memory.
 
+    Unlike a `StateSpace`, it is any compiled function of states and measurements, with logic
+    and memory.
+
     step        compiled function (state, parameters, measurement, output) of float arrays: reads
                 the measurement, and updates the state and the output in place; it must not change
                 the measurement, which other parts read as well;

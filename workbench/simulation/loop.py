@@ -95,6 +95,9 @@ class Trajectory(NamedTuple):
 class SampledLoop:
     """The whole loop except its controller.
 
+    Unlike a closed `StateSpace`, it is simulated: sensor and signals are any compiled
+    functions.
+
     plant             strictly proper system; its first `positions` outputs go to the sensor, the
                       others are channels that follow those of the sensor;
     sense             compiled sensor: position (q,), exogenous (w,), sense_parameters -> signals

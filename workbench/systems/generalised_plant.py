@@ -38,6 +38,9 @@ Signals = str | int | Sequence[str | int] | None
 class GeneralisedPlant:
     """A system with its uncertainty structure (None: no perturbation).
 
+    Unlike a `StateSpace`, it says which signals belong to the perturbation, the performance and
+    the controller.
+
     The first inputs and outputs belong to Delta, as many as `structure` has rows and columns. The
     last `controls` inputs and the last `measurements` outputs belong to K. The inputs between are
     exogenous, and the outputs between are performance. ``tested`` lists the tests of the records

@@ -26,7 +26,10 @@ Names = str | Sequence[str]
 
 @dataclass(frozen=True, eq=False)
 class NamedRealisation:
-    """A realisation M = [A B; C D] with named signals; dt None fits every sampling time."""
+    """A realisation M = [A B; C D] with named signals; dt None fits every sampling time.
+
+    Unlike a `StateSpace`, it is one matrix, so that many systems are joined in one step.
+    """
 
     M: Array
     states: int

@@ -23,6 +23,9 @@ to 0.
 class StandardPlant:
     """Matrices of a plant with inputs (w, u) and outputs (z, y).
 
+    Unlike a `GeneralisedPlant`, it has no names and no structure: it splits arrays into the
+    blocks of the Riccati equations.
+
     u are the last `controls` inputs and y the last `measurements` outputs. ``dt`` is the sampling
     time [s], 0 in continuous time.
     """

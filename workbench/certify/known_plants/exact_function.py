@@ -25,7 +25,10 @@ RESPONSE_BITS = 256
 
 @dataclass(frozen=True, eq=False)
 class ExactFunction:
-    """numerator / denominator, polynomials in s [rad/s] with rational coefficients."""
+    """numerator / denominator, polynomials in s [rad/s] with rational coefficients.
+
+    Unlike a `TransferFunction`, it has exact coefficients.
+    """
 
     numerator: fmpq_poly
     denominator: fmpq_poly

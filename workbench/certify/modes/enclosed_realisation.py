@@ -46,6 +46,9 @@ Coordinates = Callable[[RealArray, RealArray, RealArray], RealArray | None]
 class GivenRealisation:
     """Matrices of doubles as they were given, with gains that are multiplied without rounding.
 
+    Unlike a `StateSpace`, it keeps gains as factors, so that exact arithmetic starts from the
+    given numbers.
+
     A system with ``period`` [s] is sampled; with 0 it is continuous. Whichever realisation doubles
     work with, the proofs to many digits start from this one.
     """

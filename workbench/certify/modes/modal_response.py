@@ -40,7 +40,11 @@ ENTRIES_AT_ONCE = 500_000
 
 @dataclass(frozen=True, eq=False)
 class ModalResponse:
-    """A realisation A (n, n), B (n, r), C (c, n) with the eigenvalues and eigenvectors of A."""
+    """A realisation A (n, n), B (n, r), C (c, n) with the eigenvalues and eigenvectors of A.
+
+    Unlike a `StateSpace`, it keeps its eigenvectors, for enclosures of the response at many
+    frequencies.
+    """
 
     A: RealArray
     B: RealArray

@@ -34,7 +34,10 @@ SETTLED_FALL, PATIENCE = 1e-3, 3
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """All filters C (sI - A)^-1 B + D with the given A (n, n) and B (n, p)."""
+    """All filters C (sI - A)^-1 B + D with the given A (n, n) and B (n, p).
+
+    Unlike a `StateSpace`, it leaves C and D open, as the unknowns of a convex program.
+    """
 
     A: Array
     B: Array

@@ -96,6 +96,9 @@ class EstimationDemands:
 class FaultLoop:
     """A loop with all plants of a model; a sampled loop if a delay is given.
 
+    Unlike a closed `StateSpace`, it keeps its parts, from which the loop of each demand is
+    made.
+
     Parameters
     ----------
     model

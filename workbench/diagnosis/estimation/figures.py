@@ -17,7 +17,10 @@ from workbench.systems.generalised_plant import response
 
 
 class RequirementLoop(NamedTuple):
-    """The closed loop of one requirement, the blocks that close it, and its band [rad/s]."""
+    """The closed loop of one requirement, the blocks that close it, and its band [rad/s].
+
+    Unlike a closed `StateSpace`, it has the name and the band with which it is drawn.
+    """
 
     name: str
     system: StateSpace

@@ -58,6 +58,8 @@ class Channel(NamedTuple):
 class FaultFilter(DrawnController):
     """A filter u_f = K y with certified bounds of its errors on the whole set of plants.
 
+    Unlike a `StateSpace`, it has proven bounds of its errors for all plants.
+
     Norms are divided by the required bounds, so a peak below 1 meets its requirement. ``peaks``
     (requirements, 2) has the lower and the upper bound of each requirement's peak. ``stacked`` (2,)
     has those for all requirements together, at all frequencies. ``least`` is the least norm of all

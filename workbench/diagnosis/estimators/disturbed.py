@@ -21,6 +21,9 @@ from workbench.errors import InputError
 class DisturbedPlant:
     """The model on which an estimator of positions and disturbances is based.
 
+    Unlike a `StateSpace`, it keeps plant, disturbance and noise apart, because an estimator
+    needs each of them.
+
     plant     discrete and strictly proper; inputs: the known u and the disturbance; outputs: the
               measured y, then the other outputs to be estimated;
     rotation  the disturbance: the sum of the first states of the oscillators;

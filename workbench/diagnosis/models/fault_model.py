@@ -33,6 +33,8 @@ KINDS = ("controls", "disturbances", "faults", "noise")
 class FaultModel:
     """A system with named inputs, each a control, a disturbance, a fault or noise.
 
+    Unlike a `StateSpace`, it says which inputs are controls, disturbances, faults and noise.
+
     Residuals are to be decoupled from disturbances exactly; the effect of noise on them is only to
     be small.
 

@@ -26,6 +26,8 @@ STATE_SAMPLES = 300
 class InnovationsModel:
     """Innovations model: A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny).
 
+    Unlike a `StateSpace`, it also has the gain of the innovations, the offsets and the delays.
+
     The offsets (nu,) and (ny,) are subtracted from u and y. ``delay_samples`` [samples] (nu,) is
     the delay of each input; empty if there are no delays. ``dt`` [s] and the names and units of the
     channels are those of the record. ``members`` are the averaged models, if this model is an

@@ -44,6 +44,9 @@ class Measured(Protocol):
 class MeasuredResponse:
     """A measured frequency response with its model ``model(p, s)``.
 
+    Unlike a `ResponseEstimate`, it belongs to a model whose parameters are fitted to several
+    responses.
+
     Parameters
     ----------
     model

@@ -24,6 +24,8 @@ REALISATION_POINTS = 20
 class CommonPoleModel:
     """G with entries gain prod(x - zeros) / prod(x - poles) exp(-s delay), x = s or z = exp(s T).
 
+    Unlike a `StateSpace`, it has exact delays, and entries with the same poles.
+
     Parameters
     ----------
     entries

@@ -32,6 +32,9 @@ COUNT_ROUNDING = 1e-9
 class SignPerturbedRegion:
     """A confidence region for models of a structure, with exact confidence.
 
+    Unlike an `EstimateRegion`, it is exact for short records, and tells only whether a model
+    belongs to it.
+
     Parameters
     ----------
     structure

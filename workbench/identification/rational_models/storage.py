@@ -17,6 +17,8 @@ from workbench.identification.rational_models.model import CommonPoleModel
 class RationalModels(ProgramAnswer):
     """Fitted models of rising order, and the index of the chosen one.
 
+    Unlike a `StateSpace`, it holds the models of all orders that were tried.
+
     Examples
     --------
     >>> import numpy as np

@@ -24,6 +24,9 @@ Entries = list[tuple[int, int]]
 class ModelStructure:
     """Structure shared by the models of all orders.
 
+    Unlike a `Structure`, it says nothing on uncertainty: it has the numbers of zeros and the
+    delays that a fit may use.
+
     Parameters
     ----------
     excess

@@ -23,6 +23,9 @@ LEAST_EIGENVALUE = 1e-12
 class WeightedResponse:
     """Responses (F, p, m) at omega (F,) [rad/s], and the covariance of their errors.
 
+    Unlike a `ResponseEstimate`, it may have covariances between entries, and it is whitened for
+    a fit.
+
     Parameters
     ----------
     covariance

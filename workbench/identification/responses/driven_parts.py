@@ -152,6 +152,9 @@ def _need_other(u: RealArray, r: RealArray) -> None:
 class DrivenParts:
     """Responses (F, outputs + inputs, inputs) of the outputs and of the inputs to the excitations.
 
+    Unlike a `ResponseEstimate`, it has the responses of outputs and inputs before they are
+    divided.
+
     ``noise`` (F, outputs + inputs, outputs + inputs) and ``spread`` (F, inputs, inputs) give
     E[error_ai conj(error_bj)] = noise_ab spread_ij.
     """

@@ -43,6 +43,9 @@ FROM_OUTSIDE = "excitation from outside"
 class DrivenResponse(ResponseEstimate):
     """A response (Y / R) / (U / R) at the lines at which U shows the excitation R.
 
+    Unlike a `ResponseEstimate` in general, it is a quotient, with the joint covariance of its
+    two parts.
+
     Its `radius` is that of the disc about the estimate that contains Fieller's set. On average a
     share ``confidence`` of all these discs together contains the true response; some discs are
     unbounded. With several inputs, the discs of one output hold for all its inputs simultaneously.

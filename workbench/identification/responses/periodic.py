@@ -31,6 +31,8 @@ from workbench.identification.responses.assumptions import Assumptions, assess
 class ResponseEstimate:
     """A measured frequency response with its variance.
 
+    Unlike `FrequencyResponseData`, it has the variance of each entry.
+
     Parameters
     ----------
     frequency_hz
@@ -148,6 +150,8 @@ class ResponseEstimate:
 @dataclass(frozen=True, eq=False, repr=False)
 class PeriodicResponse(ResponseEstimate):
     """A response from averaged periods, with the noise of one period.
+
+    Unlike a `ResponseEstimate` in general, it also has the covariances of input and output.
 
     Parameters
     ----------

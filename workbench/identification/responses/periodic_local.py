@@ -47,6 +47,8 @@ NEAREST_SILENT = 6
 class PeriodicLocalResponse(ResponseEstimate):
     """A response at the excited harmonics, with the covariance due to noise.
 
+    Unlike a `ResponseEstimate` in general, it tells noise, distortion and transient apart.
+
     Parameters
     ----------
     covariance

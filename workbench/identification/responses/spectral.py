@@ -19,6 +19,9 @@ from workbench.input_checks import need_positive
 class SpectralResponse(ResponseEstimate):
     """A response from averaged spectra.
 
+    Unlike a `ResponseEstimate` in general, it also has the coherence and the spectrum of the
+    noise.
+
     Parameters
     ----------
     noise

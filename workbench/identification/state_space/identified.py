@@ -20,6 +20,8 @@ MODELS = ("predictor", "simulator")
 class IdentifiedModels(ProgramAnswer):
     """A model for each use, and the validation fits that chose their orders.
 
+    Unlike a `StateSpace`, it holds one model for predictions and one for simulations.
+
     ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
     simulators. ``dt`` [s] is the record's; ``candidates`` are those of a choice, if any.
     """

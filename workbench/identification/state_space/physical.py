@@ -32,6 +32,8 @@ FAR = 1e6
 class PhysicalModel:
     """A model from physics with unknown parameters.
 
+    Unlike a `StateSpace`, it is a function of parameters that are not known yet.
+
     Parameters
     ----------
     model

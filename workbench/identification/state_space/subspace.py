@@ -64,6 +64,8 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
 class SubspaceModels:
     """Models of all orders and several pasts from one pass over the experiments.
 
+    Unlike a `StateSpace`, it holds the factors from which models of any order are made.
+
     ``direct`` allows inputs to act within the sample (D may differ from zero).
     """
 

@@ -16,6 +16,8 @@ from workbench._core.heavy_types import TransferFunction
 class TransferFunctionEstimate:
     """B(s) / A(s), coefficients in descending powers of s.
 
+    Unlike a `TransferFunction`, it has the covariance of its coefficients.
+
     Parameters
     ----------
     numerator

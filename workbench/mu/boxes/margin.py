@@ -58,6 +58,8 @@ class BoxMargin:
     """Bounds of the margin: all perturbations up to ``lower`` keep stability, ``values`` (p,) of
     size ``upper`` do not.
 
+    Unlike a `StabilityMargin`, it is the result of one search, without a certificate.
+
     ``values`` is None where no unstable member was found. ``parts`` is the number of parts
     examined.
     """

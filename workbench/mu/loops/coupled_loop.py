@@ -48,7 +48,11 @@ MODULUS_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class CoupledLoops:
-    """Loops closed with negative feedback, and quantities that all of them share."""
+    """Loops closed with negative feedback, and quantities that all of them share.
+
+    Unlike a closed `StateSpace`, it has exact coefficients, and dead times where signals
+    return.
+    """
 
     channels: LateChannels
 
@@ -86,7 +90,10 @@ class CoupledLoops:
 
 @dataclass(frozen=True, eq=False)
 class CoupledLoop:
-    """The loop L = N / D of one channel, the others closed."""
+    """The loop L = N / D of one channel, the others closed.
+
+    Unlike an `ExactLoop`, it is opened at one channel, while others with dead time stay closed.
+    """
 
     whole: CoupledLoops
     channel: int

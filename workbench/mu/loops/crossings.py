@@ -52,6 +52,8 @@ class Crossing:
 class ExactLoop:
     """A loop of one channel with exact coefficients, in the plane where s = j x^(1/2).
 
+    Unlike a `StateSpace`, it has exact coefficients, so that no crossing is missed.
+
     ``system`` has its states; ``period`` [s] is 0 in continuous time.
     """
 

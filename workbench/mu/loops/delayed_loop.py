@@ -56,7 +56,10 @@ BORDER = 2.0**-140
 
 @dataclass(frozen=True, eq=False)
 class DelayedLoop:
-    """L = R exp(-s delay), with R as an `ExactLoop` in continuous time and the delay [s] exact."""
+    """L = R exp(-s delay), with R as an `ExactLoop` in continuous time and the delay [s] exact.
+
+    Unlike an `ExactLoop`, it has a dead time.
+    """
 
     rational: ExactLoop
     delay: Fraction

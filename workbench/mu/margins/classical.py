@@ -38,6 +38,8 @@ NOT_TOLD = "the data do not tell whether the closed loop is stable"
 class ClassicalMargins(Answer):
     """Every crossing of a loop that is closed with negative feedback, and the least margins.
 
+    Unlike `LoopMargins`, it is of one loop transfer function, with all its crossings.
+
     ``gains`` (K, 2): gain factors that put a pole of the closed loop on the axis, each with the
     frequency [rad/s] of that pole. ``phases_deg`` (K, 2): phase margin [deg] at each frequency with
     |L| = 1; negative ones are margins against lead. ``delays`` (K, 2): the least delay [s] that

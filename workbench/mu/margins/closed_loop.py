@@ -58,7 +58,11 @@ SET_TOLERANCE = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """The loop u = -K y of a plant and a controller; the other fields as in `loop_margins`."""
+    """The loop u = -K y of a plant and a controller; the other fields as in `loop_margins`.
+
+    Unlike a closed `StateSpace`, it keeps plant and controller apart, so that each channel can
+    be opened.
+    """
 
     plant: Any
     controller: Any

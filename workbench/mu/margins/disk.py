@@ -49,6 +49,8 @@ INFINITE_FACTOR = 1e-6
 class DiskMargin(Answer):
     """The disk of factors, one in each of ``channels`` at once, that a loop tolerates.
 
+    Unlike `LoopMargins`, it is the one factor that acts on gain and phase at once.
+
     The loop is proven stable for every |delta| below ``lower``. At size ``upper`` there are
     factors, ``worst`` by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None
     if one of them is an infinite gain, if the loop breaks only in the limit of infinite frequency,

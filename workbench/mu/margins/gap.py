@@ -57,7 +57,10 @@ class NuGap(Answer):
 
 @dataclass(frozen=True, repr=False)
 class CoprimeMargin(Answer):
-    """Bounds of b(P, K): the nu-gap below which every plant is stabilised by the controller."""
+    """Bounds of b(P, K): the nu-gap below which every plant is stabilised by the controller.
+
+    Unlike `LoopMargins`, it is one number for all channels, in the nu-gap.
+    """
 
     lower: float
     upper: float

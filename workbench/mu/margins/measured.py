@@ -59,6 +59,8 @@ results.
 class MeasuredLoop:
     """Responses L (F,) of one loop at rising frequencies [rad/s] (F,).
 
+    Unlike a `ResponseEstimate`, it is a loop transfer function of one channel.
+
     ``variance`` is E|error|^2 (F,), with the given number of real degrees of freedom; None if it is
     unknown.
     """
@@ -78,6 +80,8 @@ class MeasuredLoop:
 class MeasuredMargins(Answer):
     """Margins of a measured loop that is closed with negative feedback, as far as the data show
     them.
+
+    Unlike `ClassicalMargins`, it comes from data, with ranges.
 
     Each crossing is a row (K, 4): the margin, its frequency [rad/s], the lower and the upper end of
     its range. ``gains`` are factors on the gain at which L passes -1; ``phases_deg`` [deg] and

@@ -56,6 +56,9 @@ where the stability border is touched.
 class SetMargins(Answer):
     """Margins of one channel that every plant of a set keeps.
 
+    Unlike `ClassicalMargins`, it holds for every plant of a set, with the plant that is lost
+    first.
+
     The loops of all plants are stable for a gain between the ends of ``gain``, for a phase up to
     ``phase_deg`` [deg] of either sign, and for a delay up to ``delay`` [s]. Some plant's loop is
     unstable at each end of ``gain_lost``, at the phase ``phase_lost_deg`` [deg], and at the delay

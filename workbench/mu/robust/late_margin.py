@@ -71,7 +71,11 @@ TURN_FREQUENCIES = 12
 
 @dataclass(frozen=True, eq=False)
 class LateSystem:
-    """A system with known dead time, and the rational set that contains it."""
+    """A system with known dead time, and the rational set that contains it.
+
+    Unlike an `UncertainSystem`, it keeps the dead time beside the rational set that contains
+    it.
+    """
 
     given: UncertainSystem
     cover: UncertainSystem

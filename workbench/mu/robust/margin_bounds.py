@@ -38,6 +38,8 @@ LARGEST_TRIED = 1e3
 class StabilityMargin(Answer):
     """Bounds of the factor by which all uncertainty may grow before the system is unstable.
 
+    Unlike `LoopMargins`, it is the factor of a modelled uncertainty.
+
     Stability is proven for every perturbation smaller than ``lower``. ``worst`` is a perturbation
     of size ``upper``, by name, that makes the system unstable at ``omega`` [rad/s]: values of
     parameters, and dynamics as systems. ``worst`` is None, and ``upper`` infinite, if no
@@ -96,6 +98,8 @@ class StabilityMargin(Answer):
 @dataclass(frozen=True, eq=False, repr=False)
 class PerformanceMargin(Answer):
     """Bounds of the factor by which all uncertainty may grow before a gain exceeds its level.
+
+    Unlike a `StabilityMargin`, it keeps a gain, not only stability.
 
     For every perturbation of a size up to ``lower`` the largest gain is proven to stay below
     ``gain``; for some perturbation of size ``upper`` it is proven to reach ``gain``, at ``omega``

@@ -64,6 +64,8 @@ def rank_one_mu(real: ComplexArray, others: RealArray) -> RealArray:
 class RankOneLoop:
     """A loop with one multiplicative uncertainty and one channel w -> z, at frequencies (F,).
 
+    Unlike a closed `StateSpace`, it is two responses, for which mu has a formula.
+
     ``uncertain`` (F,) is the response seen by an uncertainty of size 1, ``performance`` (F,) the
     response from w to z.
 

@@ -25,6 +25,9 @@ DIAGONAL, RE, IM = 0, 1, 2
 class Pattern(NamedTuple):
     """Places of the unknowns in the compact multipliers and in the inequality.
 
+    Unlike a `Structure`, it has the indices of unknowns, computed once for all matrices of a
+    structure.
+
     ``left`` (c,) and ``right`` (r,) are the compact indices of the rows and columns of M. ``row``,
     ``column``, ``kind`` and ``skew`` (m,) describe the unknowns; ``skew`` marks those of G. The
     derivative of K by unknown k has the entries numbered ``first[k]`` to ``first[k + 1]``, at rows

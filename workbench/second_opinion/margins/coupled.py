@@ -26,6 +26,8 @@ REFINEMENTS = 4
 class TriedLoop:
     """The loop of channel ``channel`` of ``Q``; the first ``states`` signals are states.
 
+    Unlike a `CoupledLoop`, it is of the second opinion, which shares no code with the kernel.
+
     ``delays`` (d,) [s] belong to the signals after the states.
     """
 

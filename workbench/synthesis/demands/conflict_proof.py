@@ -65,6 +65,8 @@ LEAST_SHARE = 1e-9
 class DemandedLoop(LoopFunctions):
     """A loop with several weights; each one separately limits the set of T.
 
+    Unlike a closed `StateSpace`, it has no controller: weights limit the set of all T.
+
     ``more`` holds all weights. ``performance`` and ``control`` of the base class are the constant 1
     and a weight of K S.
     """

@@ -42,6 +42,8 @@ OFF_AXIS = 1e-3
 class Reach:
     """Result of the search for a controller that satisfies the weights on the nominal plant.
 
+    Unlike an `HinfController`, it may lack a controller, and then says how far none can reach.
+
     ``K``, with u = K e, satisfies each weight, and ``rows`` are the weighted norms; K is None if no
     such controller was found. ``bound`` is a lower bound on the largest weighted norm of every
     controller.

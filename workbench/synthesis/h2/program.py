@@ -43,6 +43,8 @@ proven.
 class H2Controller(drawn.DrawnController):
     """A controller u = K y with positive feedback, and the H2 norm of its loop.
 
+    Unlike a `StateSpace`, it has the proven H2 norm of its loop.
+
     ``norm`` is a proven upper bound. ``least`` is the norm of the best of all controllers; NaN if
     it is not known.
 

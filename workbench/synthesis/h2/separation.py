@@ -19,7 +19,10 @@ from workbench.systems.standard_plant import StandardPlant
 
 
 class Separated(NamedTuple):
-    """A controller K = (A, B, C, D), and the H2 norm of its loop computed from X and Y."""
+    """A controller K = (A, B, C, D), and the H2 norm of its loop computed from X and Y.
+
+    Unlike an `H2Controller`, it has arrays and is not certified yet.
+    """
 
     K: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
     norm: float

@@ -43,7 +43,10 @@ def controller(K: StateSpace, closed: StateSpace, unit: str = "") -> Figure:
 
 
 class DrawnController(ProgramAnswer, ABC):
-    """Base of answers that are controllers: it draws them."""
+    """Base of answers that are controllers: it draws them.
+
+    Unlike a `StateSpace`, it is an answer with checks and figures.
+    """
 
     @property
     @abstractmethod

@@ -44,6 +44,8 @@ CLAIM_TOLERANCE = 2.0 * NORM_TOLERANCE
 class HinfController(drawn.DrawnController):
     """A controller u = K y with positive feedback, and the norm of its loop.
 
+    Unlike a `StateSpace`, it has the proven norm of its loop.
+
     ``gamma`` is the level for which K was designed; ``norm`` is at most gamma. ``least`` is a level
     below which the method found no controller. It is NaN if a level was given, or if no such level
     is known because the plant had to be perturbed. If the controller shares poles with weights, K

@@ -34,6 +34,8 @@ LEVEL_ROUNDING = 1e-6
 class Central(NamedTuple):
     """A controller K = (A, B, C, D) whose loop has ``norm``, at most its level ``gamma``.
 
+    Unlike an `HinfController`, it has arrays, for a scaled plant, and is not certified yet.
+
     By the Riccati equations no level below ``lower`` has a controller. If rounding lets the norm be
     below this value, ``lower`` is the norm.
     """

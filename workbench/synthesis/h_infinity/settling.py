@@ -56,6 +56,8 @@ SETTLED_DISTANCE = 1e-2
 class Made(NamedTuple):
     """Result of a method for a scaled plant: a controller of the plant in its own units, or None.
 
+    Unlike an `HinfController`, it has arrays and numbers that are not certified yet.
+
     ``size`` is the norm of the loop, ``gamma`` the level, ``least`` a level that no controller
     reaches, and ``said`` the message so far.
     """

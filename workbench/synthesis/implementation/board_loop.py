@@ -25,6 +25,8 @@ from workbench.uncertainty import UncertaintyModel
 class BoardLoop:
     """A plant with the hold and the delay of the computer, and with an anti-aliasing filter.
 
+    Unlike a `HeldPlantLoop`, it has no controller yet.
+
     The parameters are those of `Implementation`.
     """
 

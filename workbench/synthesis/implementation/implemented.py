@@ -44,6 +44,9 @@ class ImplementedController(DrawnController):
     """A sampled controller with the coefficients of a number format, and certified bounds of its
     loop.
 
+    Unlike a `StateSpace`, it has the coefficients of a number format, with proven effects of
+    rounding.
+
     ``K`` is used like the given controller, u = sign K y; ``found`` is the method of
     discretisation. ``peak`` holds bounds on mu of the sampled loop for a set of plants.
     ``sensitivity`` is a certified bound on the peak of the loop's sensitivity. ``margins`` has an

@@ -22,6 +22,8 @@ from workbench.systems.realisation import in_words
 class ReducedController(Answer):
     """A controller with fewer states and the certified peak of its loop.
 
+    Unlike a `StateSpace`, it has the proven peak of its loop.
+
     The peak of mu of robust performance lies between ``lower`` and ``upper``. For a plant without
     uncertainty it is the peak of the gain, for a plant without performance the peak of mu of robust
     stability. If the loop is not ``stable``, both bounds are infinite.
@@ -79,6 +81,8 @@ class ReducedController(Answer):
 class ReducedControllers(Answer):
     """Reduced controllers of all orders tried, by increasing order; the last one is the given
     controller.
+
+    Unlike a `ReducedController`, it has one controller for each order.
 
     ``smallest`` is the controller of least order with a stable loop and a certified peak of at most
     the target; None if there is none.

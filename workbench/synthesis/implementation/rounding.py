@@ -44,7 +44,10 @@ class Rounding:
 
 @dataclass(frozen=True, eq=False)
 class ComputedForm:
-    """A controller (A, B, C, D) with the matrices E and F by which rounding errors enter."""
+    """A controller (A, B, C, D) with the matrices E and F by which rounding errors enter.
+
+    Unlike a `StateSpace`, it has inputs for rounding errors.
+    """
 
     A: RealArray
     B: RealArray

@@ -48,6 +48,9 @@ CRITICAL_TOLERANCE = 1e-6
 class SampledMargins:
     """Stability margins of the loop of one control signal while the other loops stay closed.
 
+    Unlike `ClassicalMargins`, it is of a controller on a computer, with delays in samples and a
+    hold.
+
     gain          factors below and above 1 between which the loop stays stable;
     phase_deg         margin [deg] in both directions, at `phase_at` [rad/s]; infinite where the
                   gain never passes 1;

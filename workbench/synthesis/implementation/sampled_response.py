@@ -28,6 +28,8 @@ SLOWEST_MODE = 1e-9
 class HeldPlantLoop:
     """The loop u = sign K y of a sampled controller around a plant with held inputs.
 
+    Unlike a closed `StateSpace`, it has a continuous plant behind a hold and a delay.
+
     The inputs are held for `period` [s] and are delayed by `delay` samples.
     """
 

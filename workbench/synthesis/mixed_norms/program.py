@@ -38,6 +38,8 @@ BOUND_TOLERANCE = 1e-4
 class H2HinfController(drawn.DrawnController):
     """A controller u = K y with positive feedback, and both norms of its loop.
 
+    Unlike a `StateSpace`, it has two proven norms of its loop.
+
     ``norm`` is the H2 norm of the performance channels and ``hinf_norm`` the H-infinity norm of the
     perturbation channels; both are proven upper bounds. ``bound`` is the bound on the H2 norm that
     one Lyapunov matrix common to both norms proves; NaN if there is none. The conic methods

@@ -20,6 +20,8 @@ LOG_OF_NOTHING = -700.0
 class CoveredPlants:
     """Responses of plants at the frequencies (F,) of a cover.
 
+    Unlike `Responses`, it has only arrays, interpolated to the frequencies of a search.
+
     known
         Plants (F, N) that are known as systems at every frequency.
     given

@@ -71,7 +71,10 @@ REFERENCE_FLOOR = 0.5
 
 @dataclass(frozen=True, eq=False)
 class LoopResponse:
-    """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles."""
+    """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles.
+
+    Unlike `FrequencyResponseData`, it chooses its frequencies from the poles of the loop.
+    """
 
     omega: RealArray
     M: NDArray[Any]

@@ -60,6 +60,9 @@ class _Loop(UncertainPart):
 class DrawnLoops:
     """The nominal loop and random ones, from exogenous inputs to performance, y and u.
 
+    Unlike a closed `StateSpace`, it holds random members of a set beside the nominal, for
+    figures.
+
     ``performance`` is the number of performance outputs, which come first; the measurements and the
     controls follow. ``units`` are the known units of signals, by name.
     """

@@ -15,6 +15,8 @@ from workbench.systems.realisation import in_words
 class MuController(DrawnController):
     """A controller u = K y with positive feedback, and certified bounds on the peak of mixed mu.
 
+    Unlike a `StateSpace`, it has proven bounds on the mu of its loop.
+
     The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the
     frequency of the lower bound. ``history`` holds the rounds of the iteration. ``peak`` holds the
     multipliers or scalings and the perturbation that prove the bounds.

@@ -28,6 +28,8 @@ CONTROLLER_PREFIX, SCALINGS_PREFIX = "controller_", "scalings_"
 class Iterate:
     """One round of an iteration.
 
+    Unlike a `MuController`, it has numbers that are not proven.
+
     ``peak`` is the largest mixed bound at the frequencies of the round, or the bound that its
     scalings prove for all frequencies. ``level`` is the level gamma of its H-infinity controller
     (NaN if there is none). ``fit`` is the largest relative miss of the fitted scalings (NaN if

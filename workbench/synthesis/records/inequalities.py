@@ -44,6 +44,9 @@ z.
 class ProvenFeedback(ProgramAnswer):
     """A gain u = K x with the proof of its level for every plant that agrees with the records.
 
+    Unlike a `StateSpace`, it is a gain of all states, with a proof for every plant that agrees
+    with the records.
+
     Y (n, n) is the inverse of the common Lyapunov matrix and ``multiplier`` the alpha of the
     S-lemma. ``level`` is the rate per sample, or the H2 or H-infinity norm. No Y and K satisfy the
     inequality for a level below ``bound``, which the rational ``dual`` proves; 0 without such a

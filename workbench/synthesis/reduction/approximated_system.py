@@ -135,6 +135,8 @@ class Reference:
 class ApproximatedSystem(Answer, control.StateSpace):
     """A StateSpace that approximates another one, with a proven bound on the error.
 
+    Unlike a plain `StateSpace`, it is an answer with checks.
+
     Operations on it give a plain StateSpace. The error is proven when it is first asked for.
 
     Examples

@@ -25,7 +25,10 @@ SLOW_POLE_ROUNDING = 1e-15
 
 
 class SplitController(NamedTuple):
-    """A controller as u = z + C f + D e, z' = a z + b e, f' = A f + B e."""
+    """A controller as u = z + C f + D e, z' = a z + b e, f' = A f + B e.
+
+    Unlike a `StateSpace`, it keeps the integrator apart, which is handed over at a switch.
+    """
 
     a: float
     b: float

@@ -27,6 +27,9 @@ FilterResponse = Callable[[RealArray], ComplexArray]
 class SampledPlant:
     """A plant with its measurement filter, sampled with u held over a period: x' = A x + B u.
 
+    Unlike a `StateSpace`, it has the exact response of its measurement filter beside the
+    sampled states.
+
     A is (n, n), B (n, 1). The plant's output is y = output x, and the filtered output is H y =
     measured x, both rows (1, n). `gain` is the factor k of the measured error, `period` the
     sampling period [s], and `filter` the response of H.
@@ -65,6 +68,8 @@ the mode while it has a defect. Both have the same states.
 @dataclass(frozen=True, eq=False)
 class SwitchedLoop:
     """Both modes of a loop: x[k + 1] = A_i x[k] + B_i H w[k], with the error w - output x.
+
+    Unlike a closed `StateSpace`, it has two transition matrices for the same states.
 
     `clean` and `defect` hold A_i (n, n) and B_i (n, 1) of each mode. `output` is (1, n), `period`
     the sampling period [s], and `filter` the response of H.

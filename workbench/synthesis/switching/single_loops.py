@@ -36,6 +36,8 @@ MU_TOLERANCE = 1e-2
 class MarginsOfPlants(NamedTuple):
     """Gain margins [dB], phase margins [deg] and growth rates [1/s] of closed loops.
 
+    Unlike `ClassicalMargins`, it has only arrays, for many controllers and plants.
+
     Each array is (controllers, SAMPLINGS, plants). Margins are NaN where the loop is unstable, that
     is, where its growth rate is not negative.
     """
@@ -48,6 +50,8 @@ class MarginsOfPlants(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class SingleLoops:
     """Loops of controllers with plants, by name.
+
+    Unlike a closed `StateSpace`, it holds many controllers and plants and closes each pair.
 
     Parameters
     ----------

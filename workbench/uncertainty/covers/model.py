@@ -43,6 +43,8 @@ from workbench.uncertainty.responses.plants import Responses
 class UncertaintyModel(Algebraic):
     """An uncertainty model: nominal, complex weight and, if the model is mixed, real weight.
 
+    Unlike an `UncertainSystem`, it keeps its weights as functions, as covers find them.
+
     Parameters
     ----------
     nominal, W_c, W_r

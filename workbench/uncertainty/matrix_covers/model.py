@@ -37,6 +37,9 @@ DRAWN = 200
 class MatrixModel(Algebraic):
     """The plants of a form (see `workbench.uncertainty.matrix_covers.forms`) with |Delta| <= 1.
 
+    Unlike an `UncertainSystem`, it keeps its nominal and its weights apart, so that the Delta
+    of a plant can be computed.
+
     Parameters
     ----------
     nominal, W_1, W_2

@@ -29,6 +29,9 @@ SAME_FREQUENCIES = 1e-9
 class MatrixResponses:
     """Responses (F, N, p, m) of N plants with p outputs and m inputs.
 
+    Unlike `Responses`, it has plants of several inputs and outputs, each known at every
+    frequency of the grid.
+
     Parameters
     ----------
     omega

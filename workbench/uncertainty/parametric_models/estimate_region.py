@@ -43,6 +43,8 @@ KNOWN = 1e-12
 class EstimateRegion(Algebraic):
     """The models with coefficients in a confidence region around those of an estimate.
 
+    Unlike an `UncertainSystem`, it is a confidence region and has a probability.
+
     Parameters
     ----------
     uncertainty

@@ -49,6 +49,9 @@ vertices.
 class ParametricModel(Algebraic):
     """State-space model with its real perturbations extracted, as made by `parametric_lft`.
 
+    Unlike an `UncertainSystem`, it keeps the function from parameters to matrices of which it
+    was made.
+
     The value of ``lft`` is [A B; C D]; ``repetitions`` holds for each parameter the number of
     channels before and after reduction. Deltas are a mapping from names to values, where missing
     parameters have their nominal value, or an array (..., P) in the order of ``parameters``. Deltas

@@ -36,6 +36,9 @@ from workbench.uncertainty.responses.ratios import Ratios
 class Responses:
     """Measured or computed responses of N >= 2 plants at F >= 2 frequencies.
 
+    Unlike an `UncertainSystem`, it is a finite set of plants with one input and one output,
+    known at frequencies.
+
     Parameters
     ----------
     omega, frequency_hz

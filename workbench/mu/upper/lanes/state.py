@@ -17,6 +17,8 @@ from workbench.mu.upper.lanes.simd import LANES, Lane
 class Places(NamedTuple):
     """Places of the multipliers: D and G are diagonal, with one number for each block.
 
+    Unlike a `Structure`, it has only arrays of indices, as compiled code reads them.
+
     ``left`` (c,) and ``right`` (r,) are the blocks of the rows and columns of M, ``blocks`` is
     their number. ``row`` and ``column`` (q,) are the channels of the real scalars.
     """

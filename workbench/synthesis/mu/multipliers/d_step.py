@@ -48,6 +48,8 @@ GUESS_SHARE = 0.8
 class ExtendedLoopResponse:
     """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles.
 
+    Unlike a `LoopResponse`, it reaches to frequencies where only scalings still change.
+
     Some frequencies lie farther out, where the response of the loop is constant but scalings may
     still change. ``corners`` is the range [rad/s] for the corners of scalings.
     """

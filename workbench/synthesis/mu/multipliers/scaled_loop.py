@@ -25,6 +25,8 @@ excess over the first one.
 class ScaledLoop:
     """A loop with scalings that have parameters ``x``, and the derivatives of the scalings.
 
+    Unlike a closed `StateSpace`, it has the derivatives of its scaled response.
+
     ``log_d`` (channels, F) is log d, ``phase`` (k, F) is arg m of the real channels, and
     ``entries`` holds the entries of T. Their derivatives by x, each of shape (rows, P, F), are
     ``functions_by_x`` of the logarithms of d, m_+ and m_-, ``phases_by_x`` of the phases of m_+ and

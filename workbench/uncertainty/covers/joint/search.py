@@ -61,7 +61,10 @@ frequencies at which it is evaluated.
 
 
 class FoundModel(NamedTuple):
-    """Nominal, real weight (None for circles) and complex weight, and their mean square size."""
+    """Nominal, real weight (None for circles) and complex weight, and their mean square size.
+
+    Unlike an `UncertaintyModel`, it is a candidate of a search, with its cost.
+    """
 
     nominal: Rational
     W_r: Rational | None

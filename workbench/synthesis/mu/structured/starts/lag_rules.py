@@ -48,6 +48,8 @@ PID_TERMS = tuple[float, float, float, float]
 class LagModel:
     """gain e^(-delay s) / s^integrators / product of (tau s + 1), slow lags first; times in s.
 
+    Unlike a `StateSpace`, it has the few numbers, and the delay, on which tuning rules depend.
+
     ``unstable``: the first lag is (tau s - 1) in place of (tau s + 1).
     """
 

@@ -44,7 +44,10 @@ frequencies.
 
 @dataclass(frozen=True)
 class Start:
-    """A stabilising controller, and the rule that found it."""
+    """A stabilising controller, and the rule that found it.
+
+    Unlike a `MuController`, it only stabilises: a search starts from it.
+    """
 
     K: StateSpace
     rule: str
