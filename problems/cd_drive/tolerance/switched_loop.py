@@ -24,8 +24,6 @@ from typing import Literal
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.simulation import sampled_model
 from workbench.synthesis import (
@@ -37,7 +35,8 @@ from workbench.synthesis import (
     replacement_modes,
     unswitched_modes,
 )
-from workbench.systems.realisation import modal_form
+from workbench.systems import modal_form
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ..diagnosis.stand_in import low_pass
 from ..drive.actuator import specific_model

@@ -48,7 +48,7 @@ from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 from workbench.uncertainty.matrix_sets.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import Shape, between_weights
+from workbench.uncertainty.matrix_sets.shapes import WeightShape, between_weights
 
 LEAST_GAP = 1e-4
 """A set counts as the smallest if its log size exceeds the proven bound by at most this."""
@@ -118,8 +118,8 @@ class MatrixCover(Program):
     nominal: Any
     _: KW_ONLY
     form: MatrixForm = "additive"
-    left: Shape = field(default="diagonal", kw_only=True)
-    right: Shape = field(default="diagonal", kw_only=True)
+    left: WeightShape = field(default="diagonal", kw_only=True)
+    right: WeightShape = field(default="diagonal", kw_only=True)
     left_order: int = field(default=2, kw_only=True)
     right_order: int = field(default=2, kw_only=True)
     floor: float = field(default=1e-3, kw_only=True)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.errors import InputError
-from workbench.synthesis import ControllerMode, SampledPlant, SwitchedBox
-from workbench.synthesis.switching.loops import mode_transition
+from workbench.synthesis import ControllerMode, SampledPlant, SwitchedBox, switched_loop
+from workbench.types import RealArray
 
 from ...control.control_problem import optical_gain
 from ...drive.actuator import SERIES_RESISTANCE
@@ -63,8 +62,8 @@ def parametric_box(
         return _continuous(axis, parameters)
 
     def loops(held: RealArray) -> tuple[RealArray, RealArray]:
-        clean, defect = (mode_transition(_late(axis, held), mode) for mode in modes)
-        return clean, defect
+        loop = switched_loop(_late(axis, held), modes)
+        return loop.clean[0], loop.defect[0]
 
     return SwitchedBox((low, high), plant, loops, PERIOD, FIRST_CELLS, halved=HALVED, dwells=DWELLS)
 
