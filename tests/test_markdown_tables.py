@@ -3,14 +3,14 @@
 import numpy as np
 import xarray as xr
 
-from workbench._core.tables import crossed, markdown
+from workbench._core.tables import crossed, markdown_table
 
 
 def test_a_matrix_has_a_row_for_each_label_of_its_first_dimension():
     values = xr.DataArray(
         [[1, 2], [3, 40]], coords={"kind": ["dot", "hair"], "found": ["dot", "missed"]}
     )
-    assert markdown(*crossed(values)).splitlines() == [
+    assert markdown_table(*crossed(values)).splitlines() == [
         "| kind | dot | missed |",
         "| ---- | --: | -----: |",
         "| dot  |   1 |      2 |",

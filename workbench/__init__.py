@@ -20,16 +20,19 @@ module.
 
 if TYPE_CHECKING:
     from workbench import certificate as certificate
+    from workbench import certify as certify
     from workbench import collections as collections
     from workbench import conic as conic
     from workbench import diagnosis as diagnosis
     from workbench import errors as errors
     from workbench import executor as executor
+    from workbench import figures as figures
     from workbench import fitting as fitting
     from workbench import geometry as geometry
     from workbench import identification as identification
     from workbench import mu as mu
     from workbench import optics as optics
+    from workbench import program as program
     from workbench import realisations as realisations
     from workbench import simulation as simulation
     from workbench import solvers as solvers
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
     from workbench import study as study
     from workbench import synthesis as synthesis
     from workbench import systems as systems
+    from workbench import types as types
     from workbench import uncertainty as uncertainty
     from workbench.api import compare, connect, load, problems, results, run, sweep, verify
     from workbench.bench.declare import problem, ref

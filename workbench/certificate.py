@@ -19,6 +19,19 @@ from workbench.solvers import Outcome
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
+__all__ = [
+    "EVERY_FREQUENCY",
+    "EVERY_PERTURBATION",
+    "THIS_SYSTEM",
+    "Certificate",
+    "Check",
+    "Checker",
+    "Gap",
+    "excess",
+    "quantified_checks",
+    "worst_value",
+]
+
 
 def distinct_texts(value: float, limit: float, *, digits: int = 6) -> tuple[str, str]:
     """A value and its limit as texts, with as many digits as are needed to tell them apart.

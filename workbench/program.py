@@ -35,6 +35,8 @@ from workbench.executor import Context
 from workbench.input_checks import need_kind
 from workbench.solvers import ConicSolver, Outcome, for_every_conic_solver
 
+__all__ = ["ANY_ACCURACY_ALIKE", "EVERY_ACCURACY", "Program", "conic_method", "method"]
+
 Claim = tuple[Any, Outcome, str]
 """Return value of a method: an answer or None, the outcome that it claims, and the solver's
 message.

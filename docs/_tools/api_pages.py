@@ -26,13 +26,17 @@ ROOMS = (
     "workbench.optics",
     "workbench.conic",
     "workbench.collections",
+    "workbench.program",
     "workbench.study",
     "workbench.starter",
     "workbench.executor",
     "workbench.structure",
     "workbench.certificate",
+    "workbench.certify",
     "workbench.solvers",
     "workbench.errors",
+    "workbench.figures",
+    "workbench.types",
     "workbench.bench.comparison",
 )
 """Rooms with a public face, in the order of the reference."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import DataArray, Figure
+from workbench.types import DataArray, Figure
 
 
 def ratio_bars(ratios: Mapping[str, float], x: str, wanted: Sequence[float] = ()) -> Figure:

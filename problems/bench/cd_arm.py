@@ -12,17 +12,14 @@ from typing import ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.identification.experiments.several import Experiments
-from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification import Experiments, InnovationsModel, StateSpaceFit
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
-from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
 from workbench.identification.state_space.selection import HORIZONS
 from workbench.study import Study, check, figure, metric
+from workbench.types import Array, DataArray, Dataset, Figure
 
 from ..cd_arm.identification import RECORD, arm_fit
 

@@ -14,10 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.types import Array, DataArray, Figure
 
 from .bars import ratio_bars
 

@@ -12,13 +12,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, problem, solve
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray
 from workbench.collections import read_plant
 from workbench.errors import InputError, WorkbenchError
 from workbench.executor import WALL_TIME, Context
 from workbench.study import Study, array, check, dim, metric, part, table
 from workbench.synthesis import HinfSynthesis
+from workbench.types import Array, DataArray
 
 from .compleib_cases import APKARIAN_NOLL, STABLE, TRAN_DINH, UNPUBLISHED, ZERO
 

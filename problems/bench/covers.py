@@ -11,13 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Options, problem, solve
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context, Workers
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium
 from workbench.study import Study, array, check, dim, figure, metric, part
+from workbench.types import Array, DataArray, Figure
 from workbench.uncertainty import (
     CircleCover,
     CoverSteps,

@@ -11,8 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, problem, solve
-from workbench._core.arrays import Array, RealArray
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
 from workbench.geometry import (
     NarrowestStadium,
@@ -21,6 +19,7 @@ from workbench.geometry import (
     smallest_circle,
 )
 from workbench.study import Study, array, check, dim, figure, metric, part
+from workbench.types import Array, DataArray, Figure, RealArray
 
 from .bars import ratio_bars
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
+from workbench.types import RealArray
 
 
 def interleaved(

@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.study import Study, array, check, dim, figure, metric, part
+from workbench.types import DataArray, Figure
 from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 from .bars import ratio_bars

@@ -13,13 +13,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, figures, problem
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import peak, upper_bound
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
-from workbench.systems.generalised_plant import response
+from workbench.systems import response
+from workbench.types import Array, DataArray, Figure, StateSpace
 
 CASES: dict[int, tuple[Block, ...]] = {
     3: (Real(1), Complex(1), Complex(1)),

@@ -11,13 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import lower_bound
 from workbench.mu.lower.methods import proposals
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.types import Array, DataArray, Figure
 
 from .bars import ratios_by_size
 from .interleaved import interleaved

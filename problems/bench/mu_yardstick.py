@@ -10,13 +10,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import WALL_TIME, Context, InProcess
 from workbench.mu import upper_bound
 from workbench.mu.upper.below import bounds_below
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.types import Array, DataArray, Figure
 
 from .bars import ratios_by_size
 from .interleaved import interleaved

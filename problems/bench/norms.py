@@ -10,9 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem, solve
-from workbench._core.arrays import Array, RealArray
-from workbench._core.heavy_types import DataArray, Figure, StateSpace
-from workbench.certify.norms import certified_norm
+from workbench.certify import certified_norm
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import peak
 from workbench.structure import Full, Real, Structure
@@ -20,8 +18,9 @@ from workbench.study import Study, array, check, dim, figure, metric, part, tabl
 from workbench.synthesis import MixedSensitivity
 from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.riccati import central_of
-from workbench.systems.realisation import realisation
+from workbench.systems import realisation
 from workbench.systems.standard_plant import standard_plant
+from workbench.types import Array, DataArray, Figure, RealArray, StateSpace
 
 from .bars import ratio_bars
 from .interleaved import interleaved

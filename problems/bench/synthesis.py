@@ -14,15 +14,14 @@ from pydantic import Field
 
 from workbench import Check, Study, problem, solve
 from workbench._core.arrays import BoolArray
-from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench._core.tables import markdown
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import upper_bound
+from workbench.study import markdown_table
 from workbench.synthesis import MuController, MuSynthesis, hinf
 from workbench.synthesis.h_infinity.riccati import central_controller
-from workbench.systems.generalised_plant import response
-from workbench.systems.storage import restored_system, stored_system
+from workbench.systems import response, restored_system, stored_system
+from workbench.types import Dataset, Figure, StateSpace
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.drive.shared_parameters import TABLES
@@ -191,9 +190,9 @@ class SynthesisSpeed(Study):
         return {"hinf": times_and_norms(answer)}
 
     def tables(self, answer: Dataset) -> dict[str, str]:
-        found = {"hinf": markdown(*of_plants(answer))}
+        found = {"hinf": markdown_table(*of_plants(answer))}
         if self.distillation:
-            found["distillation"] = markdown(*of_packages(answer))
+            found["distillation"] = markdown_table(*of_packages(answer))
         return found
 
 

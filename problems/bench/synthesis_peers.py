@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.systems.realisation import realisation
+from workbench.systems import realisation
+from workbench.types import StateSpace
 from workbench.uncertainty import GeneralisedPlant
 
 T = TypeVar("T")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import Rows
+from workbench.study import Rows
+from workbench.types import Dataset, Figure
 
 
 def times_and_norms(answer: Dataset) -> Figure:

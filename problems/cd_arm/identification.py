@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification import StateSpaceFit
 
 RECORD = "data/CD_player_arm.dat"
 ESTIMATION = 1024

@@ -11,8 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import Array, ComplexArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.mu import (
     Conditions,
@@ -25,6 +23,7 @@ from workbench.mu import (
 )
 from workbench.structure import Structure
 from workbench.study import Study, answers, array, check, dim, figure, metric, part
+from workbench.types import Array, ComplexArray, DataArray, Dataset, Figure, StateSpace
 from workbench.uncertainty import GeneralisedPlant
 
 from .equations import characteristic_roots, determinant, real_spring_mu

@@ -17,8 +17,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.structure import Complex
+from workbench.types import StateSpace, TransferFunction
 from workbench.uncertainty import GeneralisedPlant, Parameter, generalised_plant, parametric_lft
 
 M1, M2 = 1.0, 2.0

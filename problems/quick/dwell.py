@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 
 from workbench import problem
-from workbench._core.arrays import RealArray
 from workbench.synthesis import Mode, SwitchedStability
+from workbench.types import RealArray
 
 SAMPLE = 0.1
 """Sampling time of the cart [s]."""

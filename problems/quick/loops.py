@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench._core.heavy_types import StateSpace
 from workbench.structure import Structure
+from workbench.types import StateSpace
 from workbench.uncertainty import GeneralisedPlant
 
 from ..mass_spring.plant import simple_controller

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
+from workbench.types import ComplexArray, RealArray
 
 from .simulators.recorder import write_records
 from .simulators.stranger import Stranger

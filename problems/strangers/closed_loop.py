@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
+from workbench.types import RealArray
 
 from .simulators.rig import Rig
 from .simulators.stranger import Stranger

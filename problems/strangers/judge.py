@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
+from workbench.types import ComplexArray, RealArray
 
 from .simulators.linear import LinearPlant, linear_plants
 from .simulators.simc import loop, tuned

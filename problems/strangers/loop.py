@@ -12,10 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
 from workbench.executor import Context
+from workbench.study import markdown_table
+from workbench.types import Dataset, Figure, RealArray
 
 from .chain import Delivered, RefusedError, Way, delivered
 from .closed_loop import CController, Driven, driven, verdicts
@@ -185,12 +184,12 @@ class StrangerLoop(StrangerStudy):
 
     def tables(self, answer: Dataset) -> dict[str, str]:
         if answer.attrs["refused"]:
-            return {"judgement": markdown(["refused"], [[answer.attrs["refused"]]])}
+            return {"judgement": markdown_table(["refused"], [[answer.attrs["refused"]]])}
         rows = [
             [name, statement, f"{value:.3g}", "kept" if value <= 1.0 else "missed"]
             for name, statement, value in self._promises(answer)
         ]
-        return {"judgement": markdown(["what", "number", "at most 1", "verdict"], rows)}
+        return {"judgement": markdown_table(["what", "number", "at most 1", "verdict"], rows)}
 
     def figures(self, answer: Dataset) -> dict[str, Figure]:
         if answer.attrs["refused"]:

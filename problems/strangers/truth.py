@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from workbench import Check, figures, problem
-from workbench._core.heavy_types import Dataset, Figure
 from workbench.executor import Context
+from workbench.types import Dataset, Figure
 
 from .judge import bandwidth_of_simc, grid, true_responses
 from .simulators.linear import linear_plants

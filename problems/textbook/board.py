@@ -7,8 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench.synthesis import Implementation
-from workbench.synthesis.implementation.implemented import Precision
+from workbench.synthesis import Implementation, Precision
 
 from .first_order import unstable_first_order
 

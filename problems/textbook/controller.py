@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.synthesis import MuSynthesis, approximate
-from workbench.systems.storage import restored_system
+from workbench.systems import restored_system
+from workbench.types import StateSpace
 from workbench.uncertainty import GeneralisedPlant
 
 from ..mass_spring.plant import two_mass_plant

@@ -11,14 +11,24 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.executor import Context
-from workbench.identification.rational_models.model import CommonPoleModel
+from workbench.identification import CommonPoleModel
 from workbench.mu import performance_peak
-from workbench.study import Study, array, check, dim, figure, metric, part, system, table
-from workbench.study.draws import LEAST_COVERAGE_P, coverage_p
-from workbench.systems.generalised_plant import response
+from workbench.study import (
+    LEAST_COVERAGE_P,
+    Study,
+    array,
+    check,
+    coverage_p,
+    dim,
+    figure,
+    metric,
+    part,
+    system,
+    table,
+)
+from workbench.systems import response
+from workbench.types import ComplexArray, DataArray, Figure, RealArray, StateSpace
 from workbench.uncertainty import EstimateRegion
 
 from .estimate_to_mu import (

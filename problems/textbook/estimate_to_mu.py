@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
-from workbench._core.arrays import ComplexArray
-from workbench.fitting.rational import Rational
+from workbench.fitting import Rational
 from workbench.identification import ModelUncertainty, RationalModelFit
 from workbench.synthesis import MuSynthesis
+from workbench.types import ComplexArray
 from workbench.uncertainty import (
     EstimateRegion,
     GeneralisedPlant,

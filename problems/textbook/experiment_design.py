@@ -9,12 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem, solve
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
-from workbench.fitting.rational import Rational
+from workbench.fitting import Rational
 from workbench.identification import ExperimentDesign
 from workbench.synthesis import HinfSynthesis
-from workbench.systems.generalised_plant import response
+from workbench.systems import response
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from .estimate_to_mu import TRUE_PLANT, weighted_loop
 

@@ -9,14 +9,16 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref, solve
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
-from workbench.identification import CrestFactor, ModelUncertainty, RationalModelFit
-from workbench.identification.rational_models.model import CommonPoleModel
+from workbench.identification import (
+    CommonPoleModel,
+    CrestFactor,
+    ModelUncertainty,
+    RationalModelFit,
+)
 from workbench.mu import performance_peak
-from workbench.study import Study, array, check, dim, figure, metric
-from workbench.study.draws import LEAST_COVERAGE_P, coverage_p
+from workbench.study import LEAST_COVERAGE_P, Study, array, check, coverage_p, dim, figure, metric
+from workbench.types import DataArray, Figure, RealArray
 from workbench.uncertainty import EstimateRegion
 
 from .estimate_to_mu import TRUE_PLANT, weighted_loop

@@ -12,8 +12,6 @@ from pydantic import Field
 from scipy.linalg import expm
 
 from workbench import Check, problem
-from workbench._core.arrays import Array
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM
 from workbench.diagnosis import (
     FaultModel,
@@ -27,7 +25,8 @@ from workbench.diagnosis import (
     residual_response,
 )
 from workbench.study import Study, array, check, dim, figure, metric, part, system
-from workbench.systems.realisation import Matrices, realisation
+from workbench.systems import realisation
+from workbench.types import Array, DataArray, Dataset, Figure, StateSpace
 
 from . import fault_detection_figures as drawn
 from .fault_examples import (
@@ -270,7 +269,9 @@ class FaultDetection(Study):
         return {"steps": drawn.steps(answer), "matching": drawn.matching(answer)}
 
 
-def _residual_matrices(Q: StateSpace, model: FaultModel, A: Array) -> Matrices:
+def _residual_matrices(
+    Q: StateSpace, model: FaultModel, A: Array
+) -> tuple[Array, Array, Array, Array]:
     """State-space matrices from (faults, noise, controls) to the residuals, for a plant with this
     `A`.
     """
@@ -304,7 +305,7 @@ def _envelope(Q: StateSpace, model: FaultModel, time: Array) -> Array:
     return np.array([nominal, np.min(curves, axis=0), np.max(curves, axis=0)])
 
 
-def _steps(matrices: Matrices, time: Array) -> Array:
+def _steps(matrices: tuple[Array, Array, Array, Array], time: Array) -> Array:
     """Responses to unit steps of faults and controls (T, residuals, inputs), exact at
     the samples.
     """

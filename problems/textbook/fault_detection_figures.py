@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
+from workbench.types import Dataset, Figure
 
 LOOKS = {"exact": (figures.ORANGE, "exact isolation"), "approximate": (figures.BLUE, "least error")}
 TITLES = {

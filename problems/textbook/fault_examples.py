@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import FaultModel
-from workbench.systems.realisation import realisation
+from workbench.systems import realisation
+from workbench.types import StateSpace
 
 YUAN_ROWS = {"weak": 18, "strong": 12}
 """Number of attainable rows of `four_compartments`: weakly (generic), and strongly at 0 and 1

@@ -8,10 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.heavy_types import StateSpace
-from workbench.uncertainty import MatrixCover, MatrixResponses
-from workbench.uncertainty.matrix_covers.forms import MatrixForm
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape
+from workbench.types import StateSpace
+from workbench.uncertainty import MatrixCover, MatrixForm, MatrixResponses, WeightShape
 
 BAND = (0.05, 100.0)
 """First and last frequency [rad/s]."""
@@ -60,8 +58,8 @@ def scattered(count: int, rng: np.random.Generator) -> list[StateSpace]:
 @problem("two-by-two/matrix-cover", slow=True)
 def matrix_cover(
     form: MatrixForm = "additive",
-    left: Shape = "diagonal",
-    right: Shape = "diagonal",
+    left: WeightShape = "diagonal",
+    right: WeightShape = "diagonal",
     order: Annotated[int, Field(ge=0, le=8)] = 4,
     plants: Annotated[int, Field(ge=1, le=200)] = 20,
     frequencies: Annotated[int, Field(ge=10, le=1000)] = 100,

@@ -22,12 +22,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
 from workbench.mu import branch_and_bound
 from workbench.structure import Complex, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.types import DataArray, Figure, RealArray
 
 PARTS = (0.0, 0.01, 0.1)
 """Sizes of the complex parts, relative to the real scalars."""

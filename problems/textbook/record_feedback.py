@@ -10,9 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
-from workbench.synthesis.records.inequalities import Criterion
+from workbench.synthesis import FeedbackCriterion, FeedbackFromRecords, NoiseEnergy, StateRecords
+from workbench.types import RealArray
 
 A = np.array([[0.850, -0.038, -0.380], [0.735, 0.815, 1.594], [-0.664, 0.697, -0.064]])
 B = np.array([[1.431, 0.705], [1.620, -1.129], [0.913, 0.369]])
@@ -52,7 +51,7 @@ def bounded_records(
 
 @problem("textbook/{criterion}/record-feedback", criterion=("decay", "h2", "hinf"), slow=True)
 def record_feedback(
-    criterion: Criterion,
+    criterion: FeedbackCriterion,
     samples: Annotated[int, Field(ge=5, le=2000)] = 20,
     radius: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 0.2,
     draw: Annotated[int, Field(ge=0)] = 0,

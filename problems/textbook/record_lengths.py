@@ -14,12 +14,11 @@ from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
 from workbench import figures, problem, solve
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
 from workbench.solvers import Outcome
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
+from workbench.types import DataArray, Figure, RealArray
 
 from .record_feedback import A, B, C, D, bounded_records
 

@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench._core.heavy_types import DataArray, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.synthesis import MuSynthesis, reduce_order
+from workbench.types import DataArray, Figure, StateSpace
 from workbench.uncertainty import GeneralisedPlant
 
 from .controller import PLANTS

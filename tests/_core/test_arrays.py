@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from workbench._core.arrays import outward_single
+from workbench._core.arrays import single_precision_bounds
 
 
 @given(arrays(float, (3, 2, 4), elements=st.floats(allow_nan=True, allow_infinity=True)))
 def test_bounds_are_rounded_outward_by_one_spacing_at_most(bounds):
-    found = outward_single(bounds)
+    found = single_precision_bounds(bounds)
     assert found.dtype == np.float32
     wide = found.astype(float)
     known = ~np.isnan(bounds)
@@ -24,4 +24,4 @@ def test_bounds_are_rounded_outward_by_one_spacing_at_most(bounds):
 
 def test_what_single_precision_has_stays_as_it_is():
     bounds = np.array([[0.5, -np.inf, 0.0], [0.75, np.inf, 3.0]])
-    np.testing.assert_array_equal(outward_single(bounds), bounds)
+    np.testing.assert_array_equal(single_precision_bounds(bounds), bounds)

@@ -14,7 +14,7 @@ from workbench.certify.hamiltonian import ball_discs
 from workbench.certify.interval import certified_interval
 from workbench.certify.modes.enclosed_realisation import responds_sharply
 from workbench.certify.rounding import Enclosure
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.mu import peak
@@ -97,11 +97,11 @@ def test_a_resonance_before_a_chain_of_forty_equal_lags_is_proven_stable():
     B, C = np.eye(42, 1), np.ones((1, 42))
     system = stable_system(control.ss(A, B, C, 0))
     assert system.poles.real.max() == pytest.approx(-10.0)
-    assert stability_of(control.ss(A, B, C, 0)).holds
+    assert stability_check(control.ss(A, B, C, 0)).holds
     A[0, 0] = 30.0  # the resonance becomes unstable
     with pytest.raises(InputError, match="unstable: it has the pole"):
         stable_system(control.ss(A, B, C, 0))
-    assert not stability_of(control.ss(A, B, C, 0)).holds
+    assert not stability_check(control.ss(A, B, C, 0)).holds
 
 
 def test_blocks_are_those_of_every_matrix_enclosed():
@@ -118,7 +118,7 @@ def test_the_distance_of_repeated_poles_is_sharp(seed):
     """Doubles alone tell a tenth to a half of it, or nothing, as the last bits will have it."""
     turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(6, 6)))[0]
     A = turn @ (-np.eye(6) + np.diag(np.full(5, 1.7), -1)) @ turn.T
-    found = stability_of(control.ss(A, np.ones((6, 1)), np.ones((1, 6)), 0.0))
+    found = stability_check(control.ss(A, np.ones((6, 1)), np.ones((1, 6)), 0.0))
     assert found.value == pytest.approx(-1.0, abs=0.01)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from workbench.plants.textbook.fault_examples import two_actuators, unstable_sensor
 
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.diagnosis import (
     Clusters,
     DisturbedPlant,
@@ -196,8 +196,8 @@ def test_fault_estimation(call, words):
 
 
 def test_a_pole_at_the_origin_is_not_stable():
-    assert not stability_of(control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])).holds
-    assert stability_of(control.ss([], [], [], [[1.0]])).holds
+    assert not stability_check(control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])).holds
+    assert stability_check(control.ss([], [], [], [[1.0]])).holds
 
 
 DISC = control.ss([[0.9]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], 0.001)

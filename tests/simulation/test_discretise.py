@@ -7,8 +7,8 @@ from scipy.integrate import quad
 from scipy.signal import cont2discrete
 
 from workbench.errors import InputError
+from workbench.systems import bilinear_continuous
 from workbench.systems.sampling import (
-    continuous_system,
     hold,
     lowpass_weights,
     respond,
@@ -87,12 +87,12 @@ def test_continued_has_the_response_of_the_discrete_system():
     B, C = rng.standard_normal((4, 2)), rng.standard_normal((3, 4))
     system = control.ss(A, B, C, rng.standard_normal((3, 2)), 1e-3)
     omega = np.array([1.0, 50.0, 700.0, 3000.0])
-    found = continuous_system(system)(2e3j * np.tan(omega * 5e-4))
+    found = bilinear_continuous(system)(2e3j * np.tan(omega * 5e-4))
     np.testing.assert_allclose(found, system(np.exp(1j * omega * 1e-3)), rtol=1e-9)
-    with pytest.raises(InputError, match="pole at -1"):
-        continuous_system(control.ss(-1.0, 1.0, 1.0, 0.0, 1e-3))
+    with pytest.raises(InputError, match="pole at z = -1"):
+        bilinear_continuous(control.ss(-1.0, 1.0, 1.0, 0.0, 1e-3))
     with pytest.raises(InputError, match="is continuous"):
-        continuous_system(control.ss(-1.0, 1.0, 1.0, 0.0))
+        bilinear_continuous(control.ss(-1.0, 1.0, 1.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -102,8 +102,8 @@ def test_continued_has_the_response_of_the_discrete_system():
         (lambda: sampled_model("G", PERIOD), "system must be a StateSpace"),
         (lambda: sampled_model(plant(), -PERIOD), "dt is -0.001"),
         (lambda: sampled_model(control.tf([1, 0, 0], [1, 1]), PERIOD), "no realisation"),
-        (lambda: continuous_system(plant()), "the system is continuous"),
-        (lambda: continuous_system(None), "system must be a StateSpace"),
+        (lambda: bilinear_continuous(plant()), "the system is continuous"),
+        (lambda: bilinear_continuous(None), "system must be a StateSpace"),
         (lambda: respond(plant(), np.zeros((3, 2))), "the system is continuous"),
         (lambda: respond("G", np.zeros((3, 2))), "system must be a StateSpace"),
     ],
@@ -120,4 +120,4 @@ def test_a_transfer_function_is_sampled_too():
     step = np.ones((4, 1))
     discrete = control.tf(exact[0].ravel(), exact[1], 0.1)
     np.testing.assert_allclose(respond(held, step), respond(discrete, step), atol=1e-14)
-    assert np.isclose(continuous_system(discrete)(0.0), 0.6)
+    assert np.isclose(bilinear_continuous(discrete)(0.0), 0.6)

@@ -21,7 +21,7 @@ def test_means_of_groups_and_resampling_keeps_the_groups(groups, each):
     out = np.linspace(0.0, 1.0, groups * each)
     arm = group_means(out, group)
     np.testing.assert_allclose(arm, [out[group == g].mean() for g in range(groups)])
-    weight = bootstrap_weights(group, 50, np.random.default_rng(0))
+    weight = bootstrap_weights(group, np.random.default_rng(0), samples=50)
     for g in range(groups):
         assert (weight[:, group == g].sum(axis=1) == each).all()
     again = group_means(out, group, weight=weight)
@@ -62,7 +62,7 @@ def test_intervals_of_a_mean_cover_it_as_often_as_they_say():
     covered = 0
     for _ in range(300):
         score = 1.0 + rng.standard_normal(80)
-        means = group_means(score, group, weight=bootstrap_weights(group, 300, rng))
+        means = group_means(score, group, weight=bootstrap_weights(group, rng, samples=300))
         low, high = percentile_interval(means[:, 0], confidence=0.8)
         covered += low <= 1.0 <= high
     assert covered / 300 == pytest.approx(0.8, abs=0.06)
@@ -70,6 +70,6 @@ def test_intervals_of_a_mean_cover_it_as_often_as_they_say():
 
 def test_wrong_ensembles_are_named():
     with pytest.raises(InputError, match="2 or more"):
-        bootstrap_weights(np.zeros(3, int), 1, np.random.default_rng(0))
+        bootstrap_weights(np.zeros(3, int), np.random.default_rng(0), samples=1)
     with pytest.raises(InputError, match="confidence is 1"):
         percentile_interval(np.zeros(3), confidence=1.0)

@@ -246,8 +246,8 @@ def test_an_integrator_alone_has_its_closed_forms():
     for i, k in enumerate(gains):
         assert found.growth[i, 0, 0] == pytest.approx(-40.0 * k)
         assert found.growth[i, 1, 0] == pytest.approx(np.log(abs(1 - 40.0 * k * T)) / T)
-        assert found.phase[i, 0, 0] == pytest.approx(90.0)
-    assert np.isnan(found.phase[1, 1, 0])  # unstable when sampled
+        assert found.phase_deg[i, 0, 0] == pytest.approx(90.0)
+    assert np.isnan(found.phase_deg[1, 1, 0])  # unstable when sampled
 
 
 def test_robust_stability_of_an_uncertain_gain():

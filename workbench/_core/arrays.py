@@ -20,8 +20,19 @@ EPS = float(np.finfo(np.float64).eps)
 """Machine epsilon: the relative spacing of double-precision numbers near 1."""
 
 
-def outward_single(bounds: Any) -> NDArray[np.float32]:
-    """Lower and upper bounds (..., 2, F) in single precision, rounded outward to stay safe."""
+def single_precision_bounds(bounds: Any) -> NDArray[np.float32]:
+    """Lower and upper bounds (..., 2, F) in single precision, each rounded away from the other.
+
+    A study stores long curves of bounds so: what lies between them still does.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.study import single_precision_bounds
+    >>> lower, upper = single_precision_bounds([[0.1], [0.1]])
+    >>> bool(lower[0] < 0.1 < upper[0]), lower.dtype.name
+    (True, 'float32')
+    """
     exact = np.asarray(bounds, float)
     with np.errstate(over="ignore"):  # Numbers too large for single precision become infinite.
         rounded = exact.astype(np.float32)

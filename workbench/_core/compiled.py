@@ -33,7 +33,18 @@ def kernel(function: Callable[..., Any]) -> Any:
 
     Numba counts the references to every array argument, which takes longer than the arithmetic of a
     small function. Here the counting is switched off. So a function that makes an array does not
-    compile; slices of array arguments are allowed. Otherwise it is as `compiled`.
+    compile; slices of array arguments are allowed. The compiled code is cached on disk.
+
+    The step of a `workbench.simulation.Controller`, and what it calls, must be compiled by it.
+
+    Examples
+    --------
+    >>> from workbench.simulation import kernel
+    >>> @kernel
+    ... def limited(value, limit):
+    ...     return min(max(value, -limit), limit)
+    >>> limited(3.0, 2.0)
+    2.0
     """
     return _compile_and_cache(function, {"_nrt": False})
 

@@ -10,14 +10,23 @@ import numpy as np
 from workbench._core.heavy_types import DataArray
 
 Rows = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table."""
+"""Heads and rows of a table of a Study."""
 
 
-def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A Markdown table with columns of even width.
 
     Cells are texts or numbers; a column that holds only numbers is aligned to the right. Numbers
     are written with up to five significant digits; give a text for another format.
+
+    Examples
+    --------
+    >>> from workbench.study import markdown_table
+    >>> print(markdown_table(["drive", "gain"], [["A", 0.5], ["B", 12.0]]), end="")
+    | drive | gain |
+    | ----- | ---: |
+    | A     |  0.5 |
+    | B     |   12 |
     """
     cells = [[_text(cell) for cell in row] for row in rows]
     columns = list(zip(heads, *cells, strict=True))

@@ -39,7 +39,17 @@ def certified_norm(loop: StateSpace) -> float:
 
     Partial fractions prove it if eigenvectors in doubles are good enough. Otherwise the norm is the
     peak of mu for one full block, with the multipliers D = 1: intervals on which these multipliers
-    prove the bound cover the band from 0 to infinity, or to half the sampling rate.
+    prove the bound cover the band from 0 to infinity, or to half the sampling rate. It lies above
+    the norm by no more than a part in 10^4; `workbench.mu.h_infinity_norm` encloses the norm more
+    narrowly, from both sides.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.certify import certified_norm
+    >>> bound = certified_norm(control.ss(-1.0, 1.0, 3.0, 0.0))
+    >>> 3.0 <= bound <= 3.0003
+    True
     """
     parts = [np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D)]
     key = (*(part.tobytes() for part in parts), parts[3].shape, loop.dt)

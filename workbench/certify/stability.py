@@ -20,11 +20,18 @@ boundary: `verify` compares these distances to a part in 10^4.
 """
 
 
-def stability_of(loop: StateSpace) -> Check:
+def stability_check(loop: StateSpace) -> Check:
     """Check that all poles of a loop are proven to be stable.
 
     Stable poles lie left of the imaginary axis in continuous time, and within the unit circle in
     discrete time. The value is an upper bound of their distance beyond that boundary.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.certify import stability_check
+    >>> stability_check(control.ss(-1.0, 1.0, 1.0, 0.0)).holds
+    True
     """
     A = np.asarray(loop.A, dtype=float)
     if len(A) >= FEWEST_KEPT and np.isfinite(A).all():

@@ -8,7 +8,7 @@ from typing import Literal
 
 from workbench._core.heavy_types import Figure
 from workbench.errors import InputError
-from workbench.figures import BLACK, axes
+from workbench.figures.panels import BLACK, axes
 
 Point = tuple[float, float]
 SUM_RADIUS, DOT_RADIUS = 0.16, 0.05
@@ -99,7 +99,7 @@ def loop_diagram(kind: DiagramKind) -> Figure:
 
     Examples
     --------
-    >>> from workbench.figures.diagrams import loop_diagram
+    >>> from workbench.figures import loop_diagram
     >>> figure = loop_diagram("P-K")
     >>> len(figure.axes)
     1

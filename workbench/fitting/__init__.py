@@ -14,9 +14,10 @@ from workbench._core.on_demand import on_demand
 if TYPE_CHECKING:
     from workbench.fitting.fitted_system import FittedSystem
     from workbench.fitting.magnitude.program import MagnitudeFit, fit_magnitude
-    from workbench.fitting.rational import Rational
+    from workbench.fitting.rational import Rational, rational_of_system
     from workbench.fitting.response.matrix_fit import fit_matrix_response
     from workbench.fitting.response.program import ResponseFit, fit_response
+    from workbench.fitting.storage import rational_variables, restored_rational
 else:
     __getattr__, __dir__ = on_demand(__name__)
 
@@ -28,4 +29,7 @@ __all__ = [
     "fit_magnitude",
     "fit_matrix_response",
     "fit_response",
+    "rational_of_system",
+    "rational_variables",
+    "restored_rational",
 ]

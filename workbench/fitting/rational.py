@@ -184,6 +184,14 @@ def rational_of_system(system: StateSpace) -> Rational:
     ------
     InputError
         The argument is no system, not SISO, in discrete time, or not finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.fitting import rational_of_system
+    >>> function = rational_of_system(control.tf([2.0, 6.0], [1.0, 1.0]))
+    >>> function.zeros.real.tolist(), function.gain
+    ([-3.0], 2.0)
     """
     if not hasattr(system, "zeros"):
         raise InputError(f"a transfer function or state space is needed, not {system!r:.80}")

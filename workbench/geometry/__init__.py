@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from workbench.geometry.area import SmallestAreaStadium, smallest_area_stadium
     from workbench.geometry.circle import Circle, SmallestCircle, smallest_circle
     from workbench.geometry.enclosing import EnclosingStadium, Stadium
+    from workbench.geometry.figures import outline
     from workbench.geometry.stadium import NarrowestStadium, narrowest_stadium
     from workbench.geometry.stadium_arithmetic import (
         multiplied_sets,
@@ -32,6 +33,7 @@ __all__ = [
     "Stadium",
     "multiplied_sets",
     "narrowest_stadium",
+    "outline",
     "sets_around_nominal",
     "signed_distance",
     "signed_distance_bounds",

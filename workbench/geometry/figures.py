@@ -121,7 +121,15 @@ def sizes(axis: DataArray, answer: Shape, unit: str) -> Figure:
 
 
 def outline(answer: Shape) -> np.ndarray:
-    """Closed outlines of the shapes, complex, shape (sets, 2 * POINTS_OF_ROUND_END + 1)."""
+    """Closed outlines of circles or stadiums, complex; one row of points for each set.
+
+    Examples
+    --------
+    >>> from workbench.geometry import narrowest_stadium, outline
+    >>> line = outline(narrowest_stadium([[1.0, 3.0]]))[0]
+    >>> line.real.min().round(6), line.real.max().round(6), bool(line[0] == line[-1])
+    (np.float64(1.0), np.float64(3.0), True)
+    """
     half = np.linspace(-np.pi / 2, np.pi / 2, POINTS_OF_ROUND_END)
     center, radius = np.ravel(answer.center)[:, None], np.ravel(answer.radius)[:, None]
     length, angle = np.ravel(answer.half_length)[:, None], np.ravel(answer.angle)[:, None]

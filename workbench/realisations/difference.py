@@ -15,7 +15,7 @@ from workbench.certify.realisations.parts import (
     difference_of,
     gain_apart,
 )
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.realisations.system_parts import parts_of
 from workbench.systems.balancing import speed
@@ -47,7 +47,7 @@ def difference_bound(
         entering = None if entering is None else _timed(entering, rate)
     dt = float(system.dt or 0.0)
     stable, beside = (matrices_of(system), matrices_of(other)), 0.0
-    if not (stability_of(system).holds and stability_of(other).holds):
+    if not (stability_check(system).holds and stability_check(other).holds):
         try:
             parts, its = parts_of(system), parts_of(other)
         except InputError:  # poles that rounding cannot tell from the boundary

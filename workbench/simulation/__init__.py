@@ -7,6 +7,7 @@ Rests on: exact discretisation under a hold, and compiled loops.
 
 from typing import TYPE_CHECKING
 
+from workbench._core.compiled import kernel
 from workbench._core.on_demand import no_more_names
 from workbench.simulation.cascade import Cascade, Part
 from workbench.simulation.controllers import (
@@ -37,7 +38,7 @@ from workbench.simulation.switching import (
     ramped_gain,
     tracking_controller,
 )
-from workbench.systems.sampling import continuous_system, hold, respond, sampled_model
+from workbench.systems.sampling import hold, respond, sampled_model
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -57,13 +58,13 @@ __all__ = [
     "band_limited_noise",
     "blend",
     "bootstrap_weights",
-    "continuous_system",
     "discrete_system",
     "error_scores",
     "fault_subtractor",
     "group_means",
     "hold",
     "interval_gate",
+    "kernel",
     "linear_controller",
     "percentile_interval",
     "play",

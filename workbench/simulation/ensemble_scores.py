@@ -128,7 +128,7 @@ def balloon_size(means: ArrayLike, *, power: float = ARM_POWER) -> RealArray:
 
 
 def bootstrap_weights(
-    group: NDArray[np.int64], samples: int, rng: np.random.Generator
+    group: NDArray[np.int64], rng: np.random.Generator, *, samples: int = BOOTSTRAP_SAMPLES
 ) -> RealArray:
     """Weights (samples, circumstances): each group drawn from itself, with replacement.
 
@@ -138,7 +138,8 @@ def bootstrap_weights(
     --------
     >>> import numpy as np
     >>> from workbench.simulation import bootstrap_weights
-    >>> weights = bootstrap_weights(np.array([0, 0, 1, 1, 1]), 100, np.random.default_rng(0))
+    >>> group = np.array([0, 0, 1, 1, 1])
+    >>> weights = bootstrap_weights(group, np.random.default_rng(0), samples=100)
     >>> weights.shape, set(weights[:, :2].sum(axis=1).tolist())
     ((100, 5), {2.0})
     """

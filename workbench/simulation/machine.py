@@ -10,6 +10,7 @@ the loop was slower.
 from __future__ import annotations
 
 from functools import cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,22 @@ from workbench._core.compiled import inlined, kernel
 from workbench.simulation.converters import convert
 from workbench.simulation.steps import VECTOR, call3, call4
 
+_COMPILING = Lock()
+"""Held while the loop is compiled: threads that need it at the same time wait for one of them."""
 
-@cache
+
 def compiled_loop() -> tuple[Any, Any, Any]:
     """The compiled loop, and the first and last part of a sample, `look` and `move`.
 
     Controllers are passed by their addresses: otherwise each would need its own compiled loop. The
     compilation takes place at the first run.
     """
+    with _COMPILING:
+        return _compiled_once()
+
+
+@cache
+def _compiled_once() -> tuple[Any, Any, Any]:
     vector, (matrix, cube) = VECTOR, (types.Array(types.float64, n, "C") for n in (2, 3))
     counts, table = (types.Array(types.int64, n, "C") for n in (1, 2))
     groups = (

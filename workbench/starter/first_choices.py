@@ -21,7 +21,7 @@ from workbench.input_checks import need_positive
 from workbench.solvers import Options
 from workbench.uncertainty import Responses
 from workbench.uncertainty.covers.nominal import mean_response
-from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.covers.sets import CoverForm
 from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.responses.regions import region_radius
 
@@ -115,7 +115,7 @@ class FirstChoices:
     tested: tuple[str, ...] = field(default=(), kw_only=True)
     peak: float = field(default=np.nan, kw_only=True)
     shape: Shape = field(default="circle", kw_only=True)
-    form: Form = field(default="multiplicative", kw_only=True)
+    form: CoverForm = field(default="multiplicative", kw_only=True)
     states: int = field(default=0, kw_only=True)
 
 

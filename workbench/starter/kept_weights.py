@@ -17,13 +17,13 @@ from workbench.starter.first_choices import FirstChoices, Shape
 from workbench.synthesis import MuController, MuSynthesis
 from workbench.synthesis.mu.finish import with_few_states
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
-from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.covers.sets import CoverForm
 
 Structure = Literal["free", "pi", "pid"]
 """Structures of a controller: free, with the fewest states that meet the weights; PI; PID."""
 STEP, TRIES = 1.6, 8
 """Factor between the bandwidths that are tried, and how many are tried."""
-Cover = tuple[Shape, Form]
+Cover = tuple[Shape, CoverForm]
 """A shape of sets, and whether they are relative to the nominal."""
 COVERS: tuple[Cover, ...] = (
     ("circle", "multiplicative"),

@@ -2,11 +2,17 @@
 
 from typing import TYPE_CHECKING
 
+from workbench._core.array_cache import array_cache
+from workbench._core.arrays import single_precision_bounds
 from workbench._core.on_demand import no_more_names
+from workbench._core.tables import Rows, markdown_table
 from workbench.study.answers import answers
 from workbench.study.checks import check
-from workbench.study.declarations import array, arrays, dim, part, system, variables
+from workbench.study.declarations import array, arrays, dim, identifier, part, system, variables
 from workbench.study.draws import (
+    CLAIM_SHARE,
+    LEAST_COVERAGE_P,
+    SUMMARY,
     coverage_p,
     draws_summary,
     independent_seeds,
@@ -22,22 +28,30 @@ if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
 __all__ = [
+    "CLAIM_SHARE",
+    "LEAST_COVERAGE_P",
+    "SUMMARY",
+    "Rows",
     "Study",
     "answers",
     "array",
+    "array_cache",
     "arrays",
     "check",
     "coverage_p",
     "dim",
     "draws_summary",
     "figure",
+    "identifier",
     "independent_seeds",
     "interval_text",
     "lines",
+    "markdown_table",
     "metric",
     "part",
     "share_interval",
     "share_of_draws",
+    "single_precision_bounds",
     "system",
     "table",
     "variables",

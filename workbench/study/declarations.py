@@ -404,6 +404,13 @@ def system(over: Any = None, *, called: str = "") -> Any:
 
 
 def identifier(label: Any) -> str:
-    """A label as used in names of arrays and metrics: lower case, words joined by ``_``."""
+    """A label as used in names of arrays and metrics: lower case, words joined by ``_``.
+
+    Examples
+    --------
+    >>> from workbench.study import identifier
+    >>> identifier("Robust performance, D-K")
+    'robust_performance_d_k'
+    """
     text = str(label).lower()
     return "_".join("".join(one if one.isalnum() else " " for one in text).split())

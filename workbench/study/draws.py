@@ -19,7 +19,7 @@ DRAW = "draw"
 """Name of the dimension of repeated experiments."""
 CENTRAL = 0.9
 """Share of the draws that lie within the interval that is reported."""
-SURE = 0.95
+CLAIM_SHARE = 0.95
 """A claim "holds" if it is true in at least this share of the draws, and "fails" if it is true in
 at most one minus this share. Between the two it is undecided.
 """
@@ -160,8 +160,8 @@ def share_interval(holds: DataArray, *kept: str, confidence: float = 0.99) -> Da
 def verdict_of_share(share: float) -> str:
     """The verdict on a claim that holds in this share of the draws.
 
-    "holds" for a share of at least `SURE`, "fails" for one of at most 1 - `SURE`, "undecided"
-    between. Raises InputError for a share outside 0 to 1.
+    "holds" for a share of at least `CLAIM_SHARE`, "fails" for one of at most 1 - `CLAIM_SHARE`,
+    "undecided" between. Raises InputError for a share outside 0 to 1.
 
     Examples
     --------
@@ -171,9 +171,9 @@ def verdict_of_share(share: float) -> str:
     """
     if not 0.0 <= share <= 1.0:
         raise InputError(f"share of the draws is {share}; it must be from 0 to 1")
-    if share >= SURE:
+    if share >= CLAIM_SHARE:
         return "holds"
-    return "fails" if share <= 1.0 - SURE else "undecided"
+    return "fails" if share <= 1.0 - CLAIM_SHARE else "undecided"
 
 
 def coverage_p(covered: DataArray, promised: float) -> DataArray:

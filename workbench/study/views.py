@@ -8,7 +8,7 @@ from typing import Any
 
 from workbench import figures
 from workbench._core.heavy_types import Figure
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.study.declarations import Declaration, Function, identifier
 
 Get = Callable[[str], Any]
@@ -82,7 +82,7 @@ class Table(Declaration):
         value = self.value(study, get)
         every = value if isinstance(value, Mapping) else {stem(self.name): value}
         return {
-            name: one if isinstance(one, str) else markdown(*one)
+            name: one if isinstance(one, str) else markdown_table(*one)
             for name, one in every.items()
             if one is not None
         }

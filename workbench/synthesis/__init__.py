@@ -37,12 +37,16 @@ if TYPE_CHECKING:
     from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
     from workbench.synthesis.h_infinity.singular_plants.regularised import regularise
     from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
-    from workbench.synthesis.implementation.approximation import approximate, approximations
+    from workbench.synthesis.implementation.approximation import (
+        ReductionMethod,
+        approximate,
+        approximations,
+    )
     from workbench.synthesis.implementation.continuation import continuous_controller
     from workbench.synthesis.implementation.discretise import discretise
     from workbench.synthesis.implementation.export import export, load_controller
     from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
-    from workbench.synthesis.implementation.implemented import ImplementedController
+    from workbench.synthesis.implementation.implemented import ImplementedController, Precision
     from workbench.synthesis.implementation.program import Implementation
     from workbench.synthesis.implementation.reduced import ReducedController, ReducedControllers
     from workbench.synthesis.implementation.reduction import reduce_order
@@ -66,16 +70,16 @@ if TYPE_CHECKING:
     from workbench.synthesis.limits.loop_functions import LoopFunctions
     from workbench.synthesis.limits.loop_weights import LoopWeights
     from workbench.synthesis.mixed_norms.program import H2HinfController, H2HinfSynthesis
-    from workbench.synthesis.mu.control_cover import ControlCover
+    from workbench.synthesis.mu.control_cover import ControlCover, CoverPart
     from workbench.synthesis.mu.demand_cost import DemandCost
     from workbench.synthesis.mu.equalising_gain import equalising_gain
     from workbench.synthesis.mu.mu_controller import MuController
-    from workbench.synthesis.mu.program import MuSynthesis
+    from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
     from workbench.synthesis.mu.structured.norm.branching import GainBoxBound, least_norm_in_box
     from workbench.synthesis.operation.kept_demands import KeptDemands
     from workbench.synthesis.operation.working_loop import WorkingLoop
-    from workbench.synthesis.records.inequalities import ProvenFeedback
+    from workbench.synthesis.records.inequalities import FeedbackCriterion, ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
     from workbench.synthesis.records.record import NoiseEnergy, StateRecords
     from workbench.synthesis.reduction.approximated_system import ApproximatedSystem
@@ -95,7 +99,7 @@ if TYPE_CHECKING:
     )
     from workbench.synthesis.switching.modes import Mode
     from workbench.synthesis.switching.program import Dwell, SwitchedStability
-    from workbench.synthesis.switching.single_loops import SingleLoops
+    from workbench.synthesis.switching.single_loops import SAMPLINGS, MarginsOfPlants, SingleLoops
     from workbench.systems.weight import weight
 else:
     __getattr__, __dir__ = on_demand(__name__)
@@ -103,12 +107,15 @@ else:
 __all__ = [
     "DESIGNS",
     "PD",
+    "PEAK_TOLERANCE",
     "PI",
     "PID",
+    "SAMPLINGS",
     "AnalyticBasis",
     "ApproximatedSystem",
     "BandwidthLimits",
     "ControlCover",
+    "CoverPart",
     "Decentralised",
     "DemandConflict",
     "DemandCost",
@@ -119,6 +126,7 @@ __all__ = [
     "DualCertificate",
     "Dwell",
     "Family",
+    "FeedbackCriterion",
     "FeedbackFromRecords",
     "FixedCascade",
     "FixedPoint",
@@ -140,6 +148,7 @@ __all__ = [
     "LoopFunctions",
     "LoopShaping",
     "LoopWeights",
+    "MarginsOfPlants",
     "MixedSensitivity",
     "Modal",
     "Mode",
@@ -148,9 +157,11 @@ __all__ = [
     "NoiseEnergy",
     "ObserverForm",
     "Parametrised",
+    "Precision",
     "ProvenFeedback",
     "ReducedController",
     "ReducedControllers",
+    "ReductionMethod",
     "SampledConditions",
     "SampledMargins",
     "SampledPlant",

@@ -8,6 +8,8 @@ Rests on: state-space algebra; Gramians and Hamiltonian matrices for norms.
 from typing import TYPE_CHECKING
 
 from workbench._core.on_demand import no_more_names
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
+from workbench.systems.generalised_plant import response
 from workbench.systems.margins import (
     bands,
     bandwidths,
@@ -16,6 +18,8 @@ from workbench.systems.margins import (
     modulus_margin,
     search_grid,
 )
+from workbench.systems.realisation import modal_form, realisation
+from workbench.systems.storage import restored_system, stored_system
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -23,8 +27,15 @@ if not TYPE_CHECKING:
 __all__ = [
     "bands",
     "bandwidths",
+    "bilinear_continuous",
+    "bilinear_sampled",
     "crossings",
     "loop_response",
+    "modal_form",
     "modulus_margin",
+    "realisation",
+    "response",
+    "restored_system",
     "search_grid",
+    "stored_system",
 ]

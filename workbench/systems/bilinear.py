@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
+from workbench.input_checks import need_positive
+from workbench.systems.conversion import as_states
+from workbench.systems.joints import system_of
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant
 
@@ -55,25 +59,50 @@ def to_sampled(K: Matrices) -> Matrices:
     return back @ (A + np.eye(n)), root * back @ B, root * C @ back, D + C @ back @ B
 
 
-def bilinear_continuous(system: StateSpace) -> StateSpace:
+def bilinear_continuous(system: Any) -> StateSpace:
     """The continuous system of a sampled one by s = (2 / T) (z - 1) / (z + 1), sampling time T [s].
 
-    Its response at omega = (2 / T) tan(w T / 2) is the sampled one's at w [rad/s]. Raises
-    InputError for a pole at z = -1.
+    Its response at omega = (2 / T) tan(w T / 2) is the sampled one's at w [rad/s], so both have the
+    same stability and the same norm. Raises InputError for a continuous system, for one without a
+    sampling time, and for a pole at z = -1.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.systems import bilinear_continuous, bilinear_sampled
+    >>> sampled = bilinear_sampled(control.ss(-3.0, 1.0, 1.0, 0.0), dt=0.1)
+    >>> round(float(bilinear_continuous(sampled).poles()[0].real), 6)
+    -3.0
     """
+    system = as_states(system_of(system, "system"), "system")
+    if not system.dt or system.dt is True:
+        raise InputError("the system is continuous or has no sample time")
     rate = 2.0 / system.dt
     A, B, C, D = to_continuous((system.A, system.B, system.C, system.D))
     return realisation((rate * A, rate * B, C, D), 0.0)
 
 
-def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
-    """Inverse of `bilinear_continuous`: the system sampled every ``period`` [s].
+def bilinear_sampled(system: Any, dt: float) -> StateSpace:
+    """Inverse of `bilinear_continuous`: the system sampled every ``dt`` [s].
 
-    Raises LinAlgError for a pole at s = 2 / period.
+    Raises InputError for a system that is sampled already, and LinAlgError for a pole at
+    s = 2 / dt.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.systems import bilinear_sampled
+    >>> sampled = bilinear_sampled(control.tf([1.0], [1.0, 0.0]), dt=0.2)
+    >>> round(float(sampled.D[0, 0]), 6), sampled.dt  # the trapezoidal rule
+    (0.1, 0.2)
     """
-    rate = 2.0 / period
+    system = as_states(system_of(system, "system"), "system")
+    if system.dt:
+        raise InputError(f"the system is sampled already (dt = {system.dt}); give a continuous one")
+    need_positive(dt, "dt")
+    rate = 2.0 / dt
     A, B, C, D = to_sampled((system.A / rate, system.B / rate, system.C, system.D))
-    return realisation((A, B, C, D), period)
+    return realisation((A, B, C, D), dt)
 
 
 def in_continuous_plane(K: StateSpace) -> StateSpace:

@@ -287,6 +287,13 @@ def response(system: StateSpace, omega: ArrayLike) -> Array:
     """Frequency response of a StateSpace at `omega` [rad/s] (F,), shape (F, outputs, inputs).
 
     Raises InputError at a pole.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.systems import response
+    >>> response(control.ss(-1.0, 1.0, 1.0, 0.0), [0.0, 1.0]).ravel().round(3).tolist()
+    [(1+0j), (0.5-0.5j)]
     """
     part = named_realisation(system)
     s = 1j * np.atleast_1d(np.asarray(omega, dtype=float))

@@ -121,9 +121,19 @@ def _integrators(system: StateSpace, beside: Array, at_rest: float) -> int:
 
 
 def realisation(matrices: Matrices, dt: float | None, **labels: Any) -> StateSpace:
-    """A StateSpace with these matrices and all states; `labels` name its signals.
+    """A StateSpace with these matrices (A, B, C, D) and all states.
 
-    Raises InputError for entries that are not finite.
+    ``dt`` is its sampling time [s], 0 for continuous time. ``inputs``, ``outputs`` and ``states``
+    name its signals, as in `control.ss`. Raises InputError for entries that are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.systems import realisation
+    >>> one = np.eye(1)
+    >>> system = realisation((-one, one, one, 0.0 * one), 0.0, inputs=["u"], outputs=["y"])
+    >>> system.nstates, system.input_labels
+    (1, ['u'])
     """
     import control
 
@@ -178,6 +188,14 @@ def modal_form(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, Rea
     states of similar plants then have the same meaning, the contribution of each resonance to the
     output, so that one function of the state can serve all of them. Raises InputError for a real
     pole and for more than one output.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.systems import modal_form
+    >>> A, B, C = modal_form(np.array([[0.0, 1.0], [-4.0, -0.4]]), np.eye(2)[:, 1:], np.eye(2)[:1])
+    >>> A.round(2).tolist(), C.round(6).tolist()
+    ([[-0.2, 1.99], [-1.99, -0.2]], [[1.0, 0.0]])
     """
     poles, vectors = np.linalg.eig(A)
     up = [i for i in np.argsort(abs(poles)) if poles[i].imag > 0]

@@ -138,36 +138,6 @@ def _states_of(system: Any) -> StateSpace:
     return as_states(system_of(system, "system"), "system")
 
 
-def continuous_system(system: Any) -> StateSpace:
-    """The continuous system whose bilinear transform is the given discrete system.
-
-    Its response at frequency (2/T) tan(w T / 2) equals that of the discrete system at w, so both
-    have the same stability and the same norm. Raises InputError for a continuous system, and for
-    a pole at -1.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.simulation import continuous_system, discrete_system
-    >>> G = control.ss([[-3.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> round(float(continuous_system(discrete_system(G, 0.1)).poles()[0].real), 6)
-    -3.0
-    """
-    import control
-
-    system = _states_of(system)
-    if not system.isdtime(strict=True) or system.dt is True:
-        raise InputError("the system is continuous or has no sample time")
-    n, T = system.nstates, float(system.dt)
-    shifted = np.eye(n) + system.A
-    if n and np.linalg.cond(shifted) > 1e14:
-        raise InputError("the system has a pole at -1, half the sampling frequency")
-    inverse = np.linalg.inv(shifted)
-    a = 2 / T * inverse @ (system.A - np.eye(n))
-    b, c = 2 / math.sqrt(T) * inverse @ system.B, 2 / math.sqrt(T) * system.C @ inverse
-    return control.ss(a, b, c, system.D - system.C @ inverse @ system.B)
-
-
 def respond(system: Any, inputs: ArrayLike) -> RealArray:
     """Outputs (N, outputs) of a discrete-time system, initially at rest, for inputs (N, inputs).
 

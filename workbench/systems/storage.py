@@ -9,7 +9,17 @@ from workbench.systems.realisation import realisation
 
 
 def stored_system(name: str, system: StateSpace) -> dict[str, Any]:
-    """The system as variables of a dataset, under a name; `restored` reads them back."""
+    """The system as variables of a dataset, under a name; `restored_system` reads them back.
+
+    Examples
+    --------
+    >>> import control
+    >>> import xarray as xr
+    >>> from workbench.systems import restored_system, stored_system
+    >>> data = xr.Dataset(stored_system("controller", control.ss(-1.0, 1.0, 2.0, 0.0)))
+    >>> restored_system(data, "controller").C.tolist()
+    [[2.0]]
+    """
     state, output, entering = (f"{name}_{kind}" for kind in ("state", "output", "input"))
     dims = {
         "A": (state, f"{state}_"),
@@ -30,6 +40,16 @@ def stored_system(name: str, system: StateSpace) -> dict[str, Any]:
 
 
 def restored_system(data: Dataset, name: str) -> StateSpace:
-    """The system that `stored` put into the dataset under this name."""
+    """The system that `stored_system` put into the dataset under this name.
+
+    Examples
+    --------
+    >>> import control
+    >>> import xarray as xr
+    >>> from workbench.systems import restored_system, stored_system
+    >>> data = xr.Dataset(stored_system("plant", control.ss(-1.0, 1.0, 2.0, 0.0, 0.1)))
+    >>> restored_system(data, "plant").dt
+    0.1
+    """
     A, B, C, D = (data[f"{name}_{part}"].values for part in "ABCD")
     return realisation((A, B, C, D), float(data[f"{name}_dt"]))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         real,
     )
     from workbench.uncertainty.covers.circle_cover import CircleCover
+    from workbench.uncertainty.covers.everywhere import containment_check
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate
     from workbench.uncertainty.covers.orientation import (
@@ -35,13 +36,18 @@ if TYPE_CHECKING:
         narrowest_angles,
         smooth_orientation,
     )
+    from workbench.uncertainty.covers.sets import CoverForm
     from workbench.uncertainty.covers.stadium_cover import StadiumCover
     from workbench.uncertainty.covers.steps import CoverSteps
+    from workbench.uncertainty.covers.storage import cover_function, cover_sets
     from workbench.uncertainty.matrix_covers.cover import MatrixCover
+    from workbench.uncertainty.matrix_covers.forms import MatrixForm
     from workbench.uncertainty.matrix_covers.model import MatrixModel
     from workbench.uncertainty.matrix_covers.nominal import central_nominal
     from workbench.uncertainty.matrix_covers.responses import MatrixResponses
+    from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape
     from workbench.uncertainty.parametric_models.estimate_region import EstimateRegion
+    from workbench.uncertainty.parametric_models.factorial import factorial_response
     from workbench.uncertainty.parametric_models.members import members
     from workbench.uncertainty.parametric_models.model import ParametricModel, parametric_lft
     from workbench.uncertainty.parametric_models.parameters import (
@@ -59,10 +65,12 @@ else:
 __all__ = [
     "CircleCover",
     "Containment",
+    "CoverForm",
     "CoverSteps",
     "EstimateRegion",
     "GeneralisedPlant",
     "MatrixCover",
+    "MatrixForm",
     "MatrixModel",
     "MatrixResponses",
     "Orientation",
@@ -72,17 +80,22 @@ __all__ = [
     "StadiumCover",
     "UncertainSystem",
     "UncertaintyModel",
+    "WeightShape",
     "append",
     "block",
     "block_matrix",
     "central_nominal",
     "cheapest_orientation",
     "complex_scalar",
+    "containment_check",
     "contains",
+    "cover_function",
     "cover_of_estimate",
+    "cover_sets",
     "dead_time_approximation",
     "delay",
     "dynamics",
+    "factorial_response",
     "feedback",
     "generalised_plant",
     "interconnect",

@@ -24,12 +24,11 @@ from pathlib import Path
 import numpy as np
 
 from workbench import solve
-from workbench._core.arrays import RealArray
 from workbench.errors import InputError
-from workbench.identification.experiments.several import Experiments
+from workbench.identification import Experiments, StateSpaceFit
 from workbench.identification.state_space.folds import VALIDATION_SHARE, scored_fit
 from workbench.identification.state_space.identified import USES
-from workbench.identification.state_space.program import StateSpaceFit
+from workbench.types import RealArray
 
 from .catalogue import RECORDS, PublicRecord
 from .linear_peers import Fitting, nfoursid, sippy, statsmodels

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench._core.arrays import RealArray
-from workbench.identification.experiments.several import Experiments
+from workbench.identification import Experiments, InnovationsModel
 from workbench.identification.innovations.gains import innovation_gain
-from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.polynomials.regressions import arx_from_lags
+from workbench.types import RealArray
 
 Scaled = Callable[[RealArray, RealArray], InnovationsModel | None]
 """Function of scaled inputs (N, nu) and outputs (N, ny) that returns a model, or None."""

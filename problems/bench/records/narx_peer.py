@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench.identification.experiments.several import Experiments
+from workbench.identification import Experiments
 from workbench.identification.innovations.scaling import Scaling
+from workbench.types import RealArray
 
 from .linear_peers import Fitting
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.errors import InputError
-from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification import StateSpaceFit
+from workbench.types import RealArray
 
 from .catalogue import Columns, PublicRecord, Section
 

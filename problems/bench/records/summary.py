@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.tables import markdown
 from workbench.errors import InputError
 from workbench.identification.state_space.identified import USES
+from workbench.study import markdown_table
+from workbench.types import RealArray
 
 OURS = "workbench"
 NONLINEAR = "SysIdentPy, nonlinear"
@@ -82,7 +82,7 @@ def fits_table(found: list[Cell]) -> str:
         ]
         for cell in found
     ]
-    return markdown(["record", "use", *packages, "ahead of linear", "ahead of all"], rows)
+    return markdown_table(["record", "use", *packages, "ahead of linear", "ahead of all"], rows)
 
 
 def _points_or_dash(fit: float) -> str:
@@ -127,7 +127,7 @@ def standings(found: list[Cell]) -> str:
         "package", f"level within {NEAR} points or ahead", f"more than {FAR:g} points below",
         "median distance", "worst", "without a model",
     ]  # fmt: skip
-    return markdown(titles, rows)
+    return markdown_table(titles, rows)
 
 
 def duels(found: list[Cell]) -> str:
@@ -155,7 +155,7 @@ def duels(found: list[Cell]) -> str:
         )
     uses = [use.replace("_", " ") for use in USES]
     titles = ["beside", *uses, "both", f"more than {FAR:g} points below", "median", "worst"]
-    return markdown(titles, rows)
+    return markdown_table(titles, rows)
 
 
 def main() -> None:

@@ -8,9 +8,10 @@ import numpy as np
 from scipy import stats
 
 from workbench import solve
-from workbench._core.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray
 from workbench.identification import local_polynomial
 from workbench.identification.responses.of_records import record_responses
+from workbench.types import ComplexArray, RealArray
 from workbench.uncertainty import Responses, StadiumCover, contains
 from workbench.uncertainty.responses.regions import region_radius
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench._core.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import BoolArray
 from workbench.errors import InputError
-from workbench.identification import IdentificationWarning, local_response
+from workbench.identification import IdentificationWarning, ResponseEstimate, local_response
 from workbench.identification.responses.local_response import spaced_in_log
 from workbench.identification.responses.of_records import informative, mean_of_periods
-from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.types import ComplexArray, RealArray
 
 from .design import Case
 from .plants import Channel

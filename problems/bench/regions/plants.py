@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench._core.arrays import ComplexArray, RealArray
+from workbench.types import ComplexArray, RealArray
 
 
 @dataclass(frozen=True)

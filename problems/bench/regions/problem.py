@@ -9,10 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.executor import Context
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.types import DataArray, Figure, RealArray
 
 from .covers import BANDS, LENGTHS, heater_draw
 from .design import Case, cases

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench._core.arrays import RealArray
+from workbench.types import RealArray
 
 from .plants import Plant
 

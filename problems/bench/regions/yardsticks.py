@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench._core.arrays import RealArray
 from workbench.errors import InputError
-from workbench.identification import local_polynomial, local_rational
-from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.identification import ResponseEstimate, local_polynomial, local_rational
+from workbench.types import RealArray
 
 from .design import Case
 from .judged import Estimator, Judged, judged_with

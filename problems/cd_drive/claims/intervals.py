@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from workbench import Run
-from workbench._core.heavy_types import Dataset
+from workbench.types import Dataset
 
 from .items import Found, Quantity
 

@@ -6,7 +6,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 
-from workbench._core.tables import markdown
+from workbench.study import markdown_table
 
 from .assignments import TABLES, natural, variables
 from .items import Found, Item, Number
@@ -64,7 +64,7 @@ def thesis(judged: Judged, found: Lookup) -> str:
         anchor = chapter.lower().replace(" ", "-")
         parts += [
             f"## {chapter}",
-            markdown(["place", "the thesis says", "found", "verdict"], rows).rstrip(),
+            markdown_table(["place", "the thesis says", "found", "verdict"], rows).rstrip(),
             f"[The numbers of this chapter, and their runs](thesis-numbers.md#{anchor})",
         ]
     return "\n\n".join(parts) + "\n"
@@ -81,7 +81,7 @@ def every_number(judged: Judged, found: Lookup) -> str:
         ]
         parts += [
             f"## {chapter}",
-            markdown(["place", "number", "found", "limits", "run"], rows).rstrip(),
+            markdown_table(["place", "number", "found", "limits", "run"], rows).rstrip(),
         ]
     return "\n\n".join(parts) + "\n"
 
@@ -110,7 +110,7 @@ def _findings(judged: Judged) -> list[str]:
 def _questions() -> str:
     """The variables with their values."""
     rows = [[one.question, "; ".join(one.values.values())] for one in variables().values()]
-    return markdown(["question", "choices, the natural one first"], rows).rstrip()
+    return markdown_table(["question", "choices, the natural one first"], rows).rstrip()
 
 
 def _together(judged: Judged, found: Lookup) -> list[str]:

@@ -14,10 +14,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, figures, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import Dataset, Figure
-from workbench.bench.declare import Ref
 from workbench.study import Study, arrays, dim, figure, metric, part
+from workbench.types import Dataset, Figure, RealArray
 
 from . import page, summaries
 from .assignments import Assignment, asked, assignments, natural, settable
@@ -61,7 +59,7 @@ STORED = 1e-12
 TABLES = ("readings.toml", "summaries.csv", "findings.toml", *map(file_of, NAMES))
 
 
-def needs(draws: int = 50, **_: Any) -> dict[str, list[Ref]]:
+def needs(draws: int = 50, **_: Any) -> dict[str, list[Any]]:
     """References to every run from which a number comes, with this number of draws for random
     experiments.
     """

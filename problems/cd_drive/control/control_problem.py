@@ -14,13 +14,15 @@ import math
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.fitting.rational import Rational
-from workbench.systems.connection import generalised_plant
-from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.uncertainty import UncertaintyModel
-from workbench.uncertainty.parametric_models.model import ParametricModel
+from workbench.fitting import Rational
+from workbench.types import StateSpace
+from workbench.uncertainty import (
+    GeneralisedPlant,
+    ParametricModel,
+    UncertaintyModel,
+    generalised_plant,
+)
 
 from ..drive.plants import ANTIALIASING
 from ..drive.tables import Axis, check_axis, drives

@@ -11,9 +11,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.synthesis import MuSynthesis, approximate
+from workbench.types import StateSpace
 
 from ..drive.plants import Gain
 from ..drive.plants import controller as reference

@@ -13,15 +13,13 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
-from workbench.fitting.rational import Rational
+from workbench.fitting import Rational
 from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, check, dim, figure, metric, table
-from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
-from workbench.uncertainty.covers.storage import cover_sets
+from workbench.types import DataArray, Figure, RealArray
+from workbench.uncertainty import GeneralisedPlant, UncertaintyModel, cover_sets
 
 from ..drive.plants import controller
 from ..drive.shared_parameters import TABLES, Frequencies

@@ -6,8 +6,12 @@ from typing import Any, Literal
 
 from workbench import Run, ref
 from workbench.synthesis import regularise
-from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
-from workbench.uncertainty.covers.storage import cover_function
+from workbench.uncertainty import (
+    GeneralisedPlant,
+    ParametricModel,
+    UncertaintyModel,
+    cover_function,
+)
 
 from ..drive.plants import Gain
 from ..drive.tables import Axis

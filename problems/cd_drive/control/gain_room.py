@@ -12,12 +12,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Run, figures, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Figure
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.mu import GainRoom, Peak, PeakChecker, RoomChecker, gain_room, performance_peak
 from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
+from workbench.types import DataArray, Figure, RealArray
 from workbench.uncertainty import GeneralisedPlant
 
 from ..drive.plants import controller

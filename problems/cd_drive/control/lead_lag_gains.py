@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from flint import fmpq_mat, fmpq_poly
+from flint import fmpq, fmpq_mat, fmpq_poly
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
-from workbench.certify.known_plants.exact_function import exact_rational
 from workbench.errors import InputError
+from workbench.types import RealArray, StateSpace
 
 UNITS = {
     "proportional_gain": "V/unit",
@@ -101,13 +99,18 @@ def transfer_polynomials(K: StateSpace) -> tuple[fmpq_poly, fmpq_poly]:
         )
     A, B, C = (_exact(matrix) for matrix in (K.A, K.B, K.C))
     denominator = A.charpoly()
-    numerator = (A - B * C).charpoly() + (exact_rational(K.D[0, 0]) - 1) * denominator
+    numerator = (A - B * C).charpoly() + (_rational(K.D[0, 0]) - 1) * denominator
     return numerator, denominator
+
+
+def _rational(number: float) -> fmpq:
+    """A finite double, exactly."""
+    return fmpq(*float(number).as_integer_ratio())
 
 
 def _exact(matrix: RealArray) -> fmpq_mat:
     rows, columns = matrix.shape
-    return fmpq_mat(rows, columns, [exact_rational(entry) for entry in matrix.ravel()])
+    return fmpq_mat(rows, columns, [_rational(entry) for entry in matrix.ravel()])
 
 
 def _real_poles(denominator: fmpq_poly) -> list[float]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
-from workbench.fitting.rational import Rational
+from workbench.fitting import Rational
 from workbench.mu import RankOneLoop
 from workbench.synthesis import AnalyticBasis, ControlCover, LoopWeights
+from workbench.types import RealArray, StateSpace
 from workbench.uncertainty import Responses, UncertaintyModel
 
 from ..drive.plants import ANTIALIASING

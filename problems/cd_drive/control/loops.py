@@ -7,8 +7,8 @@ Tolerant Control of CD-players (2003).
 
 from __future__ import annotations
 
-from workbench._core.heavy_types import StateSpace
 from workbench.simulation import sampled_model
+from workbench.types import StateSpace
 
 from ..drive.plants import Gain, controller, nominal_parameters, plant, total_gain, total_gains
 from ..drive.tables import Axis, Values, drives

@@ -14,11 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, figures, problem
-from workbench._core.heavy_types import Figure
-from workbench._core.tables import markdown
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.mu import performance_sweep
+from workbench.study import markdown_table
 from workbench.synthesis import LeadLag, MuController, MuSynthesis
+from workbench.types import Figure
 
 from ..drive.plants import Gain
 from ..drive.plants import controller as reference
@@ -99,7 +99,7 @@ class MuPid(MuSynthesis):
         rows.append(["zeros [Hz]", *(each.zeros() for each in both)])
         peaks = [f"{peak:.4f}" for peak in (self.reference_peak, answer.upper)]
         rows.append(["certified peak of mu", *peaks])
-        return {"gains": markdown(["", "reference", "designed"], rows)}
+        return {"gains": markdown_table(["", "reference", "designed"], rows)}
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
         assert self.start is not None

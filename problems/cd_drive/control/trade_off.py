@@ -22,13 +22,12 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 from scipy.signal import butter
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
-from workbench.fitting.rational import Rational
+from workbench.fitting import Rational
 from workbench.synthesis import known_disturbance_bound
 from workbench.synthesis.h_infinity.riccati import central_controller
 from workbench.systems.norms import hinf_norm
+from workbench.types import RealArray, StateSpace
 from workbench.uncertainty import GeneralisedPlant, generalised_plant
 
 from ..drive.disc import VELOCITY

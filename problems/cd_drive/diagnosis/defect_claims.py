@@ -6,10 +6,8 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from workbench import Check
-from workbench._core.heavy_types import DataArray
-from workbench._core.tables import markdown
-from workbench.study import share_of_draws, verdict_of_share
-from workbench.study.draws import SURE
+from workbench.study import CLAIM_SHARE, markdown_table, share_of_draws, verdict_of_share
+from workbench.types import DataArray
 
 
 class Claim(NamedTuple):
@@ -31,7 +29,7 @@ class Claim(NamedTuple):
 def claim_checks(claims: Sequence[Claim], made: Collection[str]) -> list[Check]:
     """A check for each statement that is claimed: it may fail in few of the draws only."""
     return [
-        Check(one.name, f"share of draws without: {one.words}", 1.0 - one.share, 1.0 - SURE)
+        Check(one.name, f"share of draws without: {one.words}", 1.0 - one.share, 1.0 - CLAIM_SHARE)
         for one in claims
         if one.name in made
     ]
@@ -42,4 +40,4 @@ def claims_in_words(claims: Sequence[Claim]) -> str:
     undecided.
     """
     rows = [[one.words, f"{one.share:.1%}", verdict_of_share(one.share)] for one in claims]
-    return markdown(["statement", "holds in, of the draws", "claim"], rows)
+    return markdown_table(["statement", "holds in, of the draws", "claim"], rows)

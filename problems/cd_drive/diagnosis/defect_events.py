@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.diagnosis import events
-from workbench.diagnosis.evaluation.performance import Interval
+from workbench.types import RealArray
 
 from ..laboratory.bench_setup import PERIOD
 from .defect_runs import DefectRun
@@ -27,14 +26,14 @@ LATE = 20
 """Number of samples after the end of a defect in which filter and hysteresis may still show it."""
 
 
-def defect_events(dist: RealArray, dist_min: float) -> list[Interval]:
+def defect_events(dist: RealArray, dist_min: float) -> list[tuple[int, int]]:
     """Events: each begins where dist (N,) rises above dist_min and ends where it is below half of
     that.
     """
     return events(dist, dist_min, 0.5 * dist_min, apart=APART)
 
 
-def features(run: DefectRun, dist: RealArray, event: Interval) -> RealArray:
+def features(run: DefectRun, dist: RealArray, event: tuple[int, int]) -> RealArray:
     """The FEATURES (4,) of an event."""
     inside = slice(*event)
     difference = run.diodes[inside, 0] - run.diodes[inside, 1]

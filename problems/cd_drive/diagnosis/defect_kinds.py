@@ -14,8 +14,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.errors import InputError
+from workbench.types import RealArray
 
 from ..drive.disc import Defect
 from ..drive.optics import blocked_by_hair, blocked_by_particle, readout_beam

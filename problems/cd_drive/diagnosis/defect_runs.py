@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.diagnosis import clean_level
-from workbench.diagnosis.evaluation.performance import Interval
 from workbench.simulation import Cascade, Controller, linear_controller
+from workbench.types import RealArray
 
 from ..drive.disc import VELOCITY, Defect, Disc
 from ..drive.plants import controller
@@ -46,7 +45,7 @@ class DefectRun:
 
     record: Record
     level: float
-    faults: list[Interval]
+    faults: list[tuple[int, int]]
 
     @property
     def diodes(self) -> RealArray:

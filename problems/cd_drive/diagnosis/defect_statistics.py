@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from workbench._core.arrays import RealArray
 from workbench.diagnosis import cusum, glr
-from workbench.diagnosis.evaluation.performance import Interval
 from workbench.simulation import linear_controller, play
+from workbench.types import RealArray
 
 from ..laboratory.bench_setup import PERIOD
 from ..laboratory.experiment import measurements
@@ -55,6 +54,6 @@ def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str,
     }
 
 
-def peaks(statistic: RealArray, windows: list[Interval]) -> list[float]:
+def peaks(statistic: RealArray, windows: list[tuple[int, int]]) -> list[float]:
     """The largest value in each window, including LATE samples after its end."""
     return [float(statistic[start : end + LATE].max()) for start, end in windows]

@@ -18,14 +18,12 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.diagnosis import FaultModel, fault_detection
+from workbench.simulation import respond, sampled_model
 from workbench.study import Study, array, check, dim, figure, metric, system, table
-from workbench.systems.generalised_plant import response
-from workbench.systems.realisation import realisation
-from workbench.systems.sampling import respond, sampled_model
+from workbench.systems import realisation, response
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray, StateSpace
 
 from ..control.control_problem import optical_gain
 from ..drive.actuator import transfer_coefficients

@@ -18,8 +18,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Checker
 from workbench.diagnosis import (
     FaultModel,
@@ -41,8 +39,8 @@ from workbench.study import (
     system,
     table,
 )
-from workbench.systems.generalised_plant import response
-from workbench.systems.realisation import realisation
+from workbench.systems import realisation, response
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 
 from ..control.control_problem import optical_gain, performance_weight
 from ..drive.plants import nominal_parameters, nominal_response, plant, total_gain

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
+from workbench.types import StateSpace
 
 FILTER_CORNER = 450.0
 """Corner [Hz] of the low-pass filter 1 - F, which remains of the error behind the filter."""

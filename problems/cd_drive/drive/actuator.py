@@ -18,9 +18,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from .tables import ActuatorParameters, Drive
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench._core.arrays import RealArray
+from workbench.types import RealArray
 
 from .actuator import checked_frequency
 from .disc import VELOCITY

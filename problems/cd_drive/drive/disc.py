@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, with_config
 
-from workbench._core.arrays import RealArray
 from workbench.errors import InputError
+from workbench.types import RealArray
 
 from .tables import Axis
 

@@ -9,9 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from .actuator import general_model, resonances, stack
 from .derived_quantities import DERIVED

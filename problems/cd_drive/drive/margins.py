@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
 from workbench.mu import loop_margins
+from workbench.types import StateSpace
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench import figures
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
 
 DAMPING_RATIOS = (0.005, 0.05, 0.1, 0.3, 0.7, 1.0)
 """Damping ratios of figure 3.8; 0.05 and 0.005 are quality factors of 10 and 100."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.optimize import linprog
 
-from workbench._core.arrays import RealArray
+from workbench.types import RealArray
 
 from .plants import AMPLIFICATION, ATTENUATION
 from .tables import ActuatorParameters, Axis, Uncertain, Values, drives, nominal_table

@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.heavy_types import Axes, DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.types import Axes, DataArray, Dataset, Figure
 
 from .tables import DiscFormat, disc_formats
 

@@ -19,9 +19,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench._core.arrays import RealArray
-from workbench._core.compiled import kernel
 from workbench.errors import InputError
+from workbench.simulation import kernel
+from workbench.types import RealArray
 
 from .tables import DiscFormat, Drive, disc_formats
 

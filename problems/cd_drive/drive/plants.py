@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace, TransferFunction
 from workbench.errors import InputError
+from workbench.types import ComplexArray, RealArray, StateSpace, TransferFunction
 
 from .actuator import checked_frequency, specific_model, stack
 from .tables import ActuatorParameters, Axis, Values, check_axis, drives, nominal_table

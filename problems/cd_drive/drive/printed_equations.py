@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from workbench._core.heavy_types import DataArray
+from workbench.types import DataArray
 
 from .actuator import SERIES_RESISTANCE, transfer_coefficients
 from .plants import ANTIALIASING

@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, table
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from .actuator import checked_frequency
 from .compact_discs import (

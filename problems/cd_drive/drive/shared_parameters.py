@@ -7,9 +7,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray
 from workbench.errors import InputError
+from workbench.types import DataArray, RealArray
 
 Frequencies = Annotated[int, Field(ge=2, le=1_000_000)]
 Frequency = Annotated[float, Field(gt=0, allow_inf_nan=False)]

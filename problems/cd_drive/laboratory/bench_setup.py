@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.simulation import Converter, band_limited_noise
+from workbench.types import RealArray, StateSpace
 
 from ..drive.actuator import SERIES_RESISTANCE, Actuator, specific_model
 from ..drive.plants import (

@@ -14,13 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
-from workbench.bench.declare import Ref
 from workbench.executor import Context
 from workbench.identification import IdentificationWarning
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
+    LEAST_COVERAGE_P,
     Study,
     array,
     arrays,
@@ -29,12 +27,13 @@ from workbench.study import (
     dim,
     draws_summary,
     figure,
+    markdown_table,
     metric,
     part,
     share_of_draws,
     table,
 )
-from workbench.study.draws import LEAST_COVERAGE_P, SURE
+from workbench.types import DataArray, Dataset, Figure
 
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
@@ -58,7 +57,7 @@ LEAST_P = 0.01
 """p-value below which a test of the fit rejects the model's order in a draw."""
 
 
-def experiment(axis: str, drive: str, draws: int, values: str, **_: Any) -> dict[str, Ref]:
+def experiment(axis: str, drive: str, draws: int, values: str, **_: Any) -> dict[str, Any]:
     """Reference to the open-loop experiment on the same drive, with as many draws."""
     return {"open_loop": ref(f"cd/{axis}/open-loop", drive=drive, draws=draws, values=values)}
 
@@ -161,7 +160,6 @@ class ClosedLoop(Study):
     @part
     def heard(self, context: Context, seed: DataArray, told: list[Told]) -> Any:
         """The records of all draws, and the warnings that estimation gave for them."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = list(zip(seed.values.tolist(), told, strict=True))
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", IdentificationWarning)
@@ -245,11 +243,11 @@ class ClosedLoop(Study):
         return [
             Check("loop", "times that it was lost or regained, all draws", lost, 0.0),
             Check("saturation", "largest share of saturated samples, any draw", most, 0.0),
-            Check("linear range", "share of draws that leave it", float(far), 1.0 - SURE),
+            Check("linear range", "share of draws that leave it", float(far), 1.0 - CLAIM_SHARE),
             Check("fit", "checks of a fit that fail, all draws", failed, 0.0),
         ]
 
-    @check(title="{parameter} over mass", each="parameter", at_most=1.0 - SURE)
+    @check(title="{parameter} over mass", each="parameter", at_most=1.0 - CLAIM_SHARE)
     def parameters_close(self, answer: Dataset) -> DataArray | None:
         """share of draws with a relative error above the limit, over the effective mass"""
         if not self._order_is_right:
@@ -333,7 +331,7 @@ class ClosedLoop(Study):
                 f"- in {rejected} of {self.draws} draws the fit misses the data by more than noise "
                 "does: the model lacks something, for instance order, and the intervals do not hold"
             )
-        return "\n".join([markdown(heads, rows), *notes]) + "\n"
+        return "\n".join([markdown_table(heads, rows), *notes]) + "\n"
 
     @figure
     def figure_4_5(self, answer: Dataset) -> Figure:

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench import solve
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.identification import (
     FittedParameter,
@@ -27,6 +26,7 @@ from workbench.identification import (
     periodic_response,
     sine_fit,
 )
+from workbench.types import ComplexArray, RealArray
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.tables import Axis

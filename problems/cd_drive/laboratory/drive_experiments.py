@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from workbench._core.heavy_types import Dataset
+from workbench import Solution, solve
 from workbench.errors import WorkbenchError
-from workbench.solution import Solution, solve
 from workbench.solvers import Options
+from workbench.types import Dataset
 
 from ..drive.tables import Axis
 from .closed_loop import after_open_loop

@@ -17,9 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import with_config
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
-from workbench._core.remembered import remembered
 from workbench.errors import InputError
 from workbench.simulation import (
     Cascade,
@@ -31,6 +28,8 @@ from workbench.simulation import (
     sampled_model,
     zero_controller,
 )
+from workbench.study import array_cache
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ..drive import photo_diodes
 from ..drive.actuator import Actuator, checked_frequency, specific_model
@@ -243,7 +242,9 @@ def _sampled(laboratory: Laboratory) -> StateSpace:
     return sampled_model(_plant(laboratory), PERIOD, delay_samples=laboratory.delay)
 
 
-@remembered(megabytes=100)  # the same seed gives the same noise, so that strategies can be compared
+@array_cache(
+    megabytes=100
+)  # the same seed gives the same noise, so that strategies can be compared
 def _noise(laboratory: Laboratory, seed: int, samples: int) -> RealArray:
     """Noise (samples, 4) of the two diodes, v_r and u_m [V]."""
     rng, size = np.random.default_rng(seed), laboratory.noise

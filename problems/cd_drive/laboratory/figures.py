@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.arrays import ComplexArray
-from workbench._core.heavy_types import Dataset, Figure
+from workbench.types import ComplexArray, Dataset, Figure
 
 
 def open_loop_bode(answer: Dataset, title: str) -> Figure:

@@ -13,12 +13,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
-from workbench._core.tables import markdown
 from workbench.executor import Context
 from workbench.simulation import Cascade, Part, linear_controller, ramped_gain
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -29,10 +25,12 @@ from workbench.study import (
     figure,
     independent_seeds,
     interval_text,
+    markdown_table,
     metric,
     part,
     table,
 )
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 
 from ..drive.disc import Disc
 from ..drive.margins import NearestMargins, nearest_margins
@@ -165,7 +163,6 @@ class GainRamp(Study):
     @part
     def ended(self, context: Context, seed: DataArray) -> RealArray:
         """Endings (drives, draws, directions, 3)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def endings(place: tuple[int, ...]) -> list[Ending]:
             one = seed[place]
@@ -252,7 +249,7 @@ class GainRamp(Study):
                 ]
             rows.append([str(name), *cells, f"{printed.get(str(name), np.nan):.1f}"])
         heads = ["drive", "up [dB]", "model", "at [Hz]", "model", "down [dB]", "model", "at [Hz]"]
-        return {"gain-ramp": markdown([*heads, "model", "Table A.4 [dB]"], rows)}
+        return {"gain-ramp": markdown_table([*heads, "model", "Table A.4 [dB]"], rows)}
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:

@@ -14,11 +14,10 @@ import numpy as np
 from scipy import stats
 
 from workbench import Run, figures, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import MeasuredResponse, ParameterFit
 from workbench.study import (
+    LEAST_COVERAGE_P,
     Study,
     array,
     arrays,
@@ -30,7 +29,7 @@ from workbench.study import (
     part,
     table,
 )
-from workbench.study.draws import LEAST_COVERAGE_P
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ..drive.actuator import SERIES_RESISTANCE, specific_model, stack
 from ..drive.shared_parameters import TABLES, WINDOWS

@@ -15,9 +15,9 @@ from scipy import stats
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import PeriodicResponse, SteppedSine, periodic_response, sine_fit
 from workbench.simulation import linear_controller, sampled_model
+from workbench.types import ComplexArray, RealArray
 
 from ..drive.disc import Disc
 from ..drive.photo_diodes import TRACK_PITCH

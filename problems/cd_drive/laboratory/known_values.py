@@ -13,9 +13,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import Dataset
 from workbench.identification import FittedParameter
+from workbench.types import Dataset, RealArray
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.plants import nominal_parameters

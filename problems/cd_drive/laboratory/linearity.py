@@ -14,13 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import SteppedSine, sine_fit, total_harmonic_distortion
 from workbench.simulation import linear_controller
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     check,
@@ -34,7 +32,7 @@ from workbench.study import (
     share_of_draws,
     table,
 )
-from workbench.study.draws import SURE
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
 
 from ..drive.disc import Disc
 from ..drive.plants import controller
@@ -133,7 +131,6 @@ class Linearity(Study):
     @part
     def spectra(self, grids: list[RealArray], seed: DataArray, context: Context) -> Any:
         """Harmonics (draw, loop, channel, step, MOST_HARMONICS) of every record."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         trials = dict(zip(LOOPS, zip((open_loop, closed_loop), grids, strict=True), strict=True))
 
         def played(place: tuple[int, ...]) -> ComplexArray:
@@ -162,7 +159,7 @@ class Linearity(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check(title="{words}", at_most=1.0 - SURE, each="words")
+    @check(title="{words}", at_most=1.0 - CLAIM_SHARE, each="words")
     def as_described(self, thd: DataArray) -> DataArray:
         """share of the draws in which the levels are not as section 4.6.4 describes them"""
         import xarray as xr

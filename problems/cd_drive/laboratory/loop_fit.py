@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench import solve
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.identification import (
     FittedParameter,
@@ -22,6 +21,7 @@ from workbench.identification import (
     PeriodicResponse,
 )
 from workbench.solvers import Options
+from workbench.types import ComplexArray, RealArray
 
 from ..drive.plants import nominal_parameters
 from ..drive.tables import Axis

@@ -14,11 +14,11 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import figures, problem
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import PeriodicResponse, periodic_response
 from workbench.study import (
+    CLAIM_SHARE,
+    LEAST_COVERAGE_P,
     Study,
     array,
     arrays,
@@ -32,7 +32,7 @@ from workbench.study import (
     share_of_draws,
     table,
 )
-from workbench.study.draws import LEAST_COVERAGE_P, SURE
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
 
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, Values
@@ -243,7 +243,7 @@ class OpenLoop(Study):
             "parameter",
         ),
         each="parameter",
-        at_most=1.0 - SURE,
+        at_most=1.0 - CLAIM_SHARE,
     )
     check_coverage = check(
         title="coverage of {parameter}",

@@ -16,11 +16,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     check,
@@ -32,7 +30,7 @@ from workbench.study import (
     part,
     table,
 )
-from workbench.study.draws import SURE
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ..drive.photo_diodes import S_CURVE_PEAK, TRACK_PITCH
 from ..drive.shared_parameters import TABLES, spread
@@ -117,7 +115,6 @@ class OpticalGain(Study):
     def scans(self, seed: DataArray, context: Context) -> list[list[Scan]]:
         """A scan of every drive in every draw, each with its own noise."""
         scan = focus_scan if self.axis == "focus" else radial_scan
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def scanned(place: tuple[int, ...]) -> Scan:
             one = seed[place]
@@ -177,7 +174,7 @@ class OpticalGain(Study):
         """Relative distance of gains (..., drive, quantity) from those of Table A.3."""
         return gain / _table_gains(self.axis) - 1
 
-    @check(title="{quantity}", at_most=1.0 - SURE, each="quantity")
+    @check(title="{quantity}", at_most=1.0 - CLAIM_SHARE, each="quantity")
     def near(self, found: DataArray) -> DataArray:
         """share of the scans with an error above three deviations of the told distance"""
         return (abs(self.error(found)) > GAIN_TOLERANCE[self.axis]).mean(["draw", "drive"])

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import Dataset
+from workbench.types import Dataset, RealArray
 
 UNITS = {"f_en": "1", "x": "m", "x_cd": "m", "f_sd": "m", "light": "1", "time": "s"}
 """Units of the recorded signals; signals not listed here are in V."""

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from workbench._core.arrays import RealArray
 from workbench.simulation import Converter
+from workbench.types import RealArray
 
 from ..drive.disc import Disc
 from ..drive.photo_diodes import S_CURVE_LINEAR, S_CURVE_PEAK, TRACK_PITCH

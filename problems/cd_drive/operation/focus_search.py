@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.compiled import kernel
-from workbench.simulation import Cascade, Controller, Part, blend, tracking_controller
+from workbench.simulation import Cascade, Controller, Part, blend, kernel, tracking_controller
+from workbench.types import RealArray
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.plants import controller

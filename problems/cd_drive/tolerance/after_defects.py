@@ -13,11 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     check,
@@ -32,7 +30,7 @@ from workbench.study import (
     table,
     verdict_of_share,
 )
-from workbench.study.draws import SURE
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ..diagnosis.defect_kinds import draw
 from ..diagnosis.defect_runs import ROTATION, SPACING, DefectRun, run
@@ -118,7 +116,6 @@ class AfterDefects(Study):
     @part
     def found(self, seed: DataArray, context: Context) -> Any:
         """Clean levels, times after the defects and losses, for every draw and loop."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [(loop, int(one)) for one in seed.values for loop in LOOPS]
         every = context.spread(lambda cell: self.one_draw(*cell), cells, "draws")
         return tuple(
@@ -215,19 +212,21 @@ class AfterDefects(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check(title="{loop}: error settles later than the sum", at_most=1.0 - SURE, each="loop")
+    @check(title="{loop}: error settles later than the sum", at_most=1.0 - CLAIM_SHARE, each="loop")
     def later(self, settles: DataArray) -> DataArray:
         """share of draws in which a scratch's effect on the sum settles no sooner, without noise"""
         error, total = (settles.sel(signal_without_noise=one) for one in SIGNALS[:2])
         return share_of_draws(error <= total, "loop")
 
-    @check(title="error seen longer than the sum", at_most=1.0 - SURE)
+    @check(title="error seen longer than the sum", at_most=1.0 - CLAIM_SHARE)
     def longer(self, after: DataArray) -> DataArray:
         """share of draws, reference strategy, in which the sum is seen no less after scratches"""
         one = after.sel(kind="scratch", loop=LOOPS[1])
         return share_of_draws(one.sel(signal="error") <= one.sel(signal="sum"))
 
-    @check(title="loop", statement="share of draws in which a loop is lost", at_most=1.0 - SURE)
+    @check(
+        title="loop", statement="share of draws in which a loop is lost", at_most=1.0 - CLAIM_SHARE
+    )
     def held(self, lost: DataArray) -> DataArray:
         return (lost > 0).mean("draw").max()
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.remembered import remembered
 from workbench.errors import InputError
+from workbench.study import array_cache
+from workbench.types import RealArray
 
 from ..diagnosis.defect_kinds import KINDS, SHOCK_PEAK, draw, shocks
 from ..drive.disc import Defect, Disc
@@ -101,21 +101,21 @@ class Remembered(Disc):
         return _surface(self, tuple(defects), len(time))
 
 
-@remembered(megabytes=50)
+@array_cache(megabytes=50)
 def _deviation(disc: Remembered, axis: Axis, samples: int) -> RealArray:
     found = Disc.deviation(disc, axis, np.arange(samples) / RATE)
     found.flags.writeable = False
     return found
 
 
-@remembered(megabytes=50)
+@array_cache(megabytes=50)
 def _excitation(
     bench: Laboratory, many: tuple[tuple[float, float, float], ...], samples: int
 ) -> RealArray:
     return shocks(bench, many, samples)
 
 
-@remembered(megabytes=50)
+@array_cache(megabytes=50)
 def _surface(
     disc: Remembered, defects: tuple[Defect, ...], samples: int
 ) -> tuple[RealArray, RealArray]:

@@ -13,16 +13,21 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.ensemble_scores import (
-    BOOTSTRAP_SAMPLES,
-    bootstrap_weights,
-    percentile_interval,
+from workbench.simulation import bootstrap_weights, percentile_interval
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    markdown_table,
+    metric,
+    part,
+    table,
 )
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ..diagnosis.defect_kinds import KINDS
 from ..drive.shared_parameters import TABLES
@@ -117,7 +122,7 @@ class Immunity(Study):
         kind.
         """
         numbers: NDArray[np.int64] = np.unique(group.values, return_inverse=True)[1]
-        drawn = bootstrap_weights(numbers, BOOTSTRAP_SAMPLES, context.rng)
+        drawn = bootstrap_weights(numbers, context.rng)
         return np.vstack([np.ones((1, len(numbers))), drawn])
 
     @part
@@ -202,7 +207,7 @@ class Immunity(Study):
             "shocks there / own",
         ]
         heads += [f"{cause} at {gain:g} dB [%]" for cause in CAUSES for gain in (0.0, GAINS[-1])]
-        return {"immunity": markdown(heads, rows)}
+        return {"immunity": markdown_table(heads, rows)}
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:

@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
-from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, THIS_SYSTEM
 from workbench.mu import conditions
 from workbench.synthesis import (
@@ -25,8 +24,8 @@ from workbench.synthesis import (
     closed_loop_transition,
     discretise,
 )
-from workbench.systems import loop_response
-from workbench.systems.storage import stored_system
+from workbench.systems import loop_response, stored_system
+from workbench.types import Dataset, Figure, StateSpace
 
 from ..control.control_problem import SIGNAL_UNITS
 from ..control.loops import plants

@@ -14,14 +14,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM
 from workbench.diagnosis import Estimator, Rotation
 from workbench.simulation import discrete_system, sampled_model
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.systems import bandwidths, loop_response
-from workbench.systems.connection import generalised_plant
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
+from workbench.uncertainty import generalised_plant
 
 from ..control.loops import plants
 from ..diagnosis.defect_runs import ROTATION

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from workbench._core.heavy_types import StateSpace
+from workbench.types import StateSpace
 
 from ..drive.disc import VELOCITY, Defect, Disc
 from ..drive.plants import Gain

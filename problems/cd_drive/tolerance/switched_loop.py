@@ -24,8 +24,6 @@ from typing import Literal
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.simulation import sampled_model
 from workbench.synthesis import (
@@ -36,8 +34,8 @@ from workbench.synthesis import (
     replacement_modes,
     unswitched_modes,
 )
-from workbench.synthesis.switching.loops import Modes
-from workbench.systems.realisation import modal_form
+from workbench.systems import modal_form
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ..diagnosis.stand_in import low_pass
 from ..drive.actuator import specific_model
@@ -72,7 +70,9 @@ def lens_model(
     return SampledPlant(P.A, P.B, P.C[:1], P.C[1:], K_optn * MICRO, PERIOD, filtered)
 
 
-def regulators(K: StateSpace, strategy: Strategy, lower: StateSpace | None = None) -> Modes:
+def regulators(
+    K: StateSpace, strategy: Strategy, lower: StateSpace | None = None
+) -> tuple[StateSpace, StateSpace]:
     """Controllers in clean parts and during defects, from continuous K and, for "lower", K'.
 
     Raises InputError for an unknown strategy, a missing K', and a K' with another slow pole than K.

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import Rotation
 from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import (
@@ -26,6 +25,7 @@ from workbench.simulation import (
     linear_controller,
     tracking_controller,
 )
+from workbench.types import StateSpace
 
 from ..diagnosis.position_estimator.model import kalman
 from ..diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN

@@ -8,8 +8,7 @@ factor that all plants share changes no relative set.
 from __future__ import annotations
 
 from workbench import Run, problem
-from workbench.uncertainty import CircleCover
-from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty import CircleCover, CoverForm
 
 from ..drive.plants import Gain
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies, Frequency
@@ -31,7 +30,7 @@ def circle_cover(
     order: Order = 4,
     zeros: Order = 2,
     complex_order: Order = 4,
-    form: Form = "multiplicative",
+    form: CoverForm = "multiplicative",
     leave_out: LeaveOut = 0,
     content: Content | None = None,
 ) -> CircleCover:

@@ -7,10 +7,10 @@ from __future__ import annotations
 from typing import cast
 
 from workbench import Run
-from workbench._core.heavy_types import DataArray
-from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.types import DataArray
+from workbench.uncertainty import CircleCover, StadiumCover
 
 
 def covered_responses(run: Run) -> DataArray:
     """Responses (frequency [Hz], plant) that the run of a cover had to cover."""
-    return cast(UncertaintyCover, run.task).responses.labelled()
+    return cast(CircleCover | StadiumCover, run.task).responses.labelled()

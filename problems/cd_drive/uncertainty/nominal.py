@@ -12,10 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench.fitting.rational import Rational
+from workbench.fitting import Rational
 from workbench.study import Study, array, check, dim, figure, metric
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ..drive.plants import nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench._core.heavy_types import DataArray
+from workbench.types import DataArray
 
 from ..drive.plants import Gain, responses
 from ..drive.shared_parameters import grid

@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
-from workbench.uncertainty.algebra.lft import block_matrix, left_divide
-from workbench.uncertainty.parametric_models.model import ParametricModel, parametric_lft
-from workbench.uncertainty.parametric_models.parameters import Parameter
+from workbench.types import RealArray, StateSpace
+from workbench.uncertainty import (
+    Parameter,
+    ParametricModel,
+    block_matrix,
+    left_divide,
+    parametric_lft,
+)
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.plants import nominal_parameters, plant, total_gain

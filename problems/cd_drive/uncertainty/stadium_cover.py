@@ -11,13 +11,13 @@ from typing import Literal
 
 from workbench import Run, problem
 from workbench.uncertainty import (
+    CoverForm,
     Orientation,
     StadiumCover,
     limited_orientation,
     narrowest_angles,
     smooth_orientation,
 )
-from workbench.uncertainty.covers.sets import Form
 
 from ..drive.plants import Gain
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies, Frequency
@@ -48,7 +48,7 @@ def stadium_cover(
     real_order: Order = 4,
     orientation: Literal["narrowest", "limited", "smooth"] = "limited",
     minimum_phase: bool = False,
-    form: Form = "multiplicative",
+    form: CoverForm = "multiplicative",
     leave_out: LeaveOut = 0,
     content: Content | None = None,
 ) -> StadiumCover:

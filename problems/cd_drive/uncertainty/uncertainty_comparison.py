@@ -13,15 +13,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import worst_value
+from workbench.geometry import narrowest_stadium
 from workbench.study import Study, array, check, dim, figure, metric, table
-from workbench.uncertainty.covers.sets import (
-    circles_about_nominal,
-    deviations,
-    stadiums_about_nominal,
-)
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
 
 from ..drive.plants import GAIN_VARIANTS, Gain, nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
@@ -224,8 +219,8 @@ class UncertaintyComparison(Study):
 def _about(axis: Axis, frequency: RealArray, gain: Gain, nominal: ComplexArray) -> list[RealArray]:
     """Radius of circles and half-width of stadiums about a nominal response."""
     measured = measured_drives(axis, frequency.size, frequency[0], frequency[-1], gain)
-    away = deviations(measured.points, nominal, "multiplicative", measured)
-    return [circles_about_nominal(away).radius, stadiums_about_nominal(away).radius]
+    away = measured.points / nominal[:, None] - 1
+    return [np.abs(away).max(axis=1), narrowest_stadium(away, center=0.0).radius]
 
 
 def _named(variant: DataArray) -> DataArray:

@@ -6,7 +6,7 @@ import pytest
 
 from workbench import solve
 from workbench.certify.norms import certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.synthesis import HinfSynthesis, MixedSensitivity
 from workbench.synthesis.h_infinity.singular_plants.absorbed import absorbed
@@ -63,7 +63,7 @@ def test_the_controller_has_the_poles_of_the_weight(name):
     scale = 1e-12 * np.abs(K.poles()).max()
     for pole in control.ss(weight).poles():  # a double one is known to the root of rounding
         assert np.abs(K.poles() - pole).min() <= max(scale, 1e-7 * abs(pole), 1e-7)
-    assert stability_of(control.ss(control.feedback(plant, K, sign=-1))).holds
+    assert stability_check(control.ss(control.feedback(plant, K, sign=-1))).holds
 
 
 def test_an_error_that_is_integrated_vanishes():
@@ -208,5 +208,5 @@ def test_zeros_of_the_plant_at_poles_of_the_weight(zeros, weight, W_KS):
 def test_a_norm_of_its_own():
     answer = solve(program := MixedSensitivity(G, W_S=(S + 1) / S, W_KS=0.1)).answer
     loop = program.absorbed.plant.close(answer.K)
-    assert stability_of(loop).holds
+    assert stability_check(loop).holds
     assert certified_norm(loop) <= answer.norm * (1 + 2e-4)

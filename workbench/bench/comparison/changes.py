@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.bench.comparison.layout import DIMS, METHOD, cell_labels
 from workbench.bench.comparison.numbers import certified_times, combined_verdicts, largest_gap
 from workbench.bench.comparison.verdicts import judged_cells
@@ -90,18 +90,18 @@ def changes_table(found: Dataset) -> str:
     count = int(both.sum())
     text = [f"{len(rows)} of {count} cells have another verdict.\n"]
     if rows:
-        text.append(markdown(CHANGED_HEADS, rows))
+        text.append(markdown_table(CHANGED_HEADS, rows))
     for name, words in (("only_old", "before"), ("only_new", "now")):
         if found.attrs[name]:
             text.append(f"Only {words}: {found.attrs[name]}\n")
     text += [
         f"Times: geometric mean of the ratio over cells that both certify, with its interval of "
         f"{CONFIDENCE:.0%}. Below 1 is faster now.\n",
-        markdown(RATIO_HEADS, [_ratio_row(found, j) for j in range(found.sizes[METHOD])]),
+        markdown_table(RATIO_HEADS, [_ratio_row(found, j) for j in range(found.sizes[METHOD])]),
     ]
     gaps = [row for j in range(found.sizes[METHOD]) if (row := _gap_row(found, j))]
     if gaps:
-        text += ["Gaps of the cells that have one in both:\n", markdown(GAP_HEADS, gaps)]
+        text += ["Gaps of the cells that have one in both:\n", markdown_table(GAP_HEADS, gaps)]
     return "\n".join(text)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.heavy_types import Dataset
-from workbench._core.tables import Rows, markdown
+from workbench._core.tables import Rows, markdown_table
 from workbench.bench.comparison.layout import (
     METHOD,
     NOT_COMPARED,
@@ -173,9 +173,9 @@ def tables(data: Dataset) -> dict[str, str]:
     notes += "".join(f"\nAlike: {text}\n" for text in alike_methods(data))
     return {
         "means": _by_program(data),
-        "failures": markdown(heads, failed) if failed else "Every cell is certified.\n",
+        "failures": markdown_table(heads, failed) if failed else "Every cell is certified.\n",
         "agreement": _agreements(data),
-        "comparison": markdown(HEADS, rows(data)) + notes,
+        "comparison": markdown_table(HEADS, rows(data)) + notes,
     }
 
 
@@ -186,7 +186,7 @@ def _agreements(data: Dataset) -> str:
         for k, level in enumerate(one["accuracy"].values):
             here = one.isel(accuracy=[k])
             if np.isfinite(here["objective"].values).any():
-                table = markdown(*agreement(here))
+                table = markdown_table(*agreement(here))
                 parts.append(f"{_caption(data, program)}At accuracy {level}:\n\n{table}")
     if not parts:
         return "No Program of this comparison has an objective.\n"
@@ -204,7 +204,7 @@ def _by_program(data: Dataset) -> str:
         + ".\n\n"
     )
     return said + "\n".join(
-        _caption(data, program) + markdown(*means(one, late)) for program, one in groups(data)
+        _caption(data, program) + markdown_table(*means(one, late)) for program, one in groups(data)
     )
 
 

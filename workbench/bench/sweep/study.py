@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.bench.sweep.dataset import OWN, proven
 from workbench.certificate import Check
 from workbench.errors import ResultError
@@ -64,7 +64,7 @@ class ParameterSweep(Study):
             if not proven(one) and str(one["message"].item()):
                 reason += f": {str(one['message'].item())[:120]}"
             rows.append([*labels, reason, *(_short(one[name].item()) for name in shown)])
-        return {"points": markdown(heads, rows)}
+        return {"points": markdown_table(heads, rows)}
 
     def figures(self, answer: Dataset) -> dict[str, Figure]:
         name = str(answer.attrs.get("headline", ""))

@@ -24,7 +24,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.balls import above
 from workbench.certify.modes.modal_form import real_balls
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.systems.balancing import balancing
 
 MOST_CORRECTIONS = 80
@@ -149,11 +149,11 @@ def _gramian_by_equations(A: RealArray, wanted: Any, dt: float) -> EnclosedGrami
 
 
 def stability_proof(system: StateSpace) -> Check:
-    """As `stability_of`; if discs around the poles prove nothing, a Lyapunov equation is used.
+    """As `stability_check`; if discs around the poles prove nothing, a Lyapunov equation is used.
 
     A is stable if A Y + Y A' is negative definite for a positive definite Y.
     """
-    found = stability_of(system)
+    found = stability_check(system)
     A = np.asarray(system.A, dtype=float)
     if found.holds or not np.isfinite(A).all():
         return found

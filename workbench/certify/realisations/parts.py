@@ -28,7 +28,7 @@ from workbench.certify.norms import certified_norm
 from workbench.certify.proofs.numerator import stable_numerator
 from workbench.certify.realisations.lyapunov import frobenius, rounded
 from workbench.certify.rounding import nearest_power_of_two
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.systems.balancing import speed
 from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
@@ -296,7 +296,7 @@ def boundary_gain(system: StateSpace) -> float:
 
     Raises InputError as `stable_numerator` does.
     """
-    if not system.nstates or stability_of(system).holds:
+    if not system.nstates or stability_check(system).holds:
         return certified_norm(system)
     numerator = stable_numerator(system)
     return numerator.enclosed(0.0, certified_norm(numerator.system))[1]

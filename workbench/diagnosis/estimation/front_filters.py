@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.diagnosis.estimation.front import FaultFront, FrontPoint, near_poles
 from workbench.diagnosis.estimation.laguerre import LaguerreBasis
@@ -197,7 +197,7 @@ def low_order_filter(
                 break
             x = point.coefficients
             made = realisation((poles.A, poles.B, x[None, :-1], x[None, -1:]), 0.0)
-            if not stability_of(made).holds:
+            if not stability_check(made).holds:
                 break
             found = certified_filter(loop, made, point, error, leakage, peak)
             best = best or found

@@ -18,7 +18,7 @@ import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check, excess
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.diagnosis.estimation.figures import RequirementLoop, channels, fault_filter
 from workbench.diagnosis.estimation.weighting import (
     EVERYWHERE,
@@ -195,7 +195,7 @@ class FaultEstimation(Program):
             if start.dt:
                 raise InputError(f"the start is sampled at {start.dt} s; the plant is continuous")
             fits = (weighted.controls, weighted.measurements)
-            if (start.noutputs, start.ninputs) != fits or not stability_of(start).holds:
+            if (start.noutputs, start.ninputs) != fits or not stability_check(start).holds:
                 raise InputError(
                     f"the start must be stable, with {fits[0]} outputs and {fits[1]} inputs; it "
                     f"has {start.noutputs} and {start.ninputs}, and its poles are {start.poles()}"
@@ -227,7 +227,7 @@ class FaultEstimation(Program):
         self, controller: StateSpace, *, history: tuple[float, ...] = (), least: float = math.nan
     ) -> FaultFilter | None:
         """A filter with its certified peaks; None if it is not stable."""
-        if not stability_of(controller).holds:
+        if not stability_check(controller).holds:
             return None
         found = [self.certified(controller, channel=channel) for channel in (*self.channels, None)]
         bounds = np.array([[each.lower, each.upper] for each in found])
@@ -255,7 +255,7 @@ class FaultEstimation(Program):
         found = [Check("dimensions", statement, float(not fits), 0.0)]
         if not fits:
             return found
-        stability = stability_of(K)
+        stability = stability_check(K)
         found.append(replace(stability, name="stable filter", where=""))
         if not stability.holds:
             return found

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_positive
 from workbench.systems.connection import generalised_plant
@@ -106,7 +106,7 @@ def estimation_plant(
     terms: dict[str, list[str]] = {name: [] for name in exogenous_names(plant, None)}
     for number, (each, names) in enumerate(zip(requirements, concerned, strict=True)):
         weight = as_weight(each.weight, len(names), f"the weight of {each.name!r}") / each.bound
-        if not stability_of(weight).holds:
+        if not stability_check(weight).holds:
             raise InputError(f"the weight of {each.name!r} is not stable")
         if weight.noutputs != len(names):
             raise InputError(
@@ -183,7 +183,7 @@ def _need_filtered(plant: Any) -> None:
             f"the plant is sampled at {plant.system.dt} s; fault estimation is in continuous time: "
             "give the plant before it is sampled"
         )
-    stability = stability_of(plant.system)
+    stability = stability_check(plant.system)
     if not stability.holds:
         raise InputError(
             f"the plant is not stable: it has a pole with real part {stability.value:.3g} "

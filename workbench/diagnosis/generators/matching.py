@@ -20,7 +20,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
 from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
 from workbench.certify.norms import certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.diagnosis.generators.generator import (
     Poles,
     ResidualGenerator,
@@ -138,7 +138,7 @@ def model_matching(
         followed_by(base.Q, K, names), followed_by(R, K, names), model.faults, model.noise
     )
     error = generalised.close(K)
-    if not stability_of(error).holds:
+    if not stability_check(error).holds:
         raise SolverError("the error is not stable, numerically; choose slower poles of the basis")
     return ModelMatch(generator, error, certified_norm(error)).checked_by(MatchChecker())
 
@@ -151,7 +151,7 @@ class MatchChecker(Checker):
         return f"{EVERY_FREQUENCY}, for this one model"
 
     def checks(self, answer: ModelMatch, tolerance: float) -> list[Check]:
-        stable = stability_of(answer.error)
+        stable = stability_check(answer.error)
         if not stable.holds:
             return [stable]
         proven = excess(certified_norm(answer.error), answer.norm)
@@ -241,7 +241,7 @@ def _reference(model: FaultModel, reference: Any) -> StateSpace:
         raise InputError(
             f"the reference has the sampling time {M_r.dt}, the model {model.dt} (0: continuous)"
         )
-    if not stability_of(M_r).holds:
+    if not stability_check(M_r).holds:
         raise InputError("the reference is unstable: no stable generator can follow it")
     return realisation((M_r.A, M_r.B, M_r.C, M_r.D), model.dt)
 

@@ -20,7 +20,7 @@ from workbench.fitting.magnitude.alternation import error_bound
 from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.rational import Rational
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
-from workbench.fitting.storage import stored_rational
+from workbench.fitting.storage import restored_rational
 from workbench.program import Program
 from workbench.second_opinion.fits import covers, decays, inverse_decays, realisation_agrees
 from workbench.solvers import Options
@@ -211,7 +211,7 @@ class MagnitudeFit(Program):
         return results.magnitude_dataset(self.omega, self.magnitude, self.weight, answer)
 
     def from_dataset(self, data: Dataset) -> Rational:
-        return stored_rational(data)
+        return restored_rational(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
         return results.figures(

@@ -19,7 +19,7 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
 from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
-from workbench.fitting.storage import rational_variables, stored_rational
+from workbench.fitting.storage import rational_variables, restored_rational
 from workbench.program import Program
 from workbench.second_opinion.fits import (
     decays,
@@ -232,7 +232,7 @@ class ResponseFit(Program):
         )
 
     def from_dataset(self, data: Dataset) -> Rational:
-        return stored_rational(data)
+        return restored_rational(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
         errors = self.errors(answer)[self.weight > 0].astype(float)

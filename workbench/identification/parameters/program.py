@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.answer import ProgramAnswer
 from workbench.certificate import Check, OriginalAnswerChecker, quantified_checks
 from workbench.errors import InputError, SolverError
@@ -196,7 +196,7 @@ class ParameterFit(LeastSquares, Program):
             (name, f"{value:.6g}", f"{half:.2g}")
             for name, value, half in zip(self.names, values, self.intervals(values), strict=True)
         ]
-        table = markdown(["parameter", "value", "99 % interval, ±"], rows)
+        table = markdown_table(["parameter", "value", "99 % interval, ±"], rows)
         return {"parameters": "\n".join([table, *(f"- {note}" for note in self.notes(values))])}
 
     def figures(self, answer: Any) -> dict[str, Figure]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.certificate import THIS_SYSTEM, Check, quantified_checks
 from workbench.errors import InputError
 from workbench.identification.rational_models import figures as drawn
@@ -379,7 +379,7 @@ class RationalModelFit(Program):
                 )
             )
         head = ["order", "coefficients", "cost", "expected", "p of cost", "p of whiteness", ""]
-        return {"orders": markdown(head, rows)}
+        return {"orders": markdown_table(head, rows)}
 
     def figures(self, answer: RationalModels) -> dict[str, Figure]:
         data, model = self.structure.data, answer.model

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 
@@ -115,7 +115,7 @@ class Candidates:
             for k, label in enumerate(self.labels)
         ]  # fmt: skip
         titles = ["one step [%]", "free run [%]", "one step lost", "free run lost"]
-        return markdown(["model", *titles], rows)
+        return markdown_table(["model", *titles], rows)
 
 
 def _kind(label: str) -> str:

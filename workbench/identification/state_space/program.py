@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
@@ -330,7 +330,7 @@ class StateSpaceFit(RecordedQuestion, Program):
             for order, score in zip(self.orders or (), answer.scores.swapaxes(0, 1), strict=True)
         ]
         choice = answer.candidates
-        found = {"validation": markdown(["order", *fits], rows)}
+        found = {"validation": markdown_table(["order", *fits], rows)}
         found |= {} if choice is None else {"candidates": choice.table()}
         return {name: f"{table}\n{AS_TOLD}\n" for name, table in found.items()}
 

@@ -15,7 +15,7 @@ from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker
 from workbench.certify.eigenvalues import separate_pole_discs
 from workbench.certify.proofs.numerator import stable_numerator
 from workbench.certify.rounding import exact
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.mu.frequency.norms import NORM_TOLERANCE, SystemNorm, h_infinity_norm
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
@@ -59,7 +59,7 @@ def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
     of `workbench.certify.proofs.numerator`.
     """
     found = as_system(system, "system")
-    if stability_of(found).holds:
+    if stability_check(found).holds:
         return h_infinity_norm(found, tolerance=tolerance)
     if pole_on_boundary(found) is not None:
         return SystemNorm(math.inf, math.inf, math.nan).checked_by(BoundaryPoleChecker(found))

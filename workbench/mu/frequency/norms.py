@@ -15,7 +15,7 @@ from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker, 
 from workbench.certify.eigenvalues import separate_pole_discs
 from workbench.certify.realisations.energy import energy_bounds
 from workbench.certify.rounding import exact
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
@@ -134,7 +134,7 @@ def is_stable(system: StateSpace) -> bool:
     InputError
         Rounding hides on which side of the boundary a pole lies.
     """
-    stability = stability_of(system)
+    stability = stability_check(system)
     if stability.holds:
         return True
     A = with_state_units(*matrices_of(system))[0]
@@ -214,7 +214,7 @@ class EnergyChecker(Checker):
 
     def checks(self, answer: SystemNorm, tolerance: float) -> list[Check]:
         statement = "by which share the bound is better than the proven one"
-        found = [stability_of(self.system)]
+        found = [stability_check(self.system)]
         return found + no_better(answer, *_energy(self.system), statement, REPEATED_ROUNDING)
 
     def second_opinion(self, answer: SystemNorm) -> list[Check]:

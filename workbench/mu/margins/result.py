@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Figure, StateSpace
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.answer import Answer, PartsChecker
 from workbench.errors import InputError
 from workbench.mu.margins.classical import (
@@ -206,7 +206,7 @@ class LoopMargins(Answer):
         rows += [[name, "", "", "", "", *_disk_cells(one)] for name, one in together.items()]
         heads = ["channel", "gain", "phase [deg]", "delay [s]", "modulus", "disk", "disk gain",
                  "disk phase [deg]", "at [Hz]"]  # fmt: skip
-        return markdown(heads, rows)
+        return markdown_table(heads, rows)
 
     def said(self) -> str:
         state = f"{UNSTABLE}; " if self.stable is False else ""

@@ -22,7 +22,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker
 from workbench.certificate import Check
 from workbench.certify.agreement import SINGULAR_PROVEN, need_agreement
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.mu.frequency.peak import INTERVALS_COVER, peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.margin_bounds import reciprocal
@@ -147,7 +147,7 @@ class ConditionsChecker(PartsChecker):
 
     def checks(self, answer: Conditions, tolerance: float) -> list[Check]:
         if answer.nominal_stability:
-            return [stability_of(self.loop)]
+            return [stability_check(self.loop)]
         peaks = [one for one in self.parts(answer).values() if one is not None]
         return [Check("unstable", "number of peaks claimed of it", float(len(peaks)), 0.0)]
 

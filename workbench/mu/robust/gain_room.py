@@ -11,7 +11,7 @@ from typing import Any
 from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer, restored_numbers, stored_numbers
 from workbench.certificate import Check, Checker
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak_bounds import (
@@ -188,7 +188,7 @@ class RoomChecker(Checker):
             if not kept and factor in (0.0, math.inf):
                 continue
             if peak is None:
-                stable = stability_of(self.plant.close(factor * self.controller)).holds
+                stable = stability_check(self.plant.close(factor * self.controller)).holds
                 said = "whether the nominal loop is stable, or performance has no proof"
                 found.append(Check(end, said, float(stable or kept), 0.0))
                 continue

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.frequency.sweep import Sweep, frequency_sweep
@@ -66,7 +66,7 @@ def performance_peak(
     """
     need_plant(plant)
     loop = plant.close(controller)
-    if not stability_of(loop).holds:
+    if not stability_check(loop).holds:
         return None
     return peak(loop, plant.performance_structure, tolerance=tolerance)
 

@@ -14,7 +14,7 @@ from workbench import figures
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Check
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.input_checks import need_kind, need_positive, need_whole
@@ -190,7 +190,7 @@ class BandwidthLimits(Study):
                     .nominal()
                     .close(self.controller(answer)[name])
                 )
-                stable = stability_of(loop)
+                stable = stability_check(loop)
                 found.append(replace(stable, name=f"{name} stable"))
         return found
 

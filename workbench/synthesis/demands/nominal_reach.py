@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import WorkbenchError
 from workbench.fitting.rational import Rational
 from workbench.synthesis.demands.demands import DemandWeight
@@ -119,7 +119,7 @@ def poles_off_axis(plant: Rational, slow_pole: float) -> Rational:
 def row_norms(G: StateSpace, K: StateSpace, weights: Sequence[DemandWeight]) -> np.ndarray:
     """Certified norm of each weighted transfer function; infinite if the loop is unstable."""
     loop = weighted_loop(G, None, weights).close(K)
-    if not stability_of(loop).holds:
+    if not stability_check(loop).holds:
         return np.full(len(weights), np.inf)
     try:
         return np.array([certified_norm(loop[k, 0]) for k in range(len(weights))])

@@ -9,7 +9,7 @@ import numpy as np
 from workbench._core.heavy_types import StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.synthesis.families.integral_action import without_integrators
@@ -73,7 +73,7 @@ class Shippable:
             found.append(Check("order", statement, float(K.nstates), float(self.order)))
         if self.stable:
             statement = "distance of the controller's own worst pole beyond the imaginary axis"
-            own = stability_of(without_integrators(K) if self.integral else K)
+            own = stability_check(without_integrators(K) if self.integral else K)
             found.append(
                 Check(
                     "controller stable", statement, own.value, own.limit, where=own.where,
@@ -86,7 +86,7 @@ class Shippable:
             found.append(Check("fastest pole", statement, size, ROUNDING, over=THIS_SYSTEM))
         if self.gain is not None:
             statement = "proven largest gain of the controller over the one allowed, less 1"
-            largest = certified_norm(K) if stability_of(K).holds else np.inf
+            largest = certified_norm(K) if stability_check(K).holds else np.inf
             found.append(
                 Check(
                     "largest gain", statement, excess(largest, self.gain), ROUNDING,

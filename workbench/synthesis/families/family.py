@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import as_array, is_real, need_whole
 from workbench.synthesis.families.least_squares import fitted_parameters
@@ -219,7 +219,7 @@ def started(family: Family | None, start: Any, plants: Sequence[GeneralisedPlant
     """
     K = _as_member(family, start, float(plants[0].system.dt or 0.0))
     for number, plant in enumerate(plants):
-        stability = stability_of(plant.close(K))
+        stability = stability_check(plant.close(K))
         if stability.holds:
             continue
         which = f"further plant {number}" if number else "the plant"

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, excess
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.mu.frequency.norms import SUM_ROUNDING, h2_norm
 from workbench.second_opinion import loops
@@ -177,7 +177,7 @@ class H2Synthesis(ControllerSynthesis):
         found = [Check("dimensions", statement, float(not fits), 0.0)]
         if not fits:
             return found
-        found += [stability_of(self.loop(K)), *self.demands.checks(K)]
+        found += [stability_check(self.loop(K)), *self.demands.checks(K)]
         if not found[1].holds:
             return found
         if not self.plant.system.dt:
@@ -221,7 +221,7 @@ class H2Synthesis(ControllerSynthesis):
             "order": float(answer.K.nstates),
             "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
             "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
-            "stable_controller": float(stability_of(answer.K).holds),
+            "stable_controller": float(stability_check(answer.K).holds),
         }
 
     def loops(self, controller: StateSpace) -> list[StateSpace]:
@@ -238,7 +238,7 @@ class H2Synthesis(ControllerSynthesis):
     def judged(self, controller: StateSpace, *, least: float = math.nan) -> H2Controller | None:
         """The answer for a controller; None where its loop has no proven finite norm."""
         K = self.plant.named(controller)
-        if not stability_of(self.loop(K)).holds:
+        if not stability_check(self.loop(K)).holds:
             return None
         try:
             norm = self.largest_norm(K)

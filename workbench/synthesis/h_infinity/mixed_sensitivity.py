@@ -13,7 +13,7 @@ import numpy as np
 from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check, worst_value
 from workbench.certify.norms import NORM_TOLERANCE
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h_infinity.figures import grid
@@ -125,7 +125,7 @@ class MixedSensitivity(HinfSynthesis):
         if self.absorbed.copies:
             bare = _stack(self.nominal, {"S": as_weight(1.0, self.nominal.noutputs, "W_S")})
             said = "stability without weights"
-            found.append(replace(stability_of(bare.close(K)), name=said))
+            found.append(replace(stability_check(bare.close(K)), name=said))
         return found
 
     def _formula(self, K: StateSpace, omega: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
 from workbench.second_opinion import loops
@@ -243,7 +243,7 @@ class HinfSynthesis(ControllerSynthesis):
         if not fits:
             return found
         loop = self.loop(K)
-        stability = stability_of(loop)
+        stability = stability_check(loop)
         found += [stability, *self.demands.checks(K)]
         size = certified_norm(loop) if stability.holds else np.inf
         limit = CLAIM_TOLERANCE
@@ -330,7 +330,7 @@ class HinfSynthesis(ControllerSynthesis):
             "order": float(whole.nstates),
             "crossover_hz": highest_crossover(self.absorbed.plant.controlled(), answer.K),
             "fastest_pole_rad_s": float(pole_sizes(whole).max(initial=0.0)),
-            "stable_controller": float(stability_of(whole).holds),
+            "stable_controller": float(stability_check(whole).holds),
         }
 
     def _whole_controller(self, answer: HinfController) -> StateSpace:

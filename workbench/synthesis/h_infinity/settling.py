@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.program import Claim
@@ -264,4 +264,4 @@ def _in_plant_time(program: HinfSynthesis, K: Matrices) -> StateSpace:
 def _certified_norm_of(program: HinfSynthesis, K: StateSpace) -> float:
     """The certified norm of the loop; infinite if the loop is not stable."""
     loop = program.absorbed.plant.close(K)
-    return certified_norm(loop) if stability_of(loop).holds else math.inf
+    return certified_norm(loop) if stability_check(loop).holds else math.inf

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak_bounds import Peak
@@ -157,7 +157,7 @@ def _weights(
             raise InputError(
                 f"{name} has dt = {system.dt}, and controller has dt = {K.dt}; give one dt"
             )
-        if not stability_of(system).holds:
+        if not stability_check(system).holds:
             raise InputError(f"{name} is not stable; a weight of an error must be")
         parts = matrices_of(system)
         found.append(realisation(parts, float(K.dt or 0.0)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench import figures
 from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.certify.sampled_sets import Roots, mu_at
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.implementation.implemented import ImplementedController
@@ -71,7 +71,7 @@ def margins_table(answer: ImplementedController) -> str:
         ]
         for name, row in zip(answer.K.output_labels, answer.margins, strict=True)
     ]
-    return markdown(head, rows)
+    return markdown_table(head, rows)
 
 
 def stored_margins(margins: tuple[SampledMargins, ...]) -> dict[str, Any]:

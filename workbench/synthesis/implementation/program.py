@@ -17,7 +17,7 @@ from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.sampled_sets import SetPeak
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import as_list, need_choice, need_positive, need_whole
 from workbench.program import Program
@@ -316,7 +316,7 @@ class Implementation(Program):
 
     def checks(self, answer: ImplementedController, tolerance: float) -> Sequence[Check]:
         loop = self.loop.loop_of(answer.K)
-        stability = stability_of(loop.closed())
+        stability = stability_check(loop.closed())
         found = [self._given_controller_check(answer), replace(stability, name="sampled loop")]
         if not stability.holds:
             return found

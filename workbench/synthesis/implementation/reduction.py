@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.executor import Context
 from workbench.input_checks import need_positive
 from workbench.mu.robust.conditions import Conditions, conditions
@@ -159,6 +159,6 @@ def _certified_controller(
     """The conditions of a loop, and the controller with its certified peak."""
     found = conditions(plant, K)
     peak = deciding_peak(found)
-    stable = peak is not None and bool(stability_of(plant.close(K)).holds)
+    stable = peak is not None and bool(stability_check(plant.close(K)).holds)
     bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
     return found, ReducedController(K, stable, *bounds).checked_by(ReducedChecker(found))

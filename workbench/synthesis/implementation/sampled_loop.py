@@ -13,7 +13,7 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.certificate import Check, Checker, excess
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_positive
 from workbench.second_opinion.loops import powers_fall
@@ -167,7 +167,7 @@ def sampled_conditions(
     warn_far_period(dt, plant, closed)
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
-    if not stability_of(closed).holds:
+    if not stability_check(closed).holds:
         return SampledConditions(False, pole, ()).checked_by(SampledChecker(loop))
     margins = tuple(_margins(loop, i) for i in range(plant.ninputs))
     return SampledConditions(True, pole, margins).checked_by(SampledChecker(loop))
@@ -184,7 +184,7 @@ class SampledChecker(Checker):
         return "for this one loop, at its samples"
 
     def checks(self, answer: SampledConditions, tolerance: float) -> list[Check]:
-        stability = stability_of(self.loop.closed())
+        stability = stability_check(self.loop.closed())
         other = float(stability.holds != answer.stable)
         found = [Check("stability", "whether it is not as claimed", other, 0.0)]
         again = [_margins(self.loop, i) for i in range(len(answer.margins))]

@@ -10,7 +10,7 @@ from typing import ClassVar
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
 from workbench.mu.frequency.norms import SUM_ROUNDING, h2_norm
@@ -193,7 +193,7 @@ class H2HinfSynthesis(ControllerSynthesis):
         found = [Check("dimensions", statement, float(not fits), 0.0)]
         if not fits:
             return found
-        found += [stability_of(self.loop(K)), *self.demands.checks(K)]
+        found += [stability_check(self.loop(K)), *self.demands.checks(K)]
         if not found[1].holds:
             return found
         if not self.plant.system.dt:
@@ -271,7 +271,7 @@ class H2HinfSynthesis(ControllerSynthesis):
             "hinf_norm": answer.hinf_norm,
             "order": float(answer.K.nstates),
             "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
-            "stable_controller": float(stability_of(answer.K).holds),
+            "stable_controller": float(stability_check(answer.K).holds),
         }
 
     def judged(
@@ -279,7 +279,7 @@ class H2HinfSynthesis(ControllerSynthesis):
     ) -> H2HinfController | None:
         """The answer for a controller; None if a loop is unstable or exceeds the limit."""
         K = self.plant.named(controller)
-        if not stability_of(self.loop(K)).holds:
+        if not stability_check(self.loop(K)).holds:
             return None
         try:
             norm = self.h2_norm(K)

@@ -55,7 +55,8 @@ LEAST_UNIT = 1e-3
 Weight = Callable[[RealArray], Array]
 """Response of a known system at frequencies [rad/s] (F,)."""
 
-Name = Literal["nominal", "real", "controller", "circular"]
+CoverPart = Literal["nominal", "real", "controller", "circular"]
+"""Part of a `ControlCover` that may move: the nominal, a weight by its kind, or the controller."""
 
 
 class LoopData(NamedTuple):
@@ -125,8 +126,8 @@ class ControlCover:
         self._sensor = sensor(self._from_zero)
 
     def lowered(
-        self, parts: dict[Name, Rational], moving: Sequence[Name], context: Context
-    ) -> dict[Name, Rational]:
+        self, parts: dict[CoverPart, Rational], moving: Sequence[CoverPart], context: Context
+    ) -> dict[CoverPart, Rational]:
         """The parts, where the moving ones and the circular weight minimise the peak of mu.
 
         The parts keep their numbers of poles, zeros and unstable poles. The circular weight keeps
@@ -152,7 +153,7 @@ class ControlCover:
         units, sizes = np.maximum(np.abs(x), LEAST_UNIT), np.maximum(np.abs(x), 1.0)
         held, unstable = self._responses(parts), _unstable_poles(parts.values())
 
-        def split(y: RealArray) -> Iterator[tuple[Name, FactoredRational, RealArray]]:
+        def split(y: RealArray) -> Iterator[tuple[CoverPart, FactoredRational, RealArray]]:
             return zip(sections, sections.values(), np.split(y * units, ends), strict=True)
 
         def largest(y: RealArray, power: int) -> tuple[float, RealArray]:
@@ -179,7 +180,10 @@ class ControlCover:
         return found | {"circular": found["circular"].scaled(float(ratio.max()))}
 
     def _power_mean_of_mu(
-        self, values: dict[Name, ComplexArray], slopes: dict[Name, ComplexArray], power: int
+        self,
+        values: dict[CoverPart, ComplexArray],
+        slopes: dict[CoverPart, ComplexArray],
+        power: int,
     ) -> tuple[float, RealArray]:
         """The power mean of mu over frequency, and its derivatives by all parameters.
 
@@ -193,7 +197,7 @@ class ControlCover:
         scale, by_ratio = _power_mean(np.exp(np.maximum(known, lines)) / size, power)
         circular = scale * size
 
-        def mu(values: dict[Name, ComplexArray], circular: RealArray) -> RealArray:
+        def mu(values: dict[CoverPart, ComplexArray], circular: RealArray) -> RealArray:
             T, control = self._closed_loop(values)
             return loop_mu(T, self._performance, control, circular, values["real"])
 
@@ -226,7 +230,7 @@ class ControlCover:
             every.append(slope)
         return norm, np.concatenate([*every, []])
 
-    def loop(self, parts: dict[Name, Rational]) -> LoopData | None:
+    def loop(self, parts: dict[CoverPart, Rational]) -> LoopData | None:
         """The loop of these parts; None if the nominal loop is unstable.
 
         Stability follows from the encirclements of -1; the controller may have one integrator.
@@ -239,7 +243,7 @@ class ControlCover:
         radius = self._plants.radius(values["nominal"], real)
         return LoopData(T, LoopWeights(self._performance, control, radius, real), radius)
 
-    def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
+    def model(self, parts: dict[CoverPart, Rational], context: Context) -> UncertaintyModel:
         """The uncertainty model of nominal and weights; a missing circular weight is fitted.
 
         The circular weight is scaled so that the model contains the known plants at every
@@ -261,8 +265,8 @@ class ControlCover:
         return UncertaintyModel(nominal, W_c, W_r, tested=self.responses.tested)
 
     def _with_circular_weight(
-        self, parts: dict[Name, Rational], context: Context
-    ) -> dict[Name, Rational]:
+        self, parts: dict[CoverPart, Rational], context: Context
+    ) -> dict[CoverPart, Rational]:
         """The parts including a circular weight; a missing one is fitted to the radii it must
         cover.
         """
@@ -275,12 +279,12 @@ class ControlCover:
         fit = MagnitudeFit(self.omega[near], loop.radius[near], self.complex_order, cover=True)
         return parts | {"circular": fitted(fit, context)}
 
-    def _responses(self, parts: dict[Name, Rational]) -> dict[Name, ComplexArray]:
+    def _responses(self, parts: dict[CoverPart, Rational]) -> dict[CoverPart, ComplexArray]:
         """Responses (1 + F,) of the parts at frequency 0 and at the cover's frequencies."""
         with np.errstate(divide="ignore", invalid="ignore"):  # an integrator has no response at 0
             return {name: part.response(self._from_zero) for name, part in parts.items()}
 
-    def _is_stable(self, values: dict[Name, ComplexArray], unstable: int) -> bool:
+    def _is_stable(self, values: dict[CoverPart, ComplexArray], unstable: int) -> bool:
         """Whether the nominal loop is stable, from responses (1 + F,) of parts with `unstable`
         unstable poles.
         """
@@ -289,7 +293,7 @@ class ControlCover:
         L = whole[1:]
         return bool(np.isfinite(L).all()) and _encirclements(whole[0], L) == unstable
 
-    def _closed_loop(self, values: dict[Name, ComplexArray]) -> tuple[ComplexArray, RealArray]:
+    def _closed_loop(self, values: dict[CoverPart, ComplexArray]) -> tuple[ComplexArray, RealArray]:
         """T and |W_u / G| (F,), from responses (F,) of the parts."""
         L = values["controller"] * values["nominal"] * self._sensor[1:]
         return L / (1 + L), self._control / np.abs(values["nominal"])
@@ -313,7 +317,7 @@ def _frequencies(responses: Responses, lowest: float) -> RealArray:
     return np.unique(np.concatenate([beyond(responses.omega), inside, outside, endless]))
 
 
-def _factored_part(name: Name, part: Rational, band: tuple[float, float]) -> FactoredRational:
+def _factored_part(name: CoverPart, part: Rational, band: tuple[float, float]) -> FactoredRational:
     """A part as a function of parameters. Unlike other roots, zeros of the controller on the right
     are not mirrored.
 

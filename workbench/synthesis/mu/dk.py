@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.mu import UpperBound, upper_bound
@@ -220,7 +220,7 @@ def _proven_answer(
 def _loop(program: MuSynthesis, K: StateSpace) -> LoopResponse | None:
     """The response of the loop; None if the loop is not stable."""
     system = program.plant.close(K)
-    return LoopResponse.of(system) if stability_of(system).holds else None
+    return LoopResponse.of(system) if stability_check(system).holds else None
 
 
 def _best_step(program: MuSynthesis, now: Round | None) -> tuple[StateSpace, float, Round | None]:

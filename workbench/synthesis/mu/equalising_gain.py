@@ -33,7 +33,7 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, control
     Returns
     -------
     float
-        The factor; NaN if no factor up to LARGEST_GAIN, or up to instability, makes the peaks
+        The factor; NaN if no factor up to 30, or up to instability, makes the peaks
         equal.
 
     Examples

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import TimeLimitError
 from workbench.executor import Context
 from workbench.executor.clock import proving, tick
@@ -120,7 +120,7 @@ def with_few_states(program: MuSynthesis, K: StateSpace, most: float) -> StateSp
     def suits(trial: StateSpace) -> bool:
         tick("order of the controller")
         loop = program.plant.close(trial)
-        if not stability_of(loop).holds or not (needed is None or needed.admits(trial)):
+        if not stability_check(loop).holds or not (needed is None or needed.admits(trial)):
             return False
         M = response(loop, frequencies_of(loop))
         return float(upper_bound(M, program.closed).value.max()) <= most

@@ -11,7 +11,7 @@ from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified_checks
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.proofs.scaled_system import ScalingFunctions
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.input_checks import need_positive
@@ -307,7 +307,7 @@ class MuSynthesis(Program):
         """The certified peak of the loop; None if the loop is unstable."""
         if self.further_plants:
             loop = self.loop(controller)
-            stable = stability_of(loop).holds
+            stable = stability_check(loop).holds
             return peak(loop, self.closed, tolerance=tolerance) if stable else None
         return performance_peak(self.plant, controller, tolerance=tolerance)
 
@@ -345,7 +345,7 @@ class MuSynthesis(Program):
         controller = self._with_balanced_states(controller)
         loop = self.plant.close(controller)
         found = None
-        if stability_of(loop).holds:
+        if stability_check(loop).holds:
             found = scaled_peak(loop, self.closed, scalings, upper)
         return None if found is None else MuController.of(controller, found, ())
 
@@ -387,7 +387,7 @@ class MuSynthesis(Program):
         if not fits:
             return found
         loop = self.loop(K)
-        stability = stability_of(loop)
+        stability = stability_check(loop)
         found += [stability, *self.demands.checks(K), *([integral_check(K)] * self.integral)]
         if not stability.holds:
             return found
@@ -476,7 +476,7 @@ class MuSynthesis(Program):
             "iterations": float(len(answer.history)),
             "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
             "fastest_pole_rad_s": float(pole_sizes(whole).max(initial=0.0)),
-            "stable_controller": float(stability_of(whole).holds),
+            "stable_controller": float(stability_check(whole).holds),
         }
 
     # --- datasets and figures -----------------------------------------------------------------

@@ -15,6 +15,7 @@ from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.figures.panels import MOST_NAMES
 from workbench.input_checks import need_kind, need_positive
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis.demands.demands import SETTLED
@@ -354,7 +355,7 @@ class WorkingLoop(Study):
     @figure
     def working_point(self, signals: DataArray, setpoint: DataArray) -> Mapping[str, Figure]:
         drawn, (top, bottom) = figures.axes(2, 1, size=(7.2, 5.4), sharex=True)
-        time, many = signals["time"].values, signals.sizes["plant"] > figures.MOST_NAMES
+        time, many = signals["time"].values, signals.sizes["plant"] > MOST_NAMES
         for k, name in enumerate(signals["plant"].values):
             look: dict[str, Any] = {"color": "0.6", "linewidth": 0.7} if many else {}
             one = signals.sel(plant=name)

@@ -34,10 +34,8 @@ from workbench.synthesis.records.record import StateRecords
 
 SMALL_COST = 1e-3
 """Weight of the uncertainty in the cost for the central plant that scales the states."""
-Criterion = Literal["decay", "h2", "hinf"]
-"""Criterion that the feedback minimises for the worst plant: a rate per sample, or a norm from w to
-z.
-"""
+FeedbackCriterion = Literal["decay", "h2", "hinf"]
+"""What the feedback minimises for the worst plant: a rate per sample, or a norm from w to z."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,7 +95,7 @@ class ScaledRecords:
     """
 
     records: StateRecords
-    criterion: Criterion
+    criterion: FeedbackCriterion
     C: RealArray
     D: RealArray
     F: RealArray

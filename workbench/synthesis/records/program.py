@@ -27,7 +27,11 @@ from workbench.input_checks import as_array, need_choice
 from workbench.program import Task
 from workbench.solvers import Outcome
 from workbench.synthesis.records import figures
-from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback, ScaledRecords
+from workbench.synthesis.records.inequalities import (
+    FeedbackCriterion,
+    ProvenFeedback,
+    ScaledRecords,
+)
 from workbench.synthesis.records.lemma import (
     implication,
     proven_least_eigenvalue,
@@ -94,7 +98,7 @@ class FeedbackFromRecords(ConicallyStated):
 
     records: StateRecords
     _: KW_ONLY
-    criterion: Criterion = "decay"
+    criterion: FeedbackCriterion = "decay"
     C: RealArray | None = None
     D: RealArray | None = None
     F: RealArray | None = None
@@ -109,7 +113,7 @@ class FeedbackFromRecords(ConicallyStated):
     def __post_init__(self) -> None:
         if not isinstance(self.records, StateRecords):
             raise InputError(f"records must be StateRecords, not {type(self.records).__name__}")
-        need_choice(self.criterion, Criterion, "criterion")
+        need_choice(self.criterion, FeedbackCriterion, "criterion")
         if self.criterion == "decay":
             if not (self.C is self.D is self.F is None):
                 raise InputError("the criterion 'decay' has no performance: C, D, F must be None")

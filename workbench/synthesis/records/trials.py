@@ -11,7 +11,7 @@ from workbench._core.arrays import RealArray
 from workbench.certificate import Check
 from workbench.executor.effort import tries
 from workbench.second_opinion import recorded_plants as drawn
-from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback
+from workbench.synthesis.records.inequalities import FeedbackCriterion, ProvenFeedback
 from workbench.synthesis.records.record import StateRecords
 
 EVERY_PLANT = "for every plant that the records allow"
@@ -27,7 +27,7 @@ class DrawnQuestion(Protocol):
     def records(self) -> StateRecords: ...
 
     @property
-    def criterion(self) -> Criterion: ...
+    def criterion(self) -> FeedbackCriterion: ...
 
     @property
     def performance(self) -> tuple[RealArray, RealArray]: ...

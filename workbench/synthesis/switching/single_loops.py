@@ -43,7 +43,7 @@ class MarginsOfPlants(NamedTuple):
     """
 
     gain_db: RealArray
-    phase: RealArray
+    phase_deg: RealArray
     growth: RealArray
 
 
@@ -76,7 +76,7 @@ class SingleLoops:
     ...     {"gain": K}, {"gain": control.ss([], [], [], [[1.0]], 0.001)}, {"tank": G}, 0.0
     ... )
     >>> found = loops.margins()
-    >>> found.phase.round(2).tolist()  # of an integrator, continuous and sampled [deg]
+    >>> found.phase_deg.round(2).tolist()  # of an integrator, continuous and sampled [deg]
     [[[90.0], [88.85], [88.85]]]
     """
 

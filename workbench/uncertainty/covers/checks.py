@@ -13,7 +13,7 @@ from workbench.fitting.rational import Rational
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.second_opinion.responses import plain_response
 from workbench.second_opinion.support import reach_beyond
-from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.covers.sets import CoverForm
 from workbench.uncertainty.responses.plants import Responses
 
 REALISED_SUPPORT_TOLERANCE = 1e-6
@@ -23,7 +23,7 @@ Responses of realisations in double precision are less accurate than responses f
 
 
 def realised_support(
-    systems: dict[str, StateSpace], form: Form, responses: Responses, leave_out: int
+    systems: dict[str, StateSpace], form: CoverForm, responses: Responses, leave_out: int
 ) -> Check:
     """Second opinion on containment: the realised model, by support functions."""
     excess = excess_over_radius(systems, form, responses.omega, responses.values)
@@ -36,7 +36,7 @@ def realised_support(
 
 
 def excess_over_radius(
-    systems: dict[str, StateSpace], form: Form, omega: RealArray, values: ComplexArray
+    systems: dict[str, StateSpace], form: CoverForm, omega: RealArray, values: ComplexArray
 ) -> RealArray:
     """Distance of values (F, N) beyond the sets of a realised model, relative to its radii.
 

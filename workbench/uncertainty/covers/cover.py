@@ -43,7 +43,7 @@ from workbench.uncertainty.covers.everywhere import (
 from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import UncertaintyModel, contains
 from workbench.uncertainty.covers.set_checks import least_radii, set_check, set_off
-from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
+from workbench.uncertainty.covers.sets import CoverForm, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped
 from workbench.uncertainty.responses.plane import plane_function
@@ -91,7 +91,7 @@ class UncertaintyCover(Program):
     _: KW_ONLY
     zeros: Any = None  # it is an int after construction
     complex_order: int = 4
-    form: Form = field(default="multiplicative", kw_only=True)
+    form: CoverForm = field(default="multiplicative", kw_only=True)
     nominal: Any = field(
         default=None, kw_only=True
     )  # it is a Rational after construction, if given
@@ -116,7 +116,7 @@ class UncertaintyCover(Program):
             if self.leave_out:
                 raise InputError("leave_out counts plants, confidence covers regions: give one")
             object.__setattr__(self, "responses", with_regions(self.responses, self.confidence))
-        need_choice(self.form, Form, "form")
+        need_choice(self.form, CoverForm, "form")
         if self.nominal is not None:
             nominal = plane_function(self.nominal, "the given nominal", self.responses.dt)
             if self.nominal is not nominal:  # otherwise it is that of a cover made before

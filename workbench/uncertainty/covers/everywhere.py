@@ -21,7 +21,7 @@ from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.second_opinion.responses import plain_response, tried_frequencies
 from workbench.uncertainty.covers.checks import REALISED_SUPPORT_TOLERANCE, excess_over_radius
 from workbench.uncertainty.covers.model import UncertaintyModel
-from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.covers.sets import CoverForm
 from workbench.uncertainty.covers.weights import (
     GAIN_MARGIN,
     between,
@@ -55,7 +55,7 @@ def covering_weight(
     away: ComplexArray,
     nominal: Rational,
     W_r: Rational | None,
-    form: Form,
+    form: CoverForm,
     order: int,
     share: Share,
     rounding: float,
@@ -129,7 +129,7 @@ def rounded_radius(
     away: ComplexArray,
     nominal: Rational,
     W_r: Rational | None,
-    form: Form,
+    form: CoverForm,
     rounding: float,
 ) -> RealArray:
     """Radius (F,) that deviations (F, N) need around the real weight, including their rounding
@@ -143,7 +143,7 @@ def rounded_radius(
 
 
 def reaching_known(
-    responses: Responses, nominal: Rational, W_c: Rational, W_r: Rational | None, form: Form
+    responses: Responses, nominal: Rational, W_c: Rational, W_r: Rational | None, form: CoverForm
 ) -> Rational:
     """The complex weight, scaled so that the known plants are covered at every frequency.
 

@@ -34,7 +34,7 @@ from workbench.systems.conversion import as_system
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.uncertainty.algebra.system import Algebraic
 from workbench.uncertainty.covers.checks import realised_support
-from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.covers.sets import CoverForm
 from workbench.uncertainty.responses.plane import from_plane, plane_function
 from workbench.uncertainty.responses.plants import Responses
 
@@ -62,12 +62,12 @@ class UncertaintyModel(Algebraic):
     W_c: Any
     W_r: Any = None
     _: KW_ONLY
-    form: Form = "multiplicative"
+    form: CoverForm = "multiplicative"
     dt: Any = None  # it is a float after construction
     tested: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
-        need_choice(self.form, Form, "form")
+        need_choice(self.form, CoverForm, "form")
         for name in ("nominal", "W_c", "W_r"):
             given = getattr(self, name)
             if given is None and name != "W_r":

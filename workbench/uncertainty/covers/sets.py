@@ -20,7 +20,8 @@ from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.hull import convex_hull
 from workbench.uncertainty.responses.plants import Responses, filled
 
-Form = Literal["multiplicative", "additive"]
+CoverForm = Literal["multiplicative", "additive"]
+"""Whether a set around a nominal is relative to it, or in the plant's units."""
 
 ZERO_NOMINAL = 1e-9
 """Size of a nominal, relative to its set's largest point, below which it counts as zero."""
@@ -33,7 +34,7 @@ SUPPORT_DISTANCE = 1e-9
 
 
 def deviations(
-    points: ComplexArray, nominal: ComplexArray, form: Form, responses: Responses
+    points: ComplexArray, nominal: ComplexArray, form: CoverForm, responses: Responses
 ) -> ComplexArray:
     """Deviations (F, N) of point sets (F, N) from a nominal response (F,).
 

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from workbench.fitting.rational import Rational
-from workbench.fitting.storage import rational_variables, stored_rational
+from workbench.fitting.storage import rational_variables, restored_rational
 from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.responses.plants import Responses
@@ -74,4 +74,4 @@ def cover_function(data: xr.Dataset, name: str) -> Rational | None:
     """The nominal or a weight, by name; None if the model does not have it."""
     if f"{name}_gain" not in data:
         return None
-    return stored_rational(data, f"{name}_")
+    return restored_rational(data, f"{name}_")

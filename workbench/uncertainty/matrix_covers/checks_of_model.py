@@ -12,11 +12,11 @@ from workbench._core.heavy_types import StateSpace
 from workbench.certificate import Check, worst_value
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
-from workbench.certify.stability import balanced_states, stability_of
+from workbench.certify.stability import balanced_states, stability_check
 from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose
 
 REALISED = 1e-6
 """Tolerance of the second opinion: excess of a norm of Delta over 1, and distance of a plant."""
@@ -25,7 +25,7 @@ REALISED = 1e-6
 def stays_stable(name: str, system: StateSpace) -> Check:
     """Check that the poles of a system are proven to lie inside the region of stability."""
     statement = "how far a pole is beyond the boundary of stability, negative"
-    return replace(stability_of(system), name=name, statement=statement, where="")
+    return replace(stability_check(system), name=name, statement=statement, where="")
 
 
 def unstable_poles(system: StateSpace) -> int:
@@ -34,14 +34,14 @@ def unstable_poles(system: StateSpace) -> int:
     A pole on the boundary, such as an integrator's, is never proven to lie inside, however it is
     rounded.
     """
-    if stability_of(system).holds:
+    if stability_check(system).holds:
         return 0
     discs = pole_discs(exact(balanced_states(np.asarray(system.A, dtype=float))[0]))
     beyond = np.abs(discs.centre) - 1.0 if system.dt else discs.centre.real
     return int((beyond + discs.radius >= 0.0).sum())
 
 
-def off_shape(response: Array, shape: Shape) -> float:
+def off_shape(response: Array, shape: WeightShape) -> float:
     """Largest relative size of entries of a weight's response (F, n, n) outside its shape."""
     if shape == "full":
         return 0.0

@@ -63,7 +63,7 @@ from workbench.uncertainty.matrix_covers.sets.program import (
     MatrixSets,
     Size,
 )
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape, between_weights
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, between_weights
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
 LEAST_GAP = 1e-4
@@ -135,8 +135,8 @@ class MatrixCover(Program):
     nominal: Any
     _: KW_ONLY
     form: MatrixForm = "additive"
-    left: Shape = field(default="diagonal", kw_only=True)
-    right: Shape = field(default="diagonal", kw_only=True)
+    left: WeightShape = field(default="diagonal", kw_only=True)
+    right: WeightShape = field(default="diagonal", kw_only=True)
     left_order: int = field(default=2, kw_only=True)
     right_order: int = field(default=2, kw_only=True)
     floor: float = field(default=1e-3, kw_only=True)
@@ -252,7 +252,7 @@ class MatrixCover(Program):
             loop = np.concatenate([W_2 @ loop[:, :n], loop[:, n:]], axis=1)
         return self._sets_of(self.covered @ np.linalg.inv(W_2)[:, None], loop, "scalar")
 
-    def _sets_of(self, X: Array, loop: Array | None, right: Shape) -> MatrixSets:
+    def _sets_of(self, X: Array, loop: Array | None, right: WeightShape) -> MatrixSets:
         size: Size = "volume" if loop is None else "mu"
         return MatrixSets(X, left=self.left, right=right, size=size, floor=self.floor, loop=loop)
 

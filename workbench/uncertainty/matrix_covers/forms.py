@@ -30,6 +30,9 @@ MatrixForm = Literal[
     "inverse-output",
     "coprime",
 ]
+"""Place of the uncertainty: added to the plant, at its input or output, the inverse of these in a
+feedback loop, or on the coprime factors.
+"""
 
 REACHED = 1e-8
 """Largest relative part of a plant that no X of the form gives and that still counts as

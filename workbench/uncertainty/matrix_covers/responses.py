@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench._core.arrays import Array, RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count, as_frequencies
@@ -150,7 +150,7 @@ class MatrixResponses:
             values=self.values[:, :, output, input],
             plants=self.plants,
             dt=self.dt,
-            known=[plant if stability_of(plant).holds else None for plant in known],
+            known=[plant if stability_check(plant).holds else None for plant in known],
         )
 
     @property

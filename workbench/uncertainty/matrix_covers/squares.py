@@ -19,7 +19,7 @@ from workbench.fitting.rational import Rational
 from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose
 
 LEAST_SQUARE = 1e-4
 """Least square of a weight, relative to its mean. Without it a zero could lie on the axis."""
@@ -100,7 +100,7 @@ class ShapedSquare:
     """
 
     def __init__(
-        self, omega: RealArray, sizes: RealArray, shape: Shape, poles: Sequence[Array]
+        self, omega: RealArray, sizes: RealArray, shape: WeightShape, poles: Sequence[Array]
     ) -> None:
         self.shape, self.n = shape, sizes.shape[1]
         self.unit = np.exp(np.log(sizes).mean(axis=0))

@@ -18,7 +18,7 @@ from workbench.fitting.rational import Rational
 from workbench.systems.realisation import realisation, transposed_system
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond, complex_weight
 from workbench.uncertainty.matrix_covers.semidefinite import least
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 
 MOST_FREQUENCIES = 80
@@ -39,7 +39,7 @@ class FittedWeight:
 
 
 def right_weight(
-    omega: RealArray, squares: Array, shape: Shape, order: int, context: Context
+    omega: RealArray, squares: Array, shape: WeightShape, order: int, context: Context
 ) -> FittedWeight:
     """Stable W (n, n) with a stable inverse and W^* W >= squares (F, n, n), in continuous time.
 
@@ -78,7 +78,7 @@ def diagonal_weight(fits: list[Rational], n: int) -> FittedWeight:
 
 
 def left_weight(
-    omega: RealArray, squares: Array, shape: Shape, order: int, context: Context
+    omega: RealArray, squares: Array, shape: WeightShape, order: int, context: Context
 ) -> FittedWeight:
     """As `right_weight`, but with W W^* >= squares."""
     found = right_weight(omega, squares.conj(), shape, order, context)

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 
 from workbench import Run
-from workbench._core.arrays import RealArray
 from workbench.geometry import narrowest_stadium
 from workbench.geometry.thesis import Medians, thesis_circle, thesis_stadium
+from workbench.types import RealArray
 
 from .registry import value
 

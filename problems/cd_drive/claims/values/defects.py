@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 
 from workbench import Run
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray
+from workbench.types import DataArray, RealArray
 
 from ...drive.tables import drives
 from ...laboratory.bench_setup import PERIOD

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import Run
-from workbench._core.arrays import RealArray
+from workbench.types import RealArray
 
 from ...drive.tables import gain_margins
 from .registry import value

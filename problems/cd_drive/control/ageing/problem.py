@@ -13,10 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.study import (
+    LEAST_COVERAGE_P,
     Study,
     array,
     check,
@@ -28,8 +27,8 @@ from workbench.study import (
     part,
     table,
 )
-from workbench.study.draws import LEAST_COVERAGE_P
-from workbench.synthesis.mu.program import PEAK_TOLERANCE
+from workbench.synthesis import PEAK_TOLERANCE
+from workbench.types import DataArray, Dataset, Figure, RealArray
 from workbench.uncertainty import GeneralisedPlant
 
 from ...drive.plants import controller

@@ -9,14 +9,12 @@ from functools import partial
 from typing import Literal
 
 from workbench import solve
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.mu import performance_peak
 from workbench.solvers import Options
-from workbench.synthesis import MuSynthesis
-from workbench.synthesis.mu.program import PEAK_TOLERANCE
-from workbench.uncertainty import GeneralisedPlant, Parameter, ParametricModel
-from workbench.uncertainty.parametric_models.model import parametric_lft
+from workbench.synthesis import PEAK_TOLERANCE, MuSynthesis
+from workbench.types import StateSpace
+from workbench.uncertainty import GeneralisedPlant, Parameter, ParametricModel, parametric_lft
 
 from ...drive.plants import controller
 from ...drive.tables import Axis, nominal_table

@@ -16,19 +16,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import Run, problem, ref
-from workbench._core.arrays import RealArray, outward_single
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.mu import Peak, PeakChecker, Sweep, performance_peak, performance_sweep
-from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
+from workbench.study import (
+    Study,
+    answers,
+    array,
+    check,
+    dim,
+    figure,
+    metric,
+    part,
+    single_precision_bounds,
+    table,
+)
 from workbench.synthesis import (
+    PEAK_TOLERANCE,
     LargestLeastMu,
     LargestLeastMuChecker,
     largest_least_mu,
     least_mu,
 )
-from workbench.synthesis.mu.program import PEAK_TOLERANCE
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 
 from ...drive.plants import Gain, controller
@@ -201,7 +211,7 @@ class Controllers(Study):
         found = np.full(shape, np.nan)
         for case, curve in curves.items():
             found[_place(case)] = curve.lower, curve.upper
-        return outward_single(found)
+        return single_precision_bounds(found)
 
     @array(dims=(model, controller), unit="", meaning="states of the controller")
     def order(self, loops: Loops) -> RealArray:

@@ -13,24 +13,18 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, problem, ref
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench import Check, Run, problem, ref, solve
 from workbench.certificate import EVERY_PERTURBATION
-from workbench.certify.stability import stability_of
+from workbench.certify import stability_check
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.fitting.rational import Rational, rational_of_system
-from workbench.fitting.storage import rational_variables, stored_rational
-from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.fitting import Rational, rational_of_system, rational_variables, restored_rational
 from workbench.mu import performance_peak, performance_sweep
-from workbench.solution import solve
 from workbench.study import Study, figure, metric, table
-from workbench.synthesis import ControlCover, MuSynthesis
-from workbench.synthesis.mu.control_cover import Name
-from workbench.synthesis.mu.program import PEAK_TOLERANCE
-from workbench.systems.storage import restored_system, stored_system
-from workbench.uncertainty import Responses, UncertaintyModel, contains
-from workbench.uncertainty.covers.everywhere import containment_check
+from workbench.synthesis import PEAK_TOLERANCE, ControlCover, CoverPart, MuSynthesis
+from workbench.systems import restored_system, stored_system
+from workbench.types import DataArray, Dataset, Figure, StateSpace
+from workbench.uncertainty import Responses, UncertaintyModel, containment_check, contains
 
 from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES, Frequencies
@@ -41,6 +35,8 @@ from ..loop_weights import control_cover
 from .report import cover_figures
 
 STAGES = ("narrowest", "controller for it", "in turn", "together")
+CONTAINMENT_SLACK = 1e-9
+"""Largest distance of a drive outside its stadium that counts as rounding, over the radius."""
 LAST = STAGES[-1]
 PARTS = ("nominal", "W_c", "W_r")
 """Rational functions of an uncertainty model."""
@@ -230,12 +226,12 @@ class CoverForControl(Study):
         return min(best, last, key=lambda each: each.peak)
 
     def _lowered(
-        self, cover: ControlCover, stage: DesignStage, moving: Sequence[Name], context: Context
+        self, cover: ControlCover, stage: DesignStage, moving: Sequence[CoverPart], context: Context
     ) -> DesignStage:
         """The stage after optimising the moving parts, together with W_c."""
         model = stage.model
         assert model.W_r is not None
-        parts: dict[Name, Rational] = {
+        parts: dict[CoverPart, Rational] = {
             "nominal": model.nominal,
             "real": model.W_r,
             "controller": rational_of_system(stage.K),
@@ -263,7 +259,7 @@ class CoverForControl(Study):
 
     def stage(self, answer: Dataset, number: int) -> tuple[UncertaintyModel, StateSpace]:
         """The model and controller of a stage."""
-        nominal, W_c, W_r = (stored_rational(answer, f"{name}{number}_") for name in PARTS)
+        nominal, W_c, W_r = (restored_rational(answer, f"{name}{number}_") for name in PARTS)
         return UncertaintyModel(nominal, W_c, W_r), restored_system(answer, f"controller{number}")
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
@@ -278,14 +274,14 @@ class CoverForControl(Study):
                     title,
                     statement,
                     inside.worst,
-                    CONTAINMENT_TOLERANCE,
+                    CONTAINMENT_SLACK,
                     where=inside.where,
                     over=self.responses.over,
                 )
             )
             everywhere = containment_check(model, self.responses)
             checks.append(replace(everywhere, name=f"{name}: {everywhere.name}"))
-            stability = stability_of(synthesis_plant(self.axis, model).close(K))
+            stability = stability_check(synthesis_plant(self.axis, model).close(K))
             checks.append(replace(stability, name=f"{name}: {stability.name}"))
             bound = float(answer["peak"].sel(stage=name, bound="upper"))
             statement = "certified supremum of mu over the bound that is claimed, less 1"

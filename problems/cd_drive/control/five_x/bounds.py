@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.executor import Context
-from workbench.synthesis import DualCertificate, highest_certificate, regularise
-from workbench.synthesis.limits.loop_functions import LoopFunctions
+from workbench.synthesis import DualCertificate, LoopFunctions, highest_certificate, regularise
+from workbench.types import RealArray
 from workbench.uncertainty import GeneralisedPlant
 
 from ..control_problem import generalised

@@ -10,8 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import Dataset, StateSpace, TransferFunction
 from workbench.certificate import EVERY_PERTURBATION, worst_value
 from workbench.mu import rank_one_mu
 from workbench.synthesis import (
@@ -23,6 +21,7 @@ from workbench.synthesis import (
 )
 from workbench.synthesis.limits.allowed_sets import largest_projections
 from workbench.synthesis.limits.rational_bounds import FrequencyCells
+from workbench.types import ComplexArray, Dataset, RealArray, StateSpace, TransferFunction
 
 from ...drive.plants import ANTIALIASING
 from ..control_problem import control_weight, optical_gain, performance_weight

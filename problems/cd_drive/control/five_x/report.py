@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
+from workbench.study import markdown_table
+from workbench.types import Dataset, Figure
 
 from ...drive.tables import Axis
 
@@ -69,7 +69,9 @@ def peaks_table(answer: Dataset) -> str:
         for name, peak in zip(answer["reduction"].values, answer["reduction_peak"], strict=True)
     )
     heads = ["controller", *(PANELS[channel].replace("$", "") for channel in channels), "at [Hz]"]
-    return f"{markdown(heads, rows)}\nReductions of the full order, w_p to both: {reductions}.\n"
+    return (
+        f"{markdown_table(heads, rows)}\nReductions of the full order, w_p to both: {reductions}.\n"
+    )
 
 
 def conclusions_table(axis: Axis, numbers: Mapping[str, float]) -> str:
@@ -115,7 +117,7 @@ def conclusions_table(axis: Axis, numbers: Mapping[str, float]) -> str:
     }
     rows = [*asked, *((statement, "not asked", here) for statement, here in found.items())]
     rows.append(("this hardware cannot be driven at 5X", "yes", _verdict(numbers)))
-    table = markdown(["statement", "thesis", "here"], rows)
+    table = markdown_table(["statement", "thesis", "here"], rows)
     return f"{axis}; the thesis has results of the focus loop only.\n\n{table}"
 
 

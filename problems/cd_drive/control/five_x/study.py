@@ -15,9 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run
-from workbench._core.arrays import RealArray, outward_single
-from workbench._core.heavy_types import DataArray, Dataset, StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify import stability_check
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.mu import Peak, PeakChecker, performance_peak, performance_sweep
@@ -31,26 +29,26 @@ from workbench.study import (
     figure,
     metric,
     part,
+    single_precision_bounds,
     system,
     table,
 )
 from workbench.synthesis import (
+    PEAK_TOLERANCE,
     DualCertificate,
     HinfController,
     HinfSynthesis,
     LargestLeastMu,
     LargestLeastMuChecker,
+    ReductionMethod,
     approximations,
     equalising_gain,
     hinf,
     largest_least_mu,
     least_mu,
 )
-from workbench.synthesis.implementation.approximation import ReductionMethod
-from workbench.synthesis.mu.equalising_gain import LARGEST_GAIN
-from workbench.synthesis.mu.program import PEAK_TOLERANCE
-from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
-from workbench.uncertainty.covers.storage import cover_sets
+from workbench.types import DataArray, Dataset, RealArray, StateSpace
+from workbench.uncertainty import GeneralisedPlant, UncertaintyModel, cover_sets
 
 from ...drive.plants import controller
 from ...drive.tables import Axis
@@ -150,7 +148,7 @@ class FiveX(Study):
     def adjusted_gain(self, plants: Plants) -> float:
         gain = equalising_gain(plants["disturbance"], plants["control"], controller(self.axis))
         if np.isnan(gain):
-            raise SolverError(f"no gain up to {LARGEST_GAIN:g} makes both channels equally bad")
+            raise SolverError("no gain makes both channels equally bad")
         return gain
 
     @part
@@ -215,7 +213,7 @@ class FiveX(Study):
         lambda peaks: _gathered([_numbers(one)[2] for one in peaks.values()])
     )
     mu = array(dims=(*over, bound, frequency), unit="1", meaning="mu of robust performance")(
-        lambda curves: outward_single(_gathered(curves))
+        lambda curves: single_precision_bounds(_gathered(curves))
     )
 
     @array(
@@ -364,4 +362,4 @@ def _gathered(values: Sequence[Any]) -> RealArray:
 
 def _stabilises(plant: GeneralisedPlant, K: StateSpace) -> bool:
     """Whether the loop of a plant and a controller is stable."""
-    return stability_of(plant.close(K)).holds
+    return stability_check(plant.close(K)).holds

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench.fitting.rational import Rational
+from workbench.fitting import Rational
 from workbench.synthesis import LoopFunctions, LoopWeights
+from workbench.types import RealArray
 from workbench.uncertainty import UncertaintyModel
 
 from ...drive.tables import Axis

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.simulation import Cascade, Part, linear_controller, wobbled_gain
+from workbench.types import RealArray
 
 from ...drive.disc import Defect, Disc
 from ...drive.plants import controller, crossover

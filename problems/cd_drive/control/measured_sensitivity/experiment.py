@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import periodic_response
 from workbench.systems import loop_response
+from workbench.types import ComplexArray, RealArray
 
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD

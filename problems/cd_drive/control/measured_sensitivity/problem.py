@@ -13,11 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -32,8 +30,8 @@ from workbench.study import (
     share_of_draws,
     table,
 )
-from workbench.study.draws import SURE
 from workbench.systems import loop_response
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, drives
@@ -131,7 +129,6 @@ class MeasuredSensitivity(Study):
     @part
     def records(self, context: Context, seed: DataArray, frequency: DataArray) -> list[Measurement]:
         """Measurements in the order of scale, disc, drive, draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         grid, sizes = frequency.values, list(SCALES.values())
         deviations, names = list(DISCS.values()), seed["drive"].values.tolist()
 
@@ -288,7 +285,7 @@ class MeasuredSensitivity(Study):
             disc="ordinary", model="told"
         ),
         each="scale",
-        at_most=1.0 - SURE,
+        at_most=1.0 - CLAIM_SHARE,
     )
 
     # --- what is told -------------------------------------------------------------------------

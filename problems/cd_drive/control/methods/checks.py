@@ -12,13 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import EVERY_FREQUENCY, worst_value
 from workbench.synthesis import DesignTask
-from workbench.systems.generalised_plant import response
-from workbench.uncertainty import ParametricModel, UncertaintyModel
-from workbench.uncertainty.parametric_models.parameters import vertices
+from workbench.systems import response
+from workbench.types import ComplexArray, Dataset, RealArray, StateSpace
+from workbench.uncertainty import ParametricModel, UncertaintyModel, vertices
 
 from ...drive.plants import ANTIALIASING
 from ...drive.tables import Axis

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
 from workbench.synthesis import DesignTask
+from workbench.types import StateSpace
 from workbench.uncertainty import ParametricModel, UncertaintyModel
 
 from ...drive.plants import ANTIALIASING, controller, nominal_parameters, plant, total_gain

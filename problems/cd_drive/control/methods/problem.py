@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import Check, Run, problem
-from workbench._core.arrays import RealArray, outward_single
-from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.executor import Context
 from workbench.mu import (
     Peak,
@@ -35,15 +33,16 @@ from workbench.study import (
     check,
     dim,
     figure,
+    identifier,
     metric,
     part,
+    single_precision_bounds,
     system,
     table,
 )
-from workbench.study.declarations import identifier
-from workbench.synthesis import DESIGNS, DesignTask
-from workbench.synthesis.mu.program import PEAK_TOLERANCE
-from workbench.systems.generalised_plant import response
+from workbench.synthesis import DESIGNS, PEAK_TOLERANCE, DesignTask
+from workbench.systems import response
+from workbench.types import DataArray, Dataset, RealArray, StateSpace
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
 
 from ...drive.plants import Gain
@@ -180,7 +179,7 @@ class Methods(Study):
     @array(dims=(design, bound, frequency), unit="1", meaning="mu of robust performance")
     def mu(self, controllers: ControllersByName, omega: RealArray) -> NDArray[np.float32]:
         curves = (performance_sweep(self.task.plant, K, omega) for K in controllers.values())
-        return outward_single([(curve.lower, curve.upper) for curve in curves])
+        return single_precision_bounds([(curve.lower, curve.upper) for curve in curves])
 
     @array(dims=(design, frequency), unit="1", meaning="magnitude of the nominal sensitivity")
     def S(self, controllers: ControllersByName, omega: RealArray) -> list[RealArray]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import figures
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import Rows
+from workbench.study import Rows
+from workbench.types import DataArray, Dataset, Figure
 
 from ...drive.tables import Axis
 from .designs import FULL_ORDER

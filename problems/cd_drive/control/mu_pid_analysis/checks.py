@@ -11,12 +11,10 @@ from itertools import product
 import numpy as np
 
 from workbench import Check
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import Dataset
 from workbench.certificate import EVERY_PERTURBATION, worst_value
 from workbench.mu import rank_one_mu
-from workbench.uncertainty.covers.storage import cover_function
-from workbench.uncertainty.parametric_models.parameters import vertices
+from workbench.types import Dataset, RealArray
+from workbench.uncertainty import cover_function, vertices
 
 from ...drive.plants import ANTIALIASING, controller
 from ...drive.tables import Axis

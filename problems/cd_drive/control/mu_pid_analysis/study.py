@@ -15,16 +15,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import Check, Run
-from workbench._core.arrays import RealArray, outward_single
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
 from workbench.geometry import smallest_area_stadium
 from workbench.mu import Peak, PeakChecker, condition_systems, conditions, performance_sweep
 from workbench.structure import Structure
-from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
+from workbench.study import (
+    Study,
+    answers,
+    array,
+    check,
+    dim,
+    figure,
+    metric,
+    part,
+    single_precision_bounds,
+    table,
+)
 from workbench.synthesis import equalising_gain
-from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
-from workbench.uncertainty.covers.storage import cover_function, cover_sets
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
+from workbench.uncertainty import (
+    GeneralisedPlant,
+    ParametricModel,
+    UncertaintyModel,
+    cover_function,
+    cover_sets,
+)
 
 from ...drive.plants import GAIN_VARIANTS, controller
 from ...drive.tables import Axis
@@ -138,7 +153,7 @@ class MuPidAnalysis(Study):
         dims=(*cases, condition), unit="Hz", meaning="frequency of the largest mu"
     )(lambda peaks: _gathered(lambda case: _over_conditions(peaks, case)[:, 2]))
     mu = array(dims=(*cases, bound, frequency), unit="1", meaning="mu of robust performance")(
-        lambda curves: outward_single(_gathered(curves.__getitem__))
+        lambda curves: single_precision_bounds(_gathered(curves.__getitem__))
     )
 
     @array(

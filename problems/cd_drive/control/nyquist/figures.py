@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Axes, Dataset, Figure
-from workbench.geometry import Stadium
-from workbench.geometry.figures import outline
+from workbench.geometry import Stadium, outline
+from workbench.types import Axes, Dataset, Figure
 
 NEAR = ((-2.6, 0.6), (-2.4, 0.6))
 """Ranges of real and imaginary parts shown near -1."""

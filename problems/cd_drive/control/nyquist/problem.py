@@ -14,20 +14,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check, Run, problem, ref
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.certificate import worst_value
 from workbench.geometry import (
     NarrowestStadium,
     Stadium,
     multiplied_sets,
+    narrowest_stadium,
     sets_around_nominal,
     signed_distance,
     signed_distance_bounds,
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
-from workbench.uncertainty.covers.storage import cover_function, cover_sets
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
+from workbench.uncertainty import cover_function, cover_sets
 
 from ...drive.plants import ANTIALIASING, Gain, controller, nominal_response
 from ...drive.shared_parameters import TABLES, WINDOWS, Frequencies
@@ -152,8 +151,7 @@ class Nyquist(Study):
         drives = covered_responses(self.runs[form, "steps"])
         nominal = nominal_response(self.axis, drives["frequency"].values, antialiasing=False)
         away = drives.values / nominal[:, None] - 1
-        around = circles_about_nominal if form == "circle" else stadiums_about_nominal
-        return sets_around_nominal(nominal, around(away))
+        return sets_around_nominal(nominal, _around_zero(away, form))
 
     @check()
     def geometry_holds(self, answer: Dataset) -> list[Check]:
@@ -264,3 +262,11 @@ def known_factor(axis: Axis, frequency: RealArray) -> ComplexArray:
 def stored(answer: Dataset) -> Stadium:
     """Sets of one kind and shape."""
     return Stadium(*(answer[name].values for name in PARTS))
+
+
+def _around_zero(points: ComplexArray, form: str) -> Stadium:
+    """The smallest circle, or the narrowest stadium, centred at 0 around each set of points."""
+    if form == "stadium":
+        return narrowest_stadium(points, center=0.0)
+    zero = np.zeros(len(points))
+    return Stadium(zero.astype(complex), np.abs(points).max(axis=1), zero, zero)

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench import Check
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import worst_value
+from workbench.types import ComplexArray, Dataset, RealArray, StateSpace
 
 from ...drive.plants import Gain, controller, responses
 from ...drive.tables import Axis, Values

@@ -17,14 +17,13 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from workbench import Check, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
 from workbench.mu import Peak, PeakChecker, peak
 from workbench.structure import Full, Structure
 from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table
-from workbench.synthesis.mu.program import PEAK_TOLERANCE
+from workbench.synthesis import PEAK_TOLERANCE
 from workbench.systems import bands, bandwidths, loop_response
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 
 from ...drive.margins import MARGIN_UNITS, each_margin, nearest_margins
 from ...drive.plants import Gain

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import Rows
+from workbench.study import Rows
+from workbench.types import DataArray, Dataset, Figure
 
 from ...drive.tables import Axis
 from ..loops import SCALES

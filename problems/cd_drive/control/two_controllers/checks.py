@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench._core.arrays import ComplexArray
-from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.certificate import EVERY_PERTURBATION, quantified_checks, worst_value
-from workbench.systems.generalised_plant import response
-from workbench.uncertainty.parametric_models.parameters import vertices
+from workbench.systems import response
+from workbench.types import ComplexArray, Dataset, StateSpace
+from workbench.uncertainty import vertices
 
 from ...drive.plants import ANTIALIASING, controller
 from ...uncertainty.parametric.checks import plants

@@ -14,15 +14,13 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, StateSpace
-from workbench.certify.norms import certified_norm
+from workbench.certify import certified_norm
 from workbench.executor import Context
 from workbench.mu import Peak, WorstCaseChecker, WorstCaseGain, conditions, worst_case_gain
 from workbench.structure import Structure
 from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table
-from workbench.systems import bandwidths
-from workbench.systems.generalised_plant import response
+from workbench.systems import bandwidths, response
+from workbench.types import DataArray, Dataset, RealArray, StateSpace
 
 from ...drive.disc import VELOCITY
 from ...drive.margins import MARGIN_UNITS, each_margin

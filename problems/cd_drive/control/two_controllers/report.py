@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Axes, DataArray, Dataset, Figure
-from workbench._core.tables import Rows
+from workbench.study import Rows
+from workbench.types import Axes, DataArray, Dataset, Figure
 
 from ...drive.tables import Axis
 

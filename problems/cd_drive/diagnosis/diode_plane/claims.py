@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench._core.heavy_types import DataArray, Dataset
+from workbench.types import DataArray, Dataset
 
 from ...laboratory.bench_setup import PERIOD
 from ..defect_claims import Claim

@@ -11,9 +11,8 @@ import numpy as np
 from scipy import stats
 
 from workbench import figures
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.figures import label, legend_below
+from workbench.types import Axes, Dataset, Figure, RealArray
 
 from .runs import Detectors
 

@@ -6,6 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import chain
 from typing import Annotated, Any, ClassVar
@@ -15,11 +16,7 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, problem
-from workbench._core.heavy_types import DataArray, Dataset
-from workbench._core.tables import markdown
-from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -29,10 +26,12 @@ from workbench.study import (
     figure,
     independent_seeds,
     interval_text,
+    markdown_table,
     metric,
     part,
     table,
 )
+from workbench.types import DataArray, Dataset
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -128,7 +127,6 @@ class DiodePlane(Study):
     @part
     def every(self, context: Context, seed: DataArray) -> list[list[OneDrive]]:
         """Findings of the detectors on every drive in each draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> OneDrive:
             one = seed[place]
@@ -218,7 +216,8 @@ class DiodePlane(Study):
     def _quality_off(self, answer: Dataset) -> float:
         """Largest difference of the stored quality from eq. 7.13 for the stored diodes."""
         law = self.detectors
-        dist = abs(1.0 - answer["zoom_diodes"].sum("diode").values) * FARTHEST
+        # distance from the line a + b = 1 in the plane of both diodes
+        dist = abs(1.0 - answer["zoom_diodes"].sum("diode").values) / math.sqrt(2.0)
         ramp = np.clip((law.dist_max - dist) / (law.dist_max - law.dist_min), 0.0, 1.0)
         return float(abs(ramp**law.alpha - answer["zoom_quality"].values).max())
 
@@ -280,7 +279,7 @@ def _crossed(values: DataArray, form: str, corner: str) -> str:
     rows, columns = (name for name in values.dims if name != "draw")
     heads = [corner, *map(str, values[columns].values)]
     cells = told.transpose(rows, columns, "summary")
-    return markdown(
+    return markdown_table(
         heads,
         [[str(row[rows].values), *(interval_text(one, form=form) for one in row)] for row in cells],
     )

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench._core.arrays import RealArray
 from workbench.diagnosis import (
     UNKNOWN,
     Clusters,
@@ -23,6 +22,7 @@ from workbench.diagnosis import (
     quantile_threshold,
 )
 from workbench.simulation import play
+from workbench.types import RealArray
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis

@@ -7,7 +7,7 @@ Figure numbers are those of E. Vidal Sanchez, Robust and Fault Tolerant Control 
 from __future__ import annotations
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
+from workbench.types import Dataset, Figure
 
 
 def groups(answer: Dataset, axis: str) -> Figure:

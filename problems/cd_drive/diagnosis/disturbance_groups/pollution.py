@@ -12,8 +12,8 @@ from typing import Self
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.errors import InputError
+from workbench.types import RealArray
 
 from ...drive.tables import AXES, ActuatorParameters, Axis, red_book
 from ...laboratory.bench_setup import find_drive

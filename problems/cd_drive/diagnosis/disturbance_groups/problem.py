@@ -13,11 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -32,7 +30,7 @@ from workbench.study import (
     share_of_draws,
     table,
 )
-from workbench.study.draws import SURE
+from workbench.types import DataArray, Dataset, RealArray
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
@@ -103,7 +101,6 @@ class DisturbanceGroups(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> list[Superposed]:
         """Errors of every drive in every draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> Superposed:
             at = seed[place]
@@ -139,17 +136,17 @@ class DisturbanceGroups(Study):
 
     # --- checks ---------------------------------------------------------------------------------
 
-    @check(at_most=1.0 - SURE)
+    @check(at_most=1.0 - CLAIM_SHARE)
     def superposed(self, superposition_off: DataArray) -> float:
         """share of draws in which the error is farther than 10 % from the sum of its parts"""
         return float(share_of_draws(superposition_off > SUPERPOSED))
 
-    @check(title="equation 2.9", at_most=1.0 - SURE)
+    @check(title="equation 2.9", at_most=1.0 - CLAIM_SHARE)
     def as_printed(self, equation_2_9_off: DataArray) -> float:
         """share of draws in which the sensed error is farther than 5 % from the equation"""
         return float(share_of_draws(equation_2_9_off > EQUATION))
 
-    @check(title="{case}", at_most=1.0 - SURE, each="case")
+    @check(title="{case}", at_most=1.0 - CLAIM_SHARE, each="case")
     def enters(self, peak: DataArray) -> DataArray:
         """share of draws in which a group causes an error below 1 nm"""
         return share_of_draws(peak < LEAST_MOTION, "case")

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from workbench._core.arrays import RealArray
 from workbench.simulation import discrete_system, linear_controller
+from workbench.types import RealArray
 
 from ...drive.disc import Defect, Disc
 from ...drive.plants import ANTIALIASING, controller

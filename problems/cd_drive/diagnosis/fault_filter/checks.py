@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from workbench import Check
-from workbench._core.heavy_types import Dataset, StateSpace
-from workbench.certify.stability import stability_of
-from workbench.diagnosis import FaultLoop
-from workbench.diagnosis.estimation.front_filters import loop_estimation
-from workbench.systems.bilinear import bilinear_continuous
-from workbench.systems.generalised_plant import response
+from workbench.certify import stability_check
+from workbench.diagnosis import FaultEstimation, FaultLoop
+from workbench.systems import bilinear_continuous, response
+from workbench.types import Dataset, StateSpace
 
 from ...drive.plants import ANTIALIASING
 from ...drive.red_book import envelope
@@ -74,9 +72,12 @@ def _of_filter(
 ) -> Iterator[Check]:
     """Stability, certificates computed again, and members of the set, for one filter."""
     F = bilinear_continuous(K) if K.dt else K
-    stability = stability_of(K)
+    stability = stability_check(K)
     yield replace(stability, name=f"{name}: stable filter", where="")
-    program, reached = loop_estimation(loop, *limits), reached_of(answer)
+    program, reached = (
+        FaultEstimation(loop.plant, "f", requirements=loop.requirements(*limits)),
+        reached_of(answer),
+    )
     stored = answer["peak"].sel(design=name, bound="upper")
     supremum = f"certified supremum of mixed mu{limits_of(reached)}"
     again = "certified supremum over the claimed one, less 1"

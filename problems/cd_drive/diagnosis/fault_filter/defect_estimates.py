@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.simulation import respond
-from workbench.systems.realisation import realisation
+from workbench.systems import realisation
+from workbench.types import RealArray, StateSpace
 
 from ...control.loops import open_loop, plants
 from ...drive.disc import VELOCITY

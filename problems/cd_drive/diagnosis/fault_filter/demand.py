@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import Check
-from workbench._core.heavy_types import Dataset
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.diagnosis import DemandReached
+from workbench.types import Dataset
 
 LIMITS_AGREE = 1e-12
 """Rounding error allowed when stored limits are compared with the factor times the asked ones."""

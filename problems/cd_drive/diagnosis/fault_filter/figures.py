@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.diagnosis import FaultFront, FaultLoop
 from workbench.figures import label, legend_below
-from workbench.systems.bilinear import bilinear_continuous
-from workbench.systems.generalised_plant import response
+from workbench.systems import bilinear_continuous, response
+from workbench.types import Dataset, Figure, RealArray, StateSpace
 
 from ...control.control_problem import optical_gain
 from ...drive.tables import Axis

@@ -12,9 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import EstimationDemands, FaultLoop
+from workbench.types import RealArray, StateSpace
 from workbench.uncertainty import UncertaintyModel
 
 from ...drive.plants import ANTIALIASING

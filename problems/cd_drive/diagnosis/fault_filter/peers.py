@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
+from workbench import solve
 from workbench.diagnosis import FaultEstimation, FaultLoop, Requirement
 from workbench.errors import SolverError
-from workbench.fitting.rational import Rational
-from workbench.solution import solve
+from workbench.fitting import Rational
+from workbench.types import StateSpace
 from workbench.uncertainty import GeneralisedPlant
 
 from ..stand_in import low_pass

@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
-from workbench._core.heavy_types import Dataset, StateSpace
 from workbench.diagnosis import (
     DemandReached,
     FaultFront,
@@ -29,10 +28,10 @@ from workbench.diagnosis import (
 )
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.fitting.storage import stored_rational
-from workbench.study import Study, array, dim, figure, part, system, table
-from workbench.study.declarations import identifier
-from workbench.systems.bilinear import bilinear_sampled
+from workbench.fitting import restored_rational
+from workbench.study import Study, array, dim, figure, identifier, part, system, table
+from workbench.systems import bilinear_sampled
+from workbench.types import Dataset, StateSpace
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.cover_for_control.problem import PARTS, STAGES
@@ -122,7 +121,7 @@ def allowed_leakage(axis: Axis) -> float:
 def stadiums_of(covered: Run) -> UncertaintyModel:
     """The stadiums of `cd/<axis>/cover-for-control`."""
     nominal, W_c, W_r = (
-        stored_rational(covered.data, f"{name}{len(STAGES) - 1}_") for name in PARTS
+        restored_rational(covered.data, f"{name}{len(STAGES) - 1}_") for name in PARTS
     )
     return UncertaintyModel(nominal, W_c, W_r)
 

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.heavy_types import StateSpace
-from workbench.certify.norms import certified_norm
-from workbench.systems.connection import generalised_plant
-from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import realisation
+from workbench.certify import certified_norm
+from workbench.systems import realisation
+from workbench.types import StateSpace
+from workbench.uncertainty import GeneralisedPlant, generalised_plant
 
 from ...drive.plants import nominal_parameters, plant, total_gain
 from ...drive.red_book import ACCEPTABLE_ERROR

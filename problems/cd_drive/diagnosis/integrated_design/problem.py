@@ -12,18 +12,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench import Check, figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench import Check, figures, problem, solve
 from workbench.certificate import EVERY_FREQUENCY
-from workbench.certify.norms import NORM_TOLERANCE, certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify import certified_norm, stability_check
 from workbench.errors import SolverError
-from workbench.solution import solve
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
-from workbench.synthesis import HinfSynthesis
-from workbench.synthesis.h_infinity.program import HinfController
-from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.synthesis import HinfController, HinfSynthesis
+from workbench.systems import response
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
+from workbench.uncertainty import GeneralisedPlant
 
 from ...drive.plants import controller, total_gains
 from ...drive.shared_parameters import TABLES
@@ -51,9 +48,9 @@ FREQUENCY = np.geomspace(500.0, 15e3, 24)
 """Frequencies [Hz] of the defects."""
 LEVELS_AGREE = 1e-3
 """Largest accepted difference between the least levels of different methods, relative."""
-CARRIED = 2 * NORM_TOLERANCE
+CARRIED = 2e-4
 """Largest accepted difference between the norms of one filter, carried over to another controller,
-relative.
+relative: twice the tolerance of `certified_norm`.
 """
 COUPLED = 1.1
 """Least ratio of the robust errors with two controllers from which the designs count as coupled."""
@@ -188,7 +185,7 @@ class IntegratedDesign(Study):
             ),
         ]
         for name, K in laws.items():
-            stable = stability_of(control_plant(self.axis).close(K))
+            stable = stability_check(control_plant(self.axis).close(K))
             found.append(
                 Check(f"{name}: {stable.name}", stable.statement, stable.value, stable.limit)
             )

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linprog
 
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
+from workbench.types import ComplexArray, RealArray
 
 SIDES = 48
 """Number of points tried on the boundary of the disc of uncertain gains, besides its centre."""

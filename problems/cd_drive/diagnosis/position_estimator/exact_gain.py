@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.simulation import sampled_model
+from workbench.types import RealArray
 
 from ...drive.plants import nominal_parameters, plant, total_gain
 from ...drive.tables import Axis

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Axes, Dataset, Figure
 from workbench.figures import label, legend_below
 from workbench.study import draws_summary
+from workbench.types import Axes, Dataset, Figure
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis

@@ -13,8 +13,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import (
     DisturbedPlant,
     Estimator,
@@ -26,6 +24,7 @@ from workbench.diagnosis import (
     prototype_poles,
 )
 from workbench.simulation import hold, sampled_model
+from workbench.types import RealArray, StateSpace
 
 from ...drive.actuator import specific_model
 from ...drive.plants import ANTIALIASING, nominal_parameters, plant, total_gain

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray
 from workbench.diagnosis import Estimator, KalmanEstimator, Rotation, estimate
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import Study, array, arrays, dim, independent_seeds, part
+from workbench.types import DataArray, RealArray
 
 from ...drive.tables import Axis, Values, drives, red_book
 from ...laboratory.bench_setup import PERIOD, RATE
@@ -158,7 +156,6 @@ class EstimatorTrials(Study):
                 "position_error": abs(runs["Kalman", "known"].outputs[:, 2] - trial.record.x).max(),
             }
 
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         return context.spread(met, nominal_seed.values.tolist(), "draws, nominal drive")
 
     error = array(

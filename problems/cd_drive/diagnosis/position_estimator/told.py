@@ -8,19 +8,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import Check
-from workbench._core.heavy_types import DataArray, Dataset
-from workbench._core.tables import markdown
 from workbench.study import (
+    CLAIM_SHARE,
     check,
     draws_summary,
     figure,
+    identifier,
     interval_text,
+    markdown_table,
     metric,
     share_of_draws,
     table,
 )
-from workbench.study.declarations import identifier
-from workbench.study.draws import SURE
+from workbench.types import DataArray, Dataset
 
 from ...drive.disc import VELOCITY
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -43,7 +43,7 @@ CALLED_BAD, TRUSTED = 1e-4, 1e-2
 """Largest accepted share of clean samples that the quality calls bad, and of covered samples that
 it trusts.
 """
-LOST = 1.0 - SURE
+LOST = 1.0 - CLAIM_SHARE
 """Largest share of the draws in which a statement may fail."""
 
 
@@ -195,7 +195,7 @@ class PositionEstimator(EstimatorTrials):
         ]
         heads = ["estimator", "rotation", "in a scratch", "5 ms after", "otherwise, rms"]
         title = f"Largest errors of x_cd - x [um]: mean, and 90 % of {self.draws} draws.\n\n"
-        return title + markdown(heads, rows)
+        return title + markdown_table(heads, rows)
 
     @table
     def of_the_thesis(

@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.simulation import linear_controller, play
+from workbench.types import RealArray
 
 from ...drive.disc import Defect, Disc
 from ...drive.plants import controller

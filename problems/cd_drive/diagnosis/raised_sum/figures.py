@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
+from workbench.types import Dataset, Figure
 
 
 def sums_of_kinds(answer: Dataset) -> Figure:

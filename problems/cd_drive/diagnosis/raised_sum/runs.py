@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench._core.arrays import RealArray
 from workbench.simulation import linear_controller, play
+from workbench.types import RealArray
 
 from ...drive.photo_diodes import TRACK_PITCH
 from ...drive.plants import ANTIALIASING, controller

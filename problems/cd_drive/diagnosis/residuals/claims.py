@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from workbench._core.heavy_types import DataArray, Dataset
+from workbench.types import DataArray, Dataset
 
 from ..defect_claims import Claim
 from .figures import NAMES

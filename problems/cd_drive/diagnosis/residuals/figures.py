@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
 from workbench.figures import label, legend_below
 from workbench.study import draws_summary
+from workbench.types import Dataset, Figure
 
 from .trials import at_usual_noise
 

@@ -15,11 +15,9 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, problem
-from workbench._core.heavy_types import DataArray, Dataset
-from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    SUMMARY,
     Study,
     array,
     arrays,
@@ -29,11 +27,12 @@ from workbench.study import (
     figure,
     independent_seeds,
     interval_text,
+    markdown_table,
     metric,
     part,
     table,
 )
-from workbench.study.draws import SUMMARY
+from workbench.types import DataArray, Dataset
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -129,7 +128,6 @@ class ResidualCurves(Study):
     @part
     def found(self, seed: DataArray, context: Context) -> dict[str, Any]:
         """Results of all draws and noises by name, (draw, noise, ...)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [(factor, seeds[:3]) for seeds in seed.values.tolist() for factor in FACTORS]
         every = context.spread(lambda cell: self.trials.trial(*cell), cells, "draws and noises")
         return {
@@ -306,7 +304,7 @@ class ResidualCurves(Study):
                 rows["condition"].values, rows.transpose("condition", ...), strict=True
             )
         ]
-        return self._title("Area under the ROC curve") + markdown(heads, cells)
+        return self._title("Area under the ROC curve") + markdown_table(heads, cells)
 
     @table
     def isolation(self, confusion: DataArray, fired: DataArray) -> str:
@@ -314,7 +312,7 @@ class ResidualCurves(Study):
         shares = confusion / confusion.sum("isolated_as")
         return "\n".join(
             self._title(title)
-            + markdown(
+            + markdown_table(
                 ["fault", *map(str, one[one.dims[-1]].values)],
                 [
                     [str(row["fault"].values), *_each(row)]

@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench._core.arrays import RealArray
 from workbench.diagnosis import confusion_matrix, cusum, isolate, quantile_threshold
 from workbench.simulation import linear_controller, play
 from workbench.study import independent_seeds
+from workbench.types import RealArray
 
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory

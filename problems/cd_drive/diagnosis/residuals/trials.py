@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray
 from workbench.diagnosis import quantile_threshold, roc
+from workbench.types import DataArray, RealArray
 
 from ...drive.disc import VELOCITY, Defect
 from ...drive.red_book import ACCEPTABLE_ERROR

@@ -7,7 +7,7 @@ Figure numbers are those of E. Vidal Sanchez, Robust and Fault Tolerant Control 
 from __future__ import annotations
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
+from workbench.types import Dataset, Figure
 
 COLOURS = (figures.BLUE, figures.ORANGE, figures.GREEN)
 SHOWN = {"lines": 12e-6, "diode": 2.0}

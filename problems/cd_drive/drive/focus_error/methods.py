@@ -22,8 +22,8 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.optics import Pupil, defocus, round_pupil, share_within, spot
+from workbench.types import ComplexArray, RealArray
 
 from ..tables import DiscFormat
 

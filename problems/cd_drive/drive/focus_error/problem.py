@@ -15,9 +15,8 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.types import DataArray, Dataset, RealArray
 
 from ..tables import disc_formats, drives
 from .figures import curves, designs

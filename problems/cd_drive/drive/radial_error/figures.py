@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
+from workbench.types import Dataset, Figure
 
 
 def over_track(answer: Dataset) -> Figure:

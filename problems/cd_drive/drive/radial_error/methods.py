@@ -12,8 +12,8 @@ from functools import cache
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.optics import Pupil, Reading, TrackLayer, quadrants, read_layer, round_pupil
+from workbench.types import RealArray
 
 from ..disc import VELOCITY
 from ..tables import compact_disc, disc_formats

@@ -14,9 +14,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, check, dim, figure, metric, table
+from workbench.types import DataArray, Dataset, RealArray
 
 from ..photo_diodes import TRACK_PITCH
 from ..tables import drives

@@ -15,11 +15,10 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from workbench import solve
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.identification import Multisine, RationalModelFit, schroeder_phases
 from workbench.simulation import linear_controller
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ...drive.disc import Disc
 from ...drive.plants import controller

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench import Options, solve
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.identification import ClosedLoopFit, StateSpaceFit, closed_loop_deviations
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from .excitation import LoopSignals
 

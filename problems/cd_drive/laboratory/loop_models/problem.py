@@ -12,11 +12,20 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    markdown_table,
+    metric,
+    part,
+    table,
+)
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
@@ -202,7 +211,7 @@ class LoopModels(Study):
             told = f"{ratio:.2f}" if np.isfinite(ratio) else "none stated"
             error = f"{100 * float(one['error']):.2f}"
             rows.append([name, assumed, str(int(one["order"])), error, told])
-        return markdown(heads, rows)
+        return markdown_table(heads, rows)
 
     @figure
     def bode(self, answer: Dataset) -> Figure:

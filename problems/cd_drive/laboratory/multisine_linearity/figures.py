@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import DataArray, Dataset, Figure
+from workbench.types import DataArray, Dataset, Figure
 
 SIGNIFICANCE = 0.01
 """p-value below which a distortion counts as found."""

@@ -13,12 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import LineDistortion
 from workbench.simulation import bootstrap_weights, percentile_interval
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -33,6 +30,7 @@ from workbench.study import (
     part,
     table,
 )
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values
@@ -115,7 +113,6 @@ class MultisineLinearity(Study):
         """Distortions of each draw: by the multisine, by the multisine without noise, and by the
         sines.
         """
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         self.tests.sweeps  # noqa: B018  (made once, before threads ask for it)
 
         def one(seeds: list[int]) -> tuple[Any, Any, Any]:
@@ -222,7 +219,9 @@ class MultisineLinearity(Study):
         other = float(answer["sines_truth"].sel(kind="odd").isel(size=-1))
         if min(own, other) > FOUND**2:
             truths["relative"] = (own, other)
-        drawn = bootstrap_weights(np.zeros(self.draws, int), SAMPLES, np.random.default_rng(0))
+        drawn = bootstrap_weights(
+            np.zeros(self.draws, int), np.random.default_rng(0), samples=SAMPLES
+        )
         weights = np.vstack([np.full(self.draws, 1.0 / self.draws), drawn])
         numbers: dict[str, float] = {}
         series = float(answer["series_time"][-1])

@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.identification import (
     LineDistortion,
     Multisine,
@@ -24,6 +23,7 @@ from workbench.identification import (
     sine_fit,
 )
 from workbench.simulation import linear_controller
+from workbench.types import RealArray
 
 from ...drive.disc import Disc
 from ...drive.plants import controller

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import decimate
 
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import (
     ResponseEstimate,
     SampledRecord,
@@ -20,6 +19,7 @@ from workbench.identification import (
     output_error,
     refined_instruments,
 )
+from workbench.types import ComplexArray, RealArray
 
 from ...drive.actuator import SERIES_RESISTANCE
 from ..bench_setup import RATE

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
 from workbench.identification import (
     ResponseEstimate,
     periodic_response,
@@ -21,6 +20,7 @@ from workbench.identification import (
     step_response,
 )
 from workbench.simulation import band_limited_noise
+from workbench.types import ComplexArray, RealArray
 
 from ..bench_setup import RATE
 from ..coil_current import CoilExperiment

@@ -13,12 +13,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
 from workbench.executor import Context
 from workbench.identification import ResponseEstimate
 from workbench.study import (
+    CLAIM_SHARE,
+    LEAST_COVERAGE_P,
     Study,
     array,
     arrays,
@@ -29,12 +28,13 @@ from workbench.study import (
     figure,
     independent_seeds,
     interval_text,
+    markdown_table,
     metric,
     part,
     share_of_draws,
     table,
 )
-from workbench.study.draws import LEAST_COVERAGE_P, SURE
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values
@@ -194,13 +194,13 @@ class ResponseMethods(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check(title="{response}", at_most=1.0 - SURE, each="response")
+    @check(title="{response}", at_most=1.0 - CLAIM_SHARE, each="response")
     def response_found(self, error: DataArray) -> DataArray:
         """share of the quiet draws in which the rms error of the response exceeds 1 %"""
         judged = rms(error).sel(noise="quiet", response=["step", "sines", LONGEST])
         return share_of_draws(judged > RESPONSE_TOLERANCE, "response")
 
-    @check(title="instruments, {excitation}", at_most=1.0 - SURE, each="excitation")
+    @check(title="instruments, {excitation}", at_most=1.0 - CLAIM_SHARE, each="excitation")
     def instruments_nearer(self, fit_error: DataArray) -> DataArray:
         """share of the noisy draws in which least squares are nearer than instruments"""
         by = rms(fit_error).sel(noise="noisy")
@@ -295,8 +295,8 @@ class ResponseMethods(Study):
                     share = f"{missed:.1%}" if estimator in BY_RECORD else ""
                     models.append([name, estimator.replace("_", " "), noise, told, share])
         return {
-            "responses": markdown(["response by", *heads], plain),
-            "models": markdown(["record of", "model by", *heads], models),
+            "responses": markdown_table(["response by", *heads], plain),
+            "models": markdown_table(["record of", "model by", *heads], models),
         }
 
     @figure

@@ -14,12 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import IdentificationWarning
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
+    LEAST_COVERAGE_P,
     Study,
     array,
     arrays,
@@ -32,7 +31,7 @@ from workbench.study import (
     share_of_draws,
     table,
 )
-from workbench.study.draws import LEAST_COVERAGE_P, SURE
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -149,7 +148,6 @@ class UnlikeArms(Study):
         self, context: Context, experiments: list[LoopExperiment], seed: DataArray, told: list[Told]
     ) -> list[list[LoopRecord]]:
         """Records of every bench, by draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         seeds = seed.values.tolist()
 
         def measured(place: tuple[int, ...]) -> LoopRecord:
@@ -317,7 +315,7 @@ class UnlikeArms(Study):
         at_most=1.0 - LEAST_COVERAGE_P,
     )
 
-    @check(title="order 4 is rejected, {bench}", at_most=1.0 - SURE, each="bench")
+    @check(title="order 4 is rejected, {bench}", at_most=1.0 - CLAIM_SHARE, each="bench")
     def rejected(self, answer: Dataset) -> DataArray:
         """share of draws in which no test of the fit rejects order 4"""
         low = _order_accepted(answer).sel(order=4, bench=["halves", "four"])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import find_peaks
 
-from workbench._core.arrays import ComplexArray, RealArray
+from workbench.types import ComplexArray, RealArray
 
 from ...drive.actuator import Actuator
 from ...drive.tables import ActuatorParameters

@@ -13,11 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -31,7 +29,7 @@ from workbench.study import (
     share_interval,
     table,
 )
-from workbench.study.draws import SURE
+from workbench.types import DataArray, Dataset, RealArray
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.shared_parameters import TABLES
@@ -108,7 +106,6 @@ class ControllerChange(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Changes (ways, shares, angles, drives, draws, 4)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Changed]:
             at = seed[place]
@@ -175,7 +172,7 @@ class ControllerChange(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check(title="without a bump", at_most=1.0 - SURE)
+    @check(title="without a bump", at_most=1.0 - CLAIM_SHARE)
     def held(self, lost: DataArray) -> float:
         """share of changes without a bump that lose the loop"""
         return float(lost.sel(way=BUMPLESS).mean())

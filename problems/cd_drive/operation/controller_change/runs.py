@@ -8,18 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.compiled import kernel
-from workbench._core.heavy_types import TransferFunction
 from workbench.simulation import (
     Cascade,
     Controller,
     Part,
     blend,
     discrete_system,
+    kernel,
     linear_controller,
     tracking_controller,
 )
+from workbench.types import RealArray, TransferFunction
 
 from ...drive.disc import Disc
 from ...drive.photo_diodes import CAPTURE

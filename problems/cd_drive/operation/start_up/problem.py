@@ -12,11 +12,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -30,7 +28,7 @@ from workbench.study import (
     share_interval,
     table,
 )
-from workbench.study.draws import SURE
+from workbench.types import DataArray, Dataset, RealArray
 
 from ...drive.photo_diodes import S_CURVE_LINEAR, S_CURVE_PEAK
 from ...drive.shared_parameters import TABLES
@@ -117,7 +115,6 @@ class StartUpStudy(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Attempts (laws, speeds, shares, drives, draws, 3)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Attempt]:
             at = seed[place]
@@ -218,7 +215,7 @@ class StartUpStudy(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check(at_most=1.0 - SURE)
+    @check(at_most=1.0 - CLAIM_SHARE)
     def slow(self, outcome: DataArray) -> float:
         """share of slow starts on standing discs that end elsewhere, by the drive's own light"""
         one = outcome.sel(law=OWN, speed=list(SPEEDS[:2]), share=0.0)

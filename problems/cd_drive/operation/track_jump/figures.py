@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
 from workbench.study import share_interval
+from workbench.types import Dataset, Figure
 
 
 def one_jump(answer: Dataset, tracks: int, volts: float) -> Figure:

@@ -17,9 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench._core.arrays import RealArray
-from workbench._core.compiled import kernel
-from workbench.simulation import Cascade, Controller, Part, adder, blend, linear_controller
+from workbench.simulation import Cascade, Controller, Part, adder, blend, kernel, linear_controller
+from workbench.types import RealArray
 
 from ...drive.actuator import SERIES_RESISTANCE
 from ...drive.photo_diodes import TRACK_PITCH

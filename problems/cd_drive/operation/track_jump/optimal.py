@@ -18,10 +18,10 @@ from functools import cached_property
 import numpy as np
 
 from workbench import Options
-from workbench._core.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.simulation import hold
 from workbench.solvers import ipopt
+from workbench.types import RealArray
 
 from ...drive.actuator import specific_model
 from ...drive.photo_diodes import TRACK_PITCH

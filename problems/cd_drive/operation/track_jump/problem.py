@@ -12,11 +12,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -30,7 +28,7 @@ from workbench.study import (
     share_interval,
     table,
 )
-from workbench.study.draws import SURE
+from workbench.types import DataArray, Dataset, RealArray
 
 from ...drive.photo_diodes import TRACK_PITCH
 from ...drive.shared_parameters import TABLES
@@ -154,7 +152,6 @@ class TrackJump(Study):
         self, context: Context, seed: DataArray, pulse: DataArray, samples: DataArray
     ) -> RealArray:
         """Landings (laws, volts, tracks, shares, drives, draws, 4)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         jumps = [
             (Setting(self.contrast, share), Jump(n, volts, START), law)
             for law in LAWS
@@ -245,7 +242,7 @@ class TrackJump(Study):
         """relative excess of a pulse over its limit"""
         return abs(pulse).max(["tick", "tracks"]) / pulse["volts"] - 1.0
 
-    @check(title="one track", at_most=1.0 - SURE)
+    @check(title="one track", at_most=1.0 - CLAIM_SHARE)
     def lands(self, off: DataArray, held: DataArray) -> float:
         """share of counted jumps across one track by 3 V, on centred discs, that land elsewhere"""
         here = {"law": COUNTED, "tracks": 1, "volts": VOLTS[0], "share": 0.0}

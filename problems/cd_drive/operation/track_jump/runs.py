@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.simulation import Controller
+from workbench.types import RealArray
 
 from ...drive.disc import Disc
 from ...drive.photo_diodes import TRACK_PITCH

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
 from workbench.study import draws_summary
+from workbench.types import Dataset, Figure
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis

@@ -13,12 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -28,14 +25,15 @@ from workbench.study import (
     figure,
     independent_seeds,
     interval_text,
+    markdown_table,
     metric,
     part,
     share_of_draws,
     table,
     verdict_of_share,
 )
-from workbench.study.draws import SURE
 from workbench.synthesis import discretise
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.shared_parameters import TABLES
@@ -106,7 +104,6 @@ class BandwidthTradeOff(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Reactions of every case and controller."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def reactions_in(place: tuple[int, ...]) -> list[Reaction]:
             one = seed[place]
@@ -136,13 +133,13 @@ class BandwidthTradeOff(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check(title="third gain on the disc", at_most=1.0 - SURE)
+    @check(title="third gain on the disc", at_most=1.0 - CLAIM_SHARE)
     def disc_worse(self, disc: DataArray) -> float:
         """share of draws in which a third of the gain leaves no larger error of a turning disc"""
         turning = disc.sel(share=[one for one in SHARES if one])
         return float(share_of_draws(turning.sel(controller=THIRD) <= turning.sel(controller=FULL)))
 
-    @check(title="{controller} in a scratch", at_most=1.0 - SURE, each="controller")
+    @check(title="{controller} in a scratch", at_most=1.0 - CLAIM_SHARE, each="controller")
     def scratch_less(self, scratch: DataArray) -> DataArray:
         """share of draws in which a scratch of 1 mm moves its lens no less than at full gain"""
         one = self.held(scratch).sel(length=1e-3)
@@ -210,7 +207,7 @@ class BandwidthTradeOff(Study):
                     rows.append([f"{share:g}", f"{1e3 * length:g}", law, *told, lost, verdict])
         heads = ["disc / Red Book", "scratch [mm]", "controller", "disc alone [um]"]
         heads += ["by the scratch [um]", "both [um]", "lost", "nearer than full gain"]
-        return {"trade-off": markdown(heads, rows)}
+        return {"trade-off": markdown_table(heads, rows)}
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.simulation import Controller, linear_controller
+from workbench.types import RealArray, StateSpace
 
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc

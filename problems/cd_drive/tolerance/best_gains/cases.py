@@ -10,9 +10,8 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.simulation import Cascade, Part, linear_controller
+from workbench.types import RealArray, StateSpace
 
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import MEASUREMENTS, Laboratory

@@ -13,19 +13,22 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.ensemble_scores import (
-    BOOTSTRAP_SAMPLES,
-    balloon_size,
-    bootstrap_weights,
-    group_means,
-    percentile_interval,
+from workbench.simulation import balloon_size, bootstrap_weights, group_means, percentile_interval
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    markdown_table,
+    metric,
+    part,
+    table,
 )
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.synthesis import discretise
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -120,7 +123,7 @@ class BestGains(Study):
         """
         half = self.scenarios // 2
         out, group = scores[0][:, half:], scores[1][half:]
-        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, context.rng)
+        weight = bootstrap_weights(group, context.rng)
         return np.moveaxis(group_means(out[best.values], group, weight=weight), 0, 1)
 
     told = dim("found", "low", "high")
@@ -205,7 +208,7 @@ class BestGains(Study):
                 zip(CASES, answer["balloon"].transpose("case", "half").values, strict=True)
             )
         ]
-        return {"balloons": markdown(["use", "controller", *HALVES, ""], rows)}
+        return {"balloons": markdown_table(["use", "controller", *HALVES, ""], rows)}
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:

@@ -9,15 +9,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
-from workbench.certificate import Check
-from workbench.certify.stability import stability_of
-from workbench.diagnosis import DemandReached, FaultLoop
-from workbench.diagnosis.estimation.front_filters import loop_estimation, removal_conditions
-from workbench.synthesis import discretise
-from workbench.synthesis.switching.single_loops import MarginsOfPlants, SingleLoops
-from workbench.systems.bilinear import bilinear_continuous
+from workbench import Check
+from workbench.certify import stability_check
+from workbench.diagnosis import DemandReached, FaultEstimation, FaultLoop
+from workbench.mu import Conditions, conditions
+from workbench.synthesis import MarginsOfPlants, SingleLoops, discretise
+from workbench.systems import bilinear_continuous
+from workbench.types import RealArray, StateSpace
 
 from ...control.loops import plants
 from ...diagnosis.fault_filter.demand import limits_of, plants_of
@@ -50,7 +48,7 @@ def certified(loop: FaultLoop, F: StateSpace, peak: float) -> RealArray:
 
     F: discrete. peak: allowed sensitivity.
     """
-    found = removal_conditions(loop, bilinear_continuous(F), peak)
+    found = _removal(loop, bilinear_continuous(F), peak)
     every = (found.nominal_performance, found.robust_stability, found.robust_performance)
     return np.array([[np.inf] * 2 if one is None else [one.lower, one.upper] for one in every])
 
@@ -68,21 +66,23 @@ def filter_checks(
     reached: of the demand.
     """
     loop, (*limits_of_estimate, peak) = loop.within(reached.share), limits
-    stability = stability_of(F)
+    stability = stability_check(F)
     found = [
         Check("filter", "largest modulus of a pole, less 1", stability.value, stability.limit),
         Check("order", "states of the filter", float(F.nstates), order),
     ]
     if not stability.holds:
         return found
-    program, continuous = loop_estimation(loop, *limits_of_estimate), bilinear_continuous(F)
+    requirements = loop.requirements(*limits_of_estimate)
+    program = FaultEstimation(loop.plant, "f", requirements=requirements)
+    continuous = bilinear_continuous(F)
     plants, over_limits = plants_of(reached), limits_of(reached)
     for channel in program.channels:
         upper = program.certified(continuous, channel=channel).upper
         over = f"{plants}, in the band of the requirement"
         words = f"certified supremum of mixed mu{over_limits}"
         found.append(Check(channel.name, words, upper, 1.0, over=over))
-    again = removal_conditions(loop, continuous, peak)
+    again = _removal(loop, continuous, peak)
     pole = np.inf if again.pole is None else again.pole.real
     statement = "rightmost pole of the nominal loop of K (1 - F) [rad/s]"
     found.append(Check("removal: stable", statement, pole, -np.finfo(float).tiny))
@@ -117,3 +117,11 @@ def drive_checks(axis: Axis, F: StateSpace, delay: float, peak: float) -> list[C
         Check("drives: gain", f"gain {words} [dB]", short, 0.0, over=over),
         Check("drives: phase", f"phase {words} [deg]", shorter, 0.0, over=over),
     ]
+
+
+def _removal(loop: FaultLoop, F: StateSpace, peak: float) -> Conditions:
+    """Conditions of the loop while the estimate of F is subtracted from the error.
+
+    Its performance is the sensitivity divided by the peak.
+    """
+    return conditions(loop.removal.weighted(performance=[1 / peak]), F)

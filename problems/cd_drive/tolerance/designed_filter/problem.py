@@ -14,12 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.diagnosis import DemandReached, FaultLoop
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -34,11 +32,9 @@ from workbench.study import (
     system,
     table,
 )
-from workbench.study.draws import SURE
-from workbench.synthesis.switching.single_loops import SAMPLINGS
-from workbench.systems import loop_response
-from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.storage import restored_system
+from workbench.synthesis import SAMPLINGS
+from workbench.systems import bilinear_sampled, loop_response, restored_system
+from workbench.types import DataArray, Dataset, RealArray, StateSpace
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.loops import plants
@@ -221,7 +217,11 @@ class DesignedFilter(Study):
     def margins(self, filters: dict[str, StateSpace]) -> dict[str, RealArray]:
         """Margins (NaN if the loop is unstable), and the decay rate of the slowest mode."""
         found = delayed_margins(self.axis, filters, self.delay)
-        return {"gain_margin": found.gain_db, "phase_margin": found.phase, "growth": found.growth}
+        return {
+            "gain_margin": found.gain_db,
+            "phase_margin": found.phase_deg,
+            "growth": found.growth,
+        }
 
     @array(
         dims=(filter, condition, bound),
@@ -272,7 +272,6 @@ class DesignedFilter(Study):
     @part
     def met(self, filters: Any, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (drives, draws, lengths, cases, 4)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [
             (str(name), int(one))
             for name, row in zip(seed["drive"].values, seed.values, strict=True)
@@ -289,7 +288,7 @@ class DesignedFilter(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check(title="excursion {case}", at_most=1.0 - SURE, each="case")
+    @check(title="excursion {case}", at_most=1.0 - CLAIM_SHARE, each="case")
     def less(self, excursion: DataArray) -> DataArray:
         """share of draws whose reference cannot be read in which 1.2 mm cost no less with C"""
         one = excursion.sel(length=LENGTHS[0])
@@ -305,7 +304,7 @@ class DesignedFilter(Study):
             (events > 0).sel(length=LENGTHS[0], case=list(FILTERS[1:])), "case"
         ),
         each="case",
-        at_most=1.0 - SURE,
+        at_most=1.0 - CLAIM_SHARE,
     )
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:

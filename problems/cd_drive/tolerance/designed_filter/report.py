@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
-from workbench.study import draws_summary, interval_text, verdict_of_share
+from workbench.study import draws_summary, interval_text, markdown_table, verdict_of_share
+from workbench.types import DataArray, Dataset, Figure
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
@@ -46,7 +45,7 @@ def loops(answer: Dataset, peak: float) -> str:
         rows[-1] += [f"{mu:.3g}", f"{largest:.3g}"]
     heads = ["filter", "unstable loops", "fastest growth [1/s]", "gain margin [dB]"]
     heads += ["phase margin [deg]", "mu of stability", "largest S, every plant"]
-    return markdown(heads, rows)
+    return markdown_table(heads, rows)
 
 
 def experiments(answer: Dataset, smaller: DataArray) -> str:
@@ -61,7 +60,7 @@ def experiments(answer: Dataset, smaller: DataArray) -> str:
             lost = f"{float((answer['events'].sel(at) > 0).mean()):.0%}"
             rows.append([f"{1e3 * length:.1f}", name, told, lost, *below])
     heads = ["scratch [mm]", "filter", "excursion [um]", "lost", "below the reference", "claim"]
-    return markdown(heads, rows)
+    return markdown_table(heads, rows)
 
 
 def front(answer: Dataset) -> str:
@@ -73,7 +72,9 @@ def front(answer: Dataset) -> str:
             leakage, noise = (float(one.sel(quantity=name)) for name in ("leakage", "noise"))
             cells = [f"{1e6 * leakage:.3f}", f"{3e6 * noise:.3f}"]
             rows.append([f"{peak:g}", f"{error:g}", *(cells if leakage > 0 else ["none", ""])])
-    return markdown(["sensitivity allowed", "error allowed", "leakage [um]", "3 rms [um]"], rows)
+    return markdown_table(
+        ["sensitivity allowed", "error allowed", "leakage [um]", "3 rms [um]"], rows
+    )
 
 
 def figure_8_10(answer: Dataset, axis: Axis) -> Figure:

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.heavy_types import DataArray
-from workbench._core.tables import Rows
-from workbench.study import share_of_draws, verdict_of_share
+from workbench.study import Rows, share_of_draws, verdict_of_share
+from workbench.types import DataArray
 
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES

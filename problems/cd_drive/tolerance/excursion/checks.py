@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from workbench._core.heavy_types import DataArray, Dataset
+from workbench.types import DataArray, Dataset
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE

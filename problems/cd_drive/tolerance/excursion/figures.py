@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
+from workbench.types import Dataset, Figure
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR

@@ -13,11 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench._core.heavy_types import DataArray, Dataset
-from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
+    CLAIM_SHARE,
     Study,
     array,
     arrays,
@@ -27,12 +25,13 @@ from workbench.study import (
     figure,
     independent_seeds,
     interval_text,
+    markdown_table,
     metric,
     share_of_draws,
     table,
 )
-from workbench.study.draws import SURE
 from workbench.synthesis import discretise
+from workbench.types import DataArray, Dataset
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
@@ -138,7 +137,6 @@ class Excursion(Study):
     @array(dims=(angle, length, share, draw, strategy), unit="m")
     def peak(self, context: Context, seed: DataArray) -> Any:
         """Largest true error, defect and 5 ms after"""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> list[float]:
             one = seed[place]
@@ -224,7 +222,7 @@ class Excursion(Study):
         kept = self.kept(peak).sel(strategy="reference").transpose(..., "share").values
         return float((kept[..., 1:] & ~kept[..., :-1]).mean())
 
-    @check(title="{strategy} survives more", at_most=1.0 - SURE, each="strategy")
+    @check(title="{strategy} survives more", at_most=1.0 - CLAIM_SHARE, each="strategy")
     def survives_more(self, peak: DataArray) -> DataArray:
         """share of draws in which it survives fewer defects of the map than the reference"""
         kept = self.kept(peak).mean(["angle", "length", "share"])
@@ -303,7 +301,7 @@ class Excursion(Study):
         numbers, words = self.metrics(answer), {**LENSES, "thesis": WORST_CASE}
         rows = [[text, f"{numbers[f'{key}_um']:.2f}"] for key, text in words.items()]
         heads = ["lens during the longest defect, worst angle", "error [um]"]
-        return {"theory": markdown(heads, rows)}
+        return {"theory": markdown_table(heads, rows)}
 
     @figure
     def both(self, answer: Dataset) -> Any:

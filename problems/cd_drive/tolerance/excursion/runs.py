@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, StateSpace
 from workbench.simulation import Cascade
+from workbench.types import DataArray, RealArray, StateSpace
 
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ...drive.actuator import specific_model
 from ...drive.plants import ANTIALIASING, controller

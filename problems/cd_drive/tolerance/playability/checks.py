@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.heavy_types import Dataset
 from workbench.systems import modulus_margin
+from workbench.types import Dataset
 
 from ...drive.disc import VELOCITY
 from ...drive.plants import controller, responses

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
-from workbench.simulation.ensemble_scores import ARM_POWER
+from workbench.types import Dataset, Figure
 
 from ..strategy_looks import COLOURS, titled
 from .runs import REPAIRED
 
+ARM_POWER = 0.25
+"""Length of an arm, as a power of its share: that of `balloon_size`."""
 RINGS = (1e-3, 1e-2, 0.1, 0.5)
 """Shares of time out of spec at which circles are drawn."""
 

@@ -11,9 +11,9 @@ from typing import Annotated
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.synthesis import discretise
+from workbench.types import StateSpace
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import AXES, Axis

@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.systems import modulus_margin
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD

@@ -11,19 +11,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.simulation.ensemble_scores import (
-    BOOTSTRAP_SAMPLES,
-    CONFIDENCE,
-    balloon_size,
-    bootstrap_weights,
-    group_means,
-    percentile_interval,
-)
+from workbench.simulation import balloon_size, bootstrap_weights, group_means, percentile_interval
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.types import DataArray, Dataset, RealArray, StateSpace
 
 from ...drive.tables import AXES, Axis
 from ..ensemble import GROUPS, Circumstance, circumstances, groups
@@ -178,9 +170,7 @@ class Playability(Study):
     present = part(lambda grouped: sorted(set(grouped.tolist())))
     known = dim(lambda present: [GROUPS[number] for number in present])
     weight = part(
-        lambda grouped, seed: bootstrap_weights(
-            grouped, BOOTSTRAP_SAMPLES, np.random.default_rng([int(seed), 99])
-        )
+        lambda grouped, seed: bootstrap_weights(grouped, np.random.default_rng([int(seed), 99]))
     )
 
     @part
@@ -338,7 +328,7 @@ class Playability(Study):
     @table
     def tuning(self, answer: Dataset) -> Any:
         """Tuned parameters, and the improvement that they give."""
-        level, rows = f"{CONFIDENCE:.0%}", []
+        level, rows = "95%", []  # the default of `percentile_interval`
         for axis in AXES:
             one = answer.sel(axis=axis)
             gains = []

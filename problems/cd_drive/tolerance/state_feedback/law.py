@@ -22,13 +22,11 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import brentq
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis import KalmanEstimator, Rotation
 from workbench.errors import SolverError
 from workbench.simulation import Cascade, Part, discrete_system, linear_controller
-from workbench.systems.margins import loop_response
-from workbench.systems.realisation import realisation
+from workbench.systems import loop_response, realisation
+from workbench.types import RealArray, StateSpace
 
 from ...diagnosis.position_estimator.model import kalman
 from ...drive.tables import Axis

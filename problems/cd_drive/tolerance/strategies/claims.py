@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
-from workbench._core.heavy_types import DataArray, Dataset
-from workbench._core.tables import markdown
-from workbench.study import draws_summary, interval_text, verdict_of_share
+from workbench.study import draws_summary, interval_text, markdown_table, verdict_of_share
+from workbench.types import DataArray, Dataset
 
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES
@@ -49,7 +48,7 @@ def claims_table(answer: Dataset) -> str:
         (one, f"below that of {titled(two)}", answer["smaller"].sel(strategy=one, other=two))
         for one, two in combinations(CLAIMED, 2)
     ]
-    return markdown(
+    return markdown_table(
         ["excursion of", "is", "of the draws", "claim"],
         [[titled(name), text, *_share_and_claim(float(share))] for name, text, share in rows],
     )
@@ -75,6 +74,6 @@ def error_tables(excursion: DataArray, periodic: DataArray, draws: int) -> dict[
 def _by_drive(summary: DataArray) -> str:
     heads = ["drive", *(titled(str(name)) for name in summary["strategy"].values)]
     cells = summary.transpose("drive", "strategy", "summary")
-    return markdown(
+    return markdown_table(
         heads, [[str(row["drive"].values), *(interval_text(one) for one in row)] for row in cells]
     )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.certify.norms import certified_norm
+from workbench.certify import certified_norm
 from workbench.diagnosis import Rotation
-from workbench.simulation import continuous_system, discrete_system
+from workbench.simulation import discrete_system
+from workbench.systems import bilinear_continuous
 
 from ...diagnosis.position_estimator.model import kalman
 from ...laboratory.bench_setup import PERIOD
@@ -22,7 +23,7 @@ def repetitive_level(strategies: Strategies, bench: Laboratory) -> float:
     does not stabilise the drive.
     """
     loop = -bench.sampled_error() * discrete_system(strategies.controller, PERIOD)
-    return certified_norm(continuous_system(strategies.repetitive.contraction(loop)))
+    return certified_norm(bilinear_continuous(strategies.repetitive.contraction(loop)))
 
 
 def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:

@@ -11,12 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
-from workbench.synthesis import discretise
-from workbench.synthesis.switching.single_loops import SingleLoops
+from workbench.synthesis import SingleLoops, discretise
 from workbench.systems import loop_response
+from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ...control.trade_off import CHANNELS, TradeOff
 from ...diagnosis.stand_in import low_pass

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench import figures
-from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
+from workbench.study import markdown_table
+from workbench.types import Dataset, Figure
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
@@ -72,7 +72,7 @@ def _loops(answer: Dataset) -> str:
                     f"{1 / upper:.2f}" if late else "",
                 ]
             )
-    return markdown(heads, rows)
+    return markdown_table(heads, rows)
 
 
 def _dwell(answer: Dataset) -> str:
@@ -103,7 +103,7 @@ def _dwell(answer: Dataset) -> str:
         f"Samples of {1e6 * PERIOD:.1f} us; defects of 1 to {longest} samples. "
         f"Distances neither proven nor made unstable: {between}.\n\n"
     )
-    return head + markdown(heads, rows) + "\n" + below + "\n"
+    return head + markdown_table(heads, rows) + "\n" + below + "\n"
 
 
 def _errors(axis: Axis, answer: Dataset) -> str:
@@ -133,7 +133,7 @@ def _errors(axis: Axis, answer: Dataset) -> str:
             rows.append(cells)
         cells = [case, "K goes on", f"{float(answer['alone'].sel(case=case).max()):.2f}"]
         rows.append(cells + [""] * 5)
-    return f"All drives; defects {MM * far:.0f} mm apart.\n\n" + markdown(heads, rows)
+    return f"All drives; defects {MM * far:.0f} mm apart.\n\n" + markdown_table(heads, rows)
 
 
 def _laboratory(answer: Dataset) -> str:
@@ -151,7 +151,7 @@ def _laboratory(answer: Dataset) -> str:
         "Largest true error of all drives at 9 Hz; the bound is for the whole disc. In the "
         "laboratory K and K' follow each other; the bound is for a shared integrator.\n\n"
     )
-    return head + markdown(heads, rows)
+    return head + markdown_table(heads, rows)
 
 
 def switching_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:

@@ -12,13 +12,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from workbench import Check, solve
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.study import Study, array, arrays, dim, part, system
-from workbench.synthesis import SwitchedStability, proven_share
-from workbench.synthesis.switching.single_loops import SAMPLINGS
+from workbench.synthesis import SAMPLINGS, SwitchedStability, proven_share
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -128,7 +126,7 @@ class SwitchingStability(SwitchedDrives, Study):
         found = self.alone.loops.margins()
         return {
             "gain_margin": found.gain_db,
-            "phase_margin": found.phase,
+            "phase_margin": found.phase_deg,
             "growth": found.growth,
         }
 

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.synthesis import (
     Deviations,
     Mode,
@@ -20,6 +18,7 @@ from workbench.synthesis import (
     SwitchedStability,
     switched_loop,
 )
+from workbench.types import RealArray, StateSpace
 
 from ...control.loops import plants
 from ...drive.disc import VELOCITY

@@ -12,19 +12,19 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.executor import Context
-from workbench.simulation import Cascade, Part, linear_controller
-from workbench.simulation.ensemble_scores import (
-    BOOTSTRAP_SAMPLES,
+from workbench.simulation import (
+    Cascade,
+    Part,
     balloon_size,
     bootstrap_weights,
     group_means,
+    linear_controller,
     percentile_interval,
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.synthesis import discretise
+from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -163,7 +163,7 @@ class SwitchedPair(Study):
         """Arms of the balloons (cases, groups), and their bootstrap samples."""
         mean, group = out.values.mean(axis=1), groups(many)
         rng = np.random.default_rng([int(seed), 1])
-        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, rng)
+        weight = bootstrap_weights(group, rng)
         return group_means(mean, group), group_means(mean, group, weight=weight)
 
     arm = array(dims=(case, group), value=lambda samples: samples[0])

@@ -12,11 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import figures, problem
-from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
-from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -27,12 +23,14 @@ from workbench.study import (
     figure,
     independent_seeds,
     interval_text,
+    markdown_table,
     metric,
     part,
     share_of_draws,
     table,
     verdict_of_share,
 )
+from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ...diagnosis.defect_runs import ROTATION
 from ...diagnosis.scratch_draws import ScratchDraw
@@ -97,7 +95,6 @@ class WrongRotation(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Outcomes (draws, 1 + strategies x errors, 4), those of the reference strategy first."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cases = [("reference", 0.0), *((name, wrong) for name in TOLD for wrong in WRONG)]
 
         def outcomes(place: int) -> list[StrategyOutcome]:
@@ -173,7 +170,7 @@ class WrongRotation(Study):
                 rows.append([titled(name), f"{wrong:.0%}", told, lost, f"{share:.0%}", claim])
         heads = ["strategy", "rotation off by", "excursion [um]", "lost"]
         heads += ["below the reference", "claim"]
-        return {"wrong-rotation": markdown(heads, rows)}
+        return {"wrong-rotation": markdown_table(heads, rows)}
 
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench import Check
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import Dataset
 from workbench.certificate import worst_value
-from workbench.uncertainty.parametric_models.model import ParametricModel
-from workbench.uncertainty.parametric_models.parameters import Parameter, samples, vertices
+from workbench.types import ComplexArray, Dataset, RealArray
+from workbench.uncertainty import Parameter, ParametricModel, samples, vertices
 
 from ...drive.actuator import specific_model, stack
 from ...drive.plants import nominal_response

@@ -15,13 +15,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, problem
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.study import Study, array, arrays, dim, figure, metric, part, table
-from workbench.uncertainty.parametric_models.factorial import factorial_response
-from workbench.uncertainty.parametric_models.model import ParametricModel
-from workbench.uncertainty.parametric_models.parameters import Parameter, levels, samples
+from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
+from workbench.uncertainty import Parameter, ParametricModel, factorial_response, levels, samples
 
 from ...drive.plants import nominal_response, responses
 from ...drive.shared_parameters import TABLES, Frequencies, Frequency, grid

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
-from workbench.uncertainty.parametric_models.parameters import Parameter
+from workbench.types import ComplexArray, RealArray
+from workbench.uncertainty import Parameter
 
 from ...drive.actuator import SERIES_RESISTANCE
 from ...drive.plants import nominal_response

@@ -41,7 +41,7 @@ from workbench.diagnosis import (
 )
 from workbench.diagnosis.estimation.front_filters import loop_estimation
 from workbench.errors import SolverError
-from workbench.fitting.storage import stored_rational
+from workbench.fitting.storage import restored_rational
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import UncertaintyModel
 
@@ -50,7 +50,7 @@ from workbench.uncertainty import UncertaintyModel
 def loops(reference):
     data = reference("cd/focus/cover-for-control").data
     model = UncertaintyModel(
-        *(stored_rational(data, f"{name}3_") for name in ("nominal", "W_c", "W_r"))
+        *(restored_rational(data, f"{name}3_") for name in ("nominal", "W_c", "W_r"))
     )
     K = control.ss(controller("focus"))
     return fault_loop("focus", model, K), fault_loop("focus", model, K, 1.0)

@@ -15,7 +15,7 @@ from workbench.plants.cd_drive.drive.plants import controller
 
 import workbench as wb
 from workbench.certify.norms import certified_norm
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])
@@ -35,8 +35,8 @@ def test_a_filter_carried_over_does_the_same_beside_another_controller(axis):
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_the_reference_controller_closes_the_loop(axis):
     K = control.ss(controller(axis))
-    assert stability_of(control_plant(axis).close(K)).holds
-    assert not stability_of(control_plant(axis).close(-K)).holds
+    assert stability_check(control_plant(axis).close(K)).holds
+    assert not stability_check(control_plant(axis).close(-K)).holds
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.mu import upper_bound
@@ -173,7 +173,7 @@ def _rounds(
             except (SolverError, InputError) as error:
                 return f"its H-infinity step failed: {error}"
         system = program.plant.close(K)
-        if not stability_of(system).holds:
+        if not stability_check(system).holds:
             return "rounding made a loop unstable"
         loop = ExtendedLoopResponse.of(system)
         peak = float(upper_bound(loop.M, program.closed).value.max())

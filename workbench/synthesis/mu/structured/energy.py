@@ -16,7 +16,7 @@ from scipy.linalg import LinAlgError, null_space, solve_continuous_lyapunov, sol
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h2.direct import ROUNDING, direct_term
@@ -92,7 +92,7 @@ class EnergyProblem:
             A, B, C, D = loop = self.plant.close(matrices_of(K))
         except LinAlgError:
             return unstable
-        if not stability_of(realisation(loop, dt)).holds:
+        if not stability_check(realisation(loop, dt)).holds:
             return unstable
         if not dt and not direct_term(self.plant, K.D) <= ROUNDING:
             return unstable

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError, SolverError
 from workbench.mu import UpperBound, bound_gradient, upper_bound
 from workbench.structure import Structure
@@ -64,7 +64,7 @@ class PeakProblem:
             loop = self.plant.close(K)
         except InputError:  # direct terms cancel, so the loop is not determined
             return None
-        return loop if stability_of(loop).holds else None
+        return loop if stability_check(loop).holds else None
 
     def stable_loop(self, x: RealArray) -> StateSpace:
         """The closed loop for parameters that are known to stabilise."""

@@ -17,7 +17,7 @@ from workbench.solvers import ConicSolver, Outcome, solve_conic
 from workbench.uncertainty.matrix_covers.sets.finish import finished
 from workbench.uncertainty.matrix_covers.sets.multipliers import with_touching_multipliers
 from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape
 
 
 def _no_volume(program: MatrixSets) -> str | None:
@@ -85,7 +85,7 @@ class _Statement:
         return P, S, Z
 
 
-def _hermitian(n: int, shape: Shape) -> Any:
+def _hermitian(n: int, shape: WeightShape) -> Any:
     """Hermitian matrix variable of a shape, in CVXPY."""
     import cvxpy as cp
 

@@ -37,7 +37,7 @@ from workbench.uncertainty.matrix_covers.sets.optimality import (
     nuclear,
     sum_of_dyads,
 )
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose, of_shape
 
 VOLUME_SHARE = 1e-3
 """Weight of the log radius beside log mu. The least mu alone does not determine the parts of a set
@@ -187,7 +187,11 @@ def log_norm(matrices: Array) -> RealArray:
 
 
 def mu_excess(
-    within: InUnits, weights: RealArray, proof: RealArray, shapes: tuple[Shape, Shape], floor: float
+    within: InUnits,
+    weights: RealArray,
+    proof: RealArray,
+    shapes: tuple[WeightShape, WeightShape],
+    floor: float,
 ) -> RealArray:
     """Bound on how much log mu + VOLUME_SHARE log radius (F,) could be lowered from that of these
     sets.

@@ -17,7 +17,7 @@ from workbench.uncertainty.matrix_covers.sets.log_det import log_det_derivatives
 from workbench.uncertainty.matrix_covers.sets.loop import LoopBarrier, loop_level
 from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
 from workbench.uncertainty.matrix_covers.sets.shapes import (
-    Shape,
+    WeightShape,
     ctranspose,
     directions,
     entry_directions,
@@ -202,7 +202,7 @@ def _multipliers(M: Array) -> RealArray:
     return found
 
 
-def _inverse(sizes: RealArray, shape: Shape) -> Array:
+def _inverse(sizes: RealArray, shape: WeightShape) -> Array:
     """Inverse weights (F, n, n) of a shape, for channels with these sizes (F, n)."""
     if shape == "scalar":
         sizes = np.broadcast_to(sizes.max(axis=1, keepdims=True), sizes.shape)

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose, of_shape
 
 SMALLEST = 1e-300
 """Replacement for a singular value of zero in a logarithm."""
@@ -53,8 +53,8 @@ class InUnits:
 def volume_excess(
     M: Array,
     weights: RealArray,
-    left: Shape,
-    right: Shape,
+    left: WeightShape,
+    right: WeightShape,
     reach: tuple[RealArray, RealArray],
 ) -> RealArray:
     """Bound on how much the logarithm of the radius (F,) could be lowered from that of these sets.
@@ -130,8 +130,8 @@ def trace_bound(
     P: Array,
     S: Array,
     weights: RealArray,
-    left: Shape,
-    right: Shape,
+    left: WeightShape,
+    right: WeightShape,
     free: bool,
 ) -> RealArray:
     """Lower bound (F,) on sqrt((tr L / p) (tr R / m)) of every cover.
@@ -169,7 +169,7 @@ def trace_bound(
     return np.maximum(bound, 0.0)
 
 
-def _normalised(vectors: Array, c: RealArray, shape: Shape) -> Array:
+def _normalised(vectors: Array, c: RealArray, shape: WeightShape) -> Array:
     """Vectors (F, N, n, r) multiplied by a matrix of the shape so that the shape's part of sum c x
     x^* is I.
     """

@@ -37,7 +37,7 @@ from workbench.uncertainty.matrix_covers.sets.optimality import (
     trace_bound,
     volume_excess,
 )
-from workbench.uncertainty.matrix_covers.sets.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose, of_shape
 
 Size = Literal["volume", "trace", "mu"]
 Centre = Literal["zero", "free"]
@@ -145,8 +145,8 @@ class MatrixSets(Program):
 
     deviations: Array
     _: KW_ONLY
-    left: Shape = "full"
-    right: Shape = "full"
+    left: WeightShape = "full"
+    right: WeightShape = "full"
     centre: Centre = field(default="zero", kw_only=True)
     size: Size = field(default="volume", kw_only=True)
     floor: float = field(default=1e-3, kw_only=True)
@@ -167,7 +167,12 @@ class MatrixSets(Program):
         if bad.size:
             raise InputError(f"deviations are not finite at index {tuple(bad[0].tolist())}")
         object.__setattr__(self, "deviations", given)
-        for name, kind in (("left", Shape), ("right", Shape), ("centre", Centre), ("size", Size)):
+        for name, kind in (
+            ("left", WeightShape),
+            ("right", WeightShape),
+            ("centre", Centre),
+            ("size", Size),
+        ):
             value = getattr(self, name)
             need_choice(value, kind, name)
         need_numbers(floor=self.floor)

@@ -12,11 +12,11 @@ import numpy as np
 
 from workbench._core.arrays import Array
 
-Shape = Literal["full", "diagonal", "scalar"]
+WeightShape = Literal["full", "diagonal", "scalar"]
 """Shape of a weight: any matrix, one function per channel, or one function for all."""
 
 
-def directions(shape: Shape, size: int) -> Array:
+def directions(shape: WeightShape, size: int) -> Array:
     """Orthonormal Hermitian matrices (d, size, size) along which the logarithm of a weight moves.
 
     There are size^2 directions for a full weight, size for a diagonal one, and 1 for a scalar one.
@@ -34,7 +34,7 @@ def directions(shape: Shape, size: int) -> Array:
     return np.array(found)
 
 
-def of_shape(matrices: Array, shape: Shape) -> Array:
+def of_shape(matrices: Array, shape: WeightShape) -> Array:
     """Orthogonal projection of Hermitian matrices (..., n, n) on the directions of a shape."""
     basis = directions(shape, matrices.shape[-1])
     parts = np.einsum("dij,...ij->...d", basis.conj(), matrices).real

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
@@ -68,7 +68,7 @@ def _reduced_to_order(program: MuSynthesis, order: int, context: Context) -> Ite
 def _stable(program: MuSynthesis, K: StateSpace) -> bool:
     """Whether the loop is determined and stable."""
     try:
-        return stability_of(program.plant.close(K)).holds
+        return stability_check(program.plant.close(K)).holds
     except InputError:
         return False
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_of
+from workbench.certify.stability import stability_check
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.synthesis.families.family import Family
@@ -108,7 +108,7 @@ class Search:
         loop = self.closed(K) if self.program.demands.without_gain.admits(K) else None
         if loop is not None:
             self.abscissas.append(float(loop.poles().real.max(initial=-np.inf)))
-            if stability_of(loop).holds:
+            if stability_check(loop).holds:
                 return True
         self.missed.append(K)
         return False
@@ -172,7 +172,7 @@ class Search:
         """
         loop = self._nominal(target)
         omega = self.speed * np.logspace(-BAND_DECADES, BAND_DECADES, BAND_POINTS)
-        if loop is not None and stability_of(loop).holds:
+        if loop is not None and stability_check(loop).holds:
             omega = frequencies_of(loop)
             m, p = self.program.plant.controls, self.program.plant.measurements
             whole = response(self._problem.opened.close(target), omega)

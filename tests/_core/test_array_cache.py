@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from workbench._core.remembered import remembered
+from workbench._core.array_cache import array_cache
 
 
 def counted(megabytes):
     calls = []
 
-    @remembered(megabytes)
+    @array_cache(megabytes)
     def zeros(count, axis="focus"):
         calls.append((count, axis))
         return np.zeros(count), np.zeros(count)

@@ -14,7 +14,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def remembered(megabytes: float) -> Callable[[Callable[P, T]], Callable[P, T]]:
+def array_cache(megabytes: float) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Cache the arrays that a function returned last, up to so many megabytes in total.
 
     `functools.lru_cache` limits the number of results; here many short series or a few long ones
@@ -24,7 +24,8 @@ def remembered(megabytes: float) -> Callable[[Callable[P, T]], Callable[P, T]]:
     Examples
     --------
     >>> import numpy as np
-    >>> @remembered(megabytes=1)
+    >>> from workbench.study import array_cache
+    >>> @array_cache(megabytes=1)
     ... def squares(count):
     ...     print("computed")
     ...     return np.arange(count) ** 2

@@ -1,0 +1,28 @@
+"""Types of arrays, systems, datasets and figures, for annotations; no heavy library is imported.
+
+`RealArray` and `ComplexArray` are NumPy arrays of doubles and complex doubles; an `Array` may be
+any. `StateSpace` and `TransferFunction` are python-control's, `DataArray` and `Dataset` are
+xarray's, and `Axes` and `Figure` are Matplotlib's.
+"""
+
+from workbench._core.arrays import Array, ComplexArray, RealArray
+from workbench._core.heavy_types import (
+    Axes,
+    DataArray,
+    Dataset,
+    Figure,
+    StateSpace,
+    TransferFunction,
+)
+
+__all__ = [
+    "Array",
+    "Axes",
+    "ComplexArray",
+    "DataArray",
+    "Dataset",
+    "Figure",
+    "RealArray",
+    "StateSpace",
+    "TransferFunction",
+]
