@@ -21,7 +21,7 @@ from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, rational_of_system
 from workbench.fitting.storage import rational_variables, stored_rational
-from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.geometry.enclosing_shape import CONTAINMENT_TOLERANCE
 from workbench.mu import performance_peak, performance_sweep
 from workbench.solution import solve
 from workbench.study import Study, figure, metric, table
