@@ -13,7 +13,9 @@ IN_BRACKETS = re.compile(r"(.*[^\s/])\s*/?\s*[\[(<]([^\])>]*)[\])>]")
 """A name with its unit, such as ``torque [Nm]``."""
 A_COLUMN = re.compile(r"(?<=\S)\[\d+\]$")
 """The end of a name for one of several columns, such as ``y[0]``; in ``gain [1]`` it is a unit."""
-RATE = re.compile(r"(.+?)[_ .-]((?:rad|deg|rev|mm|m)/(?:s|min)(?:\^?2|²)?)", re.IGNORECASE)
+RATE = re.compile(
+    r"(.+?)[_ .-]((?:rad|deg|rev|[uµμmck]?m|m?l|kg)/(?:s|min|h)(?:\^?2|²)?)", re.IGNORECASE
+)
 """A name with a unit that has a stroke itself, such as ``speed_rad/s``: not speed_rad in s."""
 AFTER_A_STROKE = re.compile(r"([^/]*[^/\s])\s*/\s*(.+)")
 """A name with its unit, such as ``t/ms`` (ISO 80000-1)."""
