@@ -112,7 +112,7 @@ def test_files_and_links_exist():
 def test_targets_exist():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = re.findall(r"^    make ([a-z-]+)", TEXT, re.MULTILINE)
-    assert len(targets) == 11
+    assert len(targets) == 12
     assert all(
         re.search(rf"^([\w -]+ )?{target}( [\w -]+)?:", makefile, re.M) for target in targets
     )

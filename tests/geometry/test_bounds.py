@@ -11,7 +11,7 @@ import pytest
 from lanes import thinned
 
 from workbench.geometry.bounds import circle_radius_bound, least_half_width
-from workbench.geometry.enclosing import Stadium
+from workbench.geometry.enclosing_stadium import Stadium
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.stadium import NarrowestStadium
 

@@ -163,6 +163,8 @@ KNOWN = {
     "acute triangle": ([1, np.exp(2j), np.exp(-2j)], 0, 1),
     "obtuse triangle": ([-2, 2, 0.5j], 0, 2),
 }
+FINDING = {"thesis", *(name for name, entry in methods(SmallestCircle).items() if entry.optimal)}
+"""Methods that find these circles: those that claim the optimum, and that of the thesis."""
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -174,8 +176,10 @@ def test_known_circles(name, method, tolerance):
     points = np.array(points, dtype=complex)
     solution = solve(SmallestCircle(points), method=method, options=options)
     assert solution.outcome is Outcome.SOLVED
-    assert solution.answer.radius == pytest.approx(radius, rel=options.accuracy, abs=1e-15)
-    assert abs(solution.answer.center - center) <= np.sqrt(2 * options.accuracy) * radius
+    assert solution.certificate.valid
+    if method in FINDING:
+        assert solution.answer.radius == pytest.approx(radius, rel=options.accuracy, abs=1e-15)
+        assert abs(solution.answer.center - center) <= np.sqrt(2 * options.accuracy) * radius
     public = smallest_circle(points, method=method, options=options)
     assert public.radius == solution.answer.radius
 

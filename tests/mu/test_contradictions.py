@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.certify.agreement import need_agreement
-from workbench.certify.cover import BandCover
+from workbench.certify.band_cover import BandCover
 from workbench.errors import ContradictionError
 from workbench.mu import (
     branch_and_bound,

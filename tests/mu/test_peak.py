@@ -15,7 +15,7 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import (
     parametric_plant,
 )
 
-from workbench.certify import cover
+from workbench.certify import band_cover
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.mu.frequency.complex_part import complex_part_added
@@ -181,8 +181,8 @@ def test_balls_prove_what_doubles_leave_open(monkeypatch):
     structure = Structure([Real(2), Complex(1), Full(2, 2)])
     system = modes(np.random.default_rng(0), structure, 3)
     known = peak(system, structure)
-    monkeypatch.setattr(cover, "proven_in_doubles", lambda *given: (None, True))
-    monkeypatch.setattr(cover, "FIXED_INTERVALS", 1)
+    monkeypatch.setattr(band_cover, "proven_in_doubles", lambda *given: (None, True))
+    monkeypatch.setattr(band_cover, "FIXED_INTERVALS", 1)
     found = peak(system, structure)
     assert len(found.intervals) > 3 and all(one.slopes is None for one in found.intervals)
     assert known.lower <= found.upper <= known.upper * (1 + 1e-2)

@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from workbench.certify import cover
-from workbench.certify.cover import BandCover, refined_bounds
+from workbench.certify import band_cover
+from workbench.certify.band_cover import BandCover, refined_bounds
 from workbench.certify.mu_bound import certified_bound
 from workbench.certify.proofs.peak_proof import proves
 from workbench.mu import Complex, Full, Real, Structure, peak
@@ -93,7 +93,7 @@ def test_settled_is_what_multipliers_of_one_end_prove():
     sweep = PeakSweep(stable, structure)
     found = sweep(np.geomspace(0.5, 300.0, 150))
     settled = sweep.settled(found)
-    level = (1 + cover.MAXIMUM_TOLERANCE) * sweep.level
+    level = (1 + band_cover.MAXIMUM_TOLERANCE) * sweep.level
     ends = [
         certified_bound(
             found.M[k + other],
@@ -140,12 +140,12 @@ def test_a_narrow_peak_between_wide_ones(damping):
 @named
 def test_the_proof_of_a_peak_of_many_states_is_proven_again(structure, monkeypatch):
     """Trials of multipliers and linear multipliers after few fixed ones leave proofs that hold."""
-    monkeypatch.setattr(cover, "MANY_STATES", 30)
+    monkeypatch.setattr(band_cover, "MANY_STATES", 30)
     system = light_modes(3, damping=1e-2)
     stable = fitting(system, structure)
     many = peak(system, structure)
     assert not proves(stable, structure, many.proof, many.upper)
-    monkeypatch.setattr(cover, "MANY_STATES", 10**6)
+    monkeypatch.setattr(band_cover, "MANY_STATES", 10**6)
     few = peak(system, structure)
     assert many.upper == pytest.approx(few.upper, rel=1.5e-3)
     assert many.lower <= few.upper and few.lower <= many.upper
@@ -154,7 +154,7 @@ def test_the_proof_of_a_peak_of_many_states_is_proven_again(structure, monkeypat
 def test_trials_do_not_take_multipliers_that_fail(monkeypatch):
     """What is chosen holds with a margin at the frequency it belongs to."""
     structure = STRUCTURES[1]
-    monkeypatch.setattr(cover, "MANY_STATES", 30)
+    monkeypatch.setattr(band_cover, "MANY_STATES", 30)
     stable = fitting(light_modes(4), structure)
     sweep = PeakSweep(stable, structure)
     found = refined_bounds(sweep, stable.poles, sweep.settled)

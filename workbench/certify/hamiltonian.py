@@ -1,4 +1,6 @@
-"""An interval of frequencies proven in ball arithmetic, where doubles cannot decide.
+"""Eigenvalues of an interval's Hamiltonian in ball arithmetic, where doubles cannot decide.
+
+`workbench.certify.interval` has the theorem and the Hamiltonian in doubles, which is tried first.
 
 The Hamiltonian is formed from the data in balls and its eigenvalues are enclosed. It may have
 simple eigenvalues even if A has multiple ones, as with repeated poles of weights.

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.cover import BandCover, FrequencyBounds, refined_bounds, with_peak
+from workbench.certify.band_cover import BandCover, FrequencyBounds, refined_bounds, with_peak
 from workbench.certify.modes.band_peak import largest_singular_value, proven_peak
 from workbench.certify.modes.partial_fractions import enclosed_fractions
 from workbench.certify.rounding import Enclosure, exact, nearest_power_of_two

@@ -12,7 +12,7 @@ from workbench._core.on_demand import on_demand
 if TYPE_CHECKING:
     from workbench.geometry.area import SmallestAreaStadium, smallest_area_stadium
     from workbench.geometry.circle import Circle, SmallestCircle, smallest_circle
-    from workbench.geometry.enclosing import EnclosingStadium, Stadium
+    from workbench.geometry.enclosing_stadium import EnclosingStadium, Stadium
     from workbench.geometry.figures import outline
     from workbench.geometry.stadium import NarrowestStadium, narrowest_stadium
     from workbench.geometry.stadium_arithmetic import (

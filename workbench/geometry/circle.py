@@ -15,7 +15,7 @@ from workbench.answer import ProgramAnswer, answer_of
 from workbench.conic import ConeFactor, ConeKind, ConicallyStated, ConicForm
 from workbench.executor import Context
 from workbench.geometry.bounds import circle_radius_bound
-from workbench.geometry.cover import Cover, relative
+from workbench.geometry.enclosing_shape import EnclosingShape, relative
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.thesis import thesis_circle
 from workbench.program import Claim, method
@@ -41,7 +41,7 @@ class Circle(ProgramAnswer):
 
 
 @dataclass(frozen=True, eq=False)
-class SmallestCircle(Cover, ConicallyStated):
+class SmallestCircle(EnclosingShape, ConicallyStated):
     """The circle of least radius that contains every point of a set.
 
     The optimum is unique. It is certified by containment and, for its radius, by weak duality:
@@ -87,7 +87,8 @@ def smallest_circle(
     points
         Complex, shape (..., N), N >= 1, finite.
     method
-        ``"exact"`` (globally optimal), ``"thesis"``, ``"ipopt"`` or the name of a conic solver.
+        ``"exact"`` (globally optimal) or another method of `SmallestCircle`, such as ``"thesis"``
+        or a conic solver.
     options
         Accuracy and time limit for the method.
 
@@ -107,7 +108,7 @@ def smallest_circle(
     return finite_answer(SmallestCircle(points), method, options)
 
 
-def finite_answer(program: Cover, name: str, options: Options | None) -> Any:
+def finite_answer(program: EnclosingShape, name: str, options: Options | None) -> Any:
     """Answer of a method; raises SolverError if there is none, or if a radius is not finite."""
     return answer_of(program, name, options, usable=lambda one: bool(np.isfinite(one.radius).all()))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.executor import Context
-from workbench.geometry.cover import Cover
+from workbench.geometry.enclosing_shape import EnclosingShape
 from workbench.geometry.exact_stadium import stadium_radius
 from workbench.geometry.points import canonical_angle
 from workbench.solvers import Outcome
@@ -133,7 +133,7 @@ SetSolver = Callable[[UnitFrame, int], tuple[complex, float, float]]
 
 
 def each_set(
-    program: Cover, context: Context, answer: SetSolver
+    program: EnclosingShape, context: Context, answer: SetSolver
 ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], Outcome, str]:
     """Solve every set: arrays of centre, radius, half-length and angle, an outcome and a message.
 

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.executor import Context
 from workbench.geometry.circle import Circle, SmallestCircle
 from workbench.geometry.each_set import RefusedError, UnitFrame, accept, each_set, segment_frame
-from workbench.geometry.enclosing import Stadium
+from workbench.geometry.enclosing_stadium import Stadium
 from workbench.geometry.stadium import NarrowestStadium
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome

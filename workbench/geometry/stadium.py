@@ -14,8 +14,8 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.geometry.bounds import least_half_width
 from workbench.geometry.circle import finite_answer
-from workbench.geometry.cover import relative
-from workbench.geometry.enclosing import EnclosingStadium, Stadium
+from workbench.geometry.enclosing_shape import relative
+from workbench.geometry.enclosing_stadium import EnclosingStadium, Stadium
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.thesis import thesis_stadium
 from workbench.program import Claim, method

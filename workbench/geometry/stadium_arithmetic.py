@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench._core.arrays import Array, RealArray
-from workbench.geometry.enclosing import Stadium
+from workbench.geometry.enclosing_stadium import Stadium
 from workbench.geometry.stadium import NarrowestStadium
 
 SEGMENT_POINTS = 721

@@ -1,8 +1,9 @@
-"""From experiments to models: excitation, responses with confidence, physical parameters.
+"""From files and experiments to models: records, responses with confidence, parameters.
 
-Takes: records of inputs and outputs, from files or arrays, and prior knowledge of the plant. Gives:
-reports of records, responses with regions, models with deviations, experiments. Rests on: least
-squares, prediction errors and subspaces, with the asymptotic laws of their errors;
+Takes: records of inputs and outputs, from files (folder `files`) or arrays, and prior knowledge of
+    the plant.
+Gives: reports of records, responses with regions, models with deviations, experiments.
+Rests on: least squares, prediction errors and subspaces, with the asymptotic laws of their errors;
     Fieller's regions for loops; sign perturbation for finite records.
 """
 

@@ -1,4 +1,4 @@
-"""The structured singular value: certified bounds at frequencies and over all of them.
+"""The structured singular value and margins of loops, bounded at and between frequencies.
 
 Takes: complex matrices, systems and uncertain systems.
 Gives: upper bounds with multipliers, lower bounds with perturbations, margins, worst cases.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.identification.files.names import split_name
+from workbench.identification.files.names import SUFFIXES, split_name
 from workbench.identification.files.units import converted, is_unit
 
 NAMES = {
@@ -24,6 +24,14 @@ NAMES = {
     ("f_MHz", "frequency"): ("f", "MHz"),
     ("w_rad_s", "frequency"): ("w", "rad/s"),
     ("speed_rpm", "signal"): ("speed", "rpm"),
+    ("w_rad/s", "frequency"): ("w", "rad/s"),
+    ("speed_rad/s", "signal"): ("speed", "rad/s"),
+    ("arm speed M/s", "signal"): ("arm speed", "m/s"),
+    ("flow_l/min", "signal"): ("flow", "l/min"),
+    ("v_km/h", "signal"): ("v", "km/h"),
+    ("t_m/s", "time"): ("t_m", "s"),
+    ("acceleration_m/s^2", "signal"): ("acceleration", "m/s^2"),
+    ("speed_mean/rpm", "signal"): ("speed_mean", "rpm"),
     ("gain_db", "magnitude"): ("gain", "dB"),
     ("torque / (N m)", "signal"): ("torque", "N m"),
     # ends of names that are no units
@@ -41,6 +49,30 @@ NAMES = {
 @pytest.mark.parametrize(("given", "expected"), NAMES.items(), ids=lambda one: str(one[0]))
 def test_units_in_names(given, expected):
     assert split_name(*given) == expected
+
+
+SUFFIX_SIZES = {
+    "hz": ("Hz", 1.0), "khz": ("Hz", 1e3), "mhz": ("Hz", 1e6), "ghz": ("Hz", 1e9),
+    "rpm": ("rad/s", np.pi / 30), "rad_s": ("rad/s", 1.0), "rads": ("rad/s", 1.0),
+    "radps": ("rad/s", 1.0), "deg_s": ("rad/s", np.pi / 180),
+    "nm": ("N m", 1.0), "mnm": ("N m", 1e-3), "rad": ("rad", 1.0), "deg": ("rad", np.pi / 180),
+    "degc": ("°C", 1.0), "degf": ("°F", 1.0), "mv": ("V", 1e-3), "kv": ("V", 1e3),
+    "ma": ("A", 1e-3), "mm": ("m", 1e-3), "um": ("m", 1e-6), "m_s": ("m/s", 1.0),
+    "mm_s": ("m/s", 1e-3), "kpa": ("Pa", 1e3), "mbar": ("Pa", 100.0), "psi": ("Pa", 6894.757),
+}  # fmt: skip
+
+
+def test_a_suffix_is_the_unit_that_people_mean():
+    """In lower case, pint reads nm as a nanometre, and kn as a knot."""
+    suffixes = {one for role in ("frequency", "signal") for one in SUFFIXES[role].split("|")}
+    other = suffixes ^ set(SUFFIX_SIZES)
+    assert not other, f"say in SUFFIX_SIZES what these suffixes mean: {sorted(other)}"
+    for suffix, (unit, size) in SUFFIX_SIZES.items():
+        in_signals = suffix in SUFFIXES["signal"].split("|")
+        told = split_name(f"x_{suffix}", "signal" if in_signals else "frequency")[1]
+        assert told is not None, suffix
+        found = converted(np.array([3.0]), told, unit)
+        assert found == pytest.approx(3.0 * size, rel=1e-6), suffix
 
 
 SECONDS = {

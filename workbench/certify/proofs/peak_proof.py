@@ -2,10 +2,7 @@
 
 Scalings that are functions of frequency, if there are any, replace most intervals. A repeated proof
 makes no search: the multipliers are stored, and the kernel recomputes everything else from the
-system.
-
-Nothing is searched when it is proven again: the multipliers are those stored, and what the kernel
-needs besides them is recomputed from the system.
+system. The theorem for one interval is in `workbench.certify.interval`.
 """
 
 from __future__ import annotations
@@ -15,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from workbench._core.arrays import EPS
-from workbench.certify.cover import CertifiedInterval
+from workbench.certify.band_cover import CertifiedInterval
 from workbench.certify.interval import (
     Multipliers,
     certified_interval,

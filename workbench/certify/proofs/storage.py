@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import Dataset
-from workbench.certify.cover import CertifiedInterval
+from workbench.certify.band_cover import CertifiedInterval
 from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.executor import Context
 from workbench.geometry.area.program import SmallestAreaStadium
 from workbench.geometry.each_set import RefusedError, UnitFrame, accept, each_set
-from workbench.geometry.enclosing import Stadium
+from workbench.geometry.enclosing_stadium import Stadium
 from workbench.program import Claim, method
 from workbench.solvers import ipopt, ipopt_outcome
 

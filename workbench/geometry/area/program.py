@@ -19,9 +19,9 @@ from workbench.executor import Context
 from workbench.geometry.area.bound import least_area
 from workbench.geometry.area.search import smallest_area
 from workbench.geometry.circle import finite_answer
-from workbench.geometry.cover import relative
 from workbench.geometry.each_set import UnitFrame, each_set
-from workbench.geometry.enclosing import EnclosingStadium, Stadium
+from workbench.geometry.enclosing_shape import relative
+from workbench.geometry.enclosing_stadium import EnclosingStadium, Stadium
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.hull import convex_hull

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from workbench.errors import InputError
-from workbench.identification.files.layouts import BLANKS, Layout
+from workbench.identification.files.layouts import BLANKS, COMMENT_MARKS, Layout
 from workbench.identification.files.units import is_unit, plain_unit
 
 NO_NAMES = "no line names them"
@@ -42,7 +42,7 @@ def read_head(
     head = above or [i for i in range(first) if lines[i].strip()]
 
     def cells(i: int) -> list[str]:
-        text = lines[i].strip().lstrip("#% ") if commented else lines[i]
+        text = lines[i].strip().lstrip(COMMENT_MARKS + " ") if commented else lines[i]
         found = layout.cells(text)
         if len(found) != used and layout.separator == BLANKS:  # names may contain blanks
             wider = re.split(r"\t+|\s{2,}|[,;]\s*", text.strip())

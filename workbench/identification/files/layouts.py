@@ -8,7 +8,10 @@ from dataclasses import dataclass, replace
 
 from workbench.identification.files.cells import BLANK, is_number, is_quantity
 
+COMMENT_MARKS = "#%"
+"""Characters with which a line of comment begins, perhaps after blanks."""
 BLANKS = r"\s+"
+"""The separator of columns that are separated by blanks, as a regular expression."""
 WORDS = {";": "semicolons", ",": "commas", "\t": "tabs", BLANKS: "blanks"}
 
 

@@ -13,6 +13,10 @@ IN_BRACKETS = re.compile(r"(.*[^\s/])\s*/?\s*[\[(<]([^\])>]*)[\])>]")
 """A name with its unit, such as ``torque [Nm]``."""
 A_COLUMN = re.compile(r"(?<=\S)\[\d+\]$")
 """The end of a name for one of several columns, such as ``y[0]``; in ``gain [1]`` it is a unit."""
+RATE = re.compile(
+    r"(.+?)[_ .-]((?:rad|deg|rev|[uµμmck]?m|m?l|kg)/(?:s|min|h)(?:\^?2|²)?)", re.IGNORECASE
+)
+"""A name with a unit that has a stroke itself, such as ``speed_rad/s``: not speed_rad in s."""
 AFTER_A_STROKE = re.compile(r"([^/]*[^/\s])\s*/\s*(.+)")
 """A name with its unit, such as ``t/ms`` (ISO 80000-1)."""
 AFTER_A_WORD = re.compile(r"(.*\S)\s*(?:,|\bin\b)\s*(\S+)")
@@ -20,13 +24,16 @@ AFTER_A_WORD = re.compile(r"(.*\S)\s*(?:,|\bin\b)\s*(\S+)")
 SUFFIXES: dict[str, str] = {
     "time": "ns|us|µs|μs|ms|msec|usec|s|sec|secs|seconds?|min|minutes?|h|hr|hours?|d|days?|"
     "millis|milliseconds?|micros|microseconds?|nanos|nanoseconds?",
-    "frequency": "m?hz|khz|mhz|ghz|rad_s|rads|rad/s|radps|rpm",
+    "frequency": "hz|khz|mhz|ghz|rad_s|rads|radps|rpm",
     "signal": "rpm|nm|mnm|rad|deg|degc|degf|rad_s|radps|deg_s|mv|kv|ma|mm|um|m_s|mm_s|kpa|mbar|psi|"
     "hz|khz",
     "magnitude": "db",
     "phase": "deg|degrees?|rad|radians?",
 }  # fmt: skip
-"""Units at the end of a name, after an underscore; single letters only if the role is known."""
+"""Units at the end of a name, after an underscore; single letters only if the role is known.
+
+A unit that is not written in lower case, such as kN, also needs its spelling in `SPELLINGS`.
+"""
 JOINED = re.compile(
     r"(t|ti?me|(?:time)?stamp|elapsed|uptime|zeit)?"
     r"(ms|us|µs|μs|ns|[mu]sec|sec|seconds?|minutes?|hours?|(?:milli|micro|nano)(?:s|seconds?))",
@@ -39,6 +46,8 @@ def split_name(name: str, role: Role = "signal") -> tuple[str, str | None]:
     """A name without its unit, and the unit: ``("t", "ms")`` for ``"t [ms]"`` and ``"t_ms"``."""
     if (found := IN_BRACKETS.fullmatch(name)) and not A_COLUMN.search(name):
         return found[1], found[2].strip() or None
+    if role in ("frequency", "signal") and (rate := RATE.fullmatch(name)):
+        return rate[1], spelt(rate[2])
     for pattern in (AFTER_A_STROKE, AFTER_A_WORD):
         if (found := pattern.fullmatch(name)) and is_unit(plain_unit(found[2])):
             return found[1], plain_unit(found[2])

@@ -18,9 +18,9 @@ from workbench.errors import InputError
 from workbench.identification.files.columns import Columns
 from workbench.identification.files.encodings import decoded
 from workbench.identification.files.heads import NO_NAMES, Head, read_head
-from workbench.identification.files.layouts import BLANKS, Layout, found_layout
+from workbench.identification.files.layouts import BLANKS, COMMENT_MARKS, Layout, found_layout
 
-NUMBERS = re.compile(r"\s*[^\s#%]")
+CONTENT = re.compile(rf"\s*[^\s{COMMENT_MARKS}]")
 """A line that is neither blank nor a comment."""
 RULE = re.compile(r"[-=+|\s]*(---|===)[-=+|\s]*")
 """A ruled line below the names."""
@@ -94,8 +94,8 @@ def columns_of_text(path: Path, text: str) -> Columns:
 def _lines_with_content(text: str, lines: Sequence[str]) -> Sequence[int]:
     """Numbers of the lines that are not blank, comments or rules."""
     kept: Sequence[int] = range(len(lines))
-    if any(mark in text for mark in "#%") or "" in lines or any(map(str.isspace, lines)):
-        kept = [i for i in kept if NUMBERS.match(lines[i])]
+    if any(mark in text for mark in COMMENT_MARKS) or "" in lines or any(map(str.isspace, lines)):
+        kept = [i for i in kept if CONTENT.match(lines[i])]
     if "---" in text or "===" in text:
         kept = [i for i in kept if not RULE.fullmatch(lines[i])]
     if kept and re.fullmatch(r"sep=.?", lines[kept[0]].strip()):  # for Excel

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
-from workbench.certify.cover import BoundsAt, FrequencyBounds, without
+from workbench.certify.band_cover import BoundsAt, FrequencyBounds, without
 from workbench.certify.interval import proven_in_doubles
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.frequency.complex_part import complex_part_added

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench._core.arrays import Array
 from workbench.certify.balls import in_plane
-from workbench.certify.cover import FrequencyBounds
+from workbench.certify.band_cover import FrequencyBounds
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response
 from workbench.certify.rounding import in_its_unit
 from workbench.certify.singularity import said

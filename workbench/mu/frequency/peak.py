@@ -1,4 +1,4 @@
-"""The supremum of mu over frequency, certified between grid points by `certify.cover`."""
+"""The supremum of mu over frequency, certified between grid points by `certify.band_cover`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from workbench.certify.agreement import need_agreement
-from workbench.certify.cover import BandCover, refined_bounds
+from workbench.certify.band_cover import BandCover, refined_bounds
 from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
 from workbench.input_checks import as_list, is_real, need_count, need_numbers, need_tolerance

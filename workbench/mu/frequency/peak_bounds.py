@@ -13,7 +13,7 @@ from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.answer import Answer
 from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess
 from workbench.certify.balls import in_plane
-from workbench.certify.cover import CertifiedInterval
+from workbench.certify.band_cover import CertifiedInterval
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.proofs.scaled_system import ScalingFunctions
@@ -69,10 +69,10 @@ class Peak(Answer):
 
     @property
     def proof(self) -> PeakProof | None:
-        """The proof of the upper bound, for `proves` of `workbench.certify.proofs`; None if it is
-        infinite.
+        """The proof of the upper bound, for `proves` of `workbench.certify.proofs.peak_proof`.
 
-        Where there is a complex part, it is a proof for `complex_part_added` of the system.
+        None if the bound is infinite. Where there is a complex part, it is a proof for
+        `complex_part_added` of the system.
         """
         if math.isinf(self.upper):
             return None

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from workbench._core.arrays import Array, BoolArray, RealArray
-from workbench.certify.cover import MAXIMUM_TOLERANCE, FrequencyBounds
+from workbench.certify.band_cover import MAXIMUM_TOLERANCE, FrequencyBounds
 from workbench.certify.interval import Multipliers
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.upper.below import bounds_below, hold_below

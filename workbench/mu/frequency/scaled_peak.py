@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.certify.agreement import need_agreement
-from workbench.certify.cover import BandCover, refined_bounds
+from workbench.certify.band_cover import BandCover, refined_bounds
 from workbench.certify.proofs.peak_proof import gaps
 from workbench.certify.proofs.scaled_system import ScalingFunctions, scaled_interval
 from workbench.mu.frequency.attained import LOWER_BOUND_SHARE, attained_peak

@@ -16,7 +16,7 @@ from workbench._core.heavy_types import Figure
 from workbench.answer import Answer
 from workbench.certificate import Check, Checker
 from workbench.certify.agreement import need_agreement
-from workbench.certify.cover import FrequencyBounds, refined_bounds
+from workbench.certify.band_cover import FrequencyBounds, refined_bounds
 from workbench.certify.mu_bound import structured
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError

@@ -10,7 +10,7 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check, worst_value
 from workbench.fitting.rational import Rational
-from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.geometry.enclosing_shape import CONTAINMENT_TOLERANCE
 from workbench.second_opinion.responses import plain_response
 from workbench.second_opinion.support import reach_beyond
 from workbench.uncertainty.covers.sets import CoverForm

@@ -25,7 +25,7 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import right_check
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
-from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.geometry.enclosing_shape import CONTAINMENT_TOLERANCE
 from workbench.input_checks import need_choice
 from workbench.program import Program
 from workbench.second_opinion.fits import decays, growing_modes, inverse_decays

@@ -17,7 +17,7 @@ from workbench.certify.stable_system import angular_frequency
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.geometry.enclosing_shape import CONTAINMENT_TOLERANCE
 from workbench.second_opinion.responses import plain_response, tried_frequencies
 from workbench.uncertainty.covers.checks import REALISED_SUPPORT_TOLERANCE, excess_over_radius
 from workbench.uncertainty.covers.model import UncertaintyModel

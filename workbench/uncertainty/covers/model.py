@@ -24,7 +24,7 @@ from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
-from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.geometry.enclosing_shape import CONTAINMENT_TOLERANCE
 from workbench.input_checks import need_choice, need_kind, need_whole
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar

@@ -23,7 +23,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.effort import tries
 from workbench.fitting.samples import as_count, as_frequencies
-from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.geometry.enclosing_shape import CONTAINMENT_TOLERANCE
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.input_checks import need_tolerance
 from workbench.second_opinion import SEED

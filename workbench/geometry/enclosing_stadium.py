@@ -15,7 +15,7 @@ from workbench._core.heavy_types import Dataset
 from workbench.answer import ProgramAnswer
 from workbench.certificate import Check, worst_value
 from workbench.errors import InputError
-from workbench.geometry.cover import Cover, relative
+from workbench.geometry.enclosing_shape import EnclosingShape, relative
 from workbench.geometry.points import canonical_angle
 
 CENTRE_TOLERANCE = 4 * EPS
@@ -43,7 +43,7 @@ class Stadium(ProgramAnswer):
 
 
 @dataclass(frozen=True, eq=False)
-class EnclosingStadium(Cover):
+class EnclosingStadium(EnclosingShape):
     """Base of the programs for a best stadium that contains every point of a set.
 
     Parameters

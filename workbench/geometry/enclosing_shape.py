@@ -30,7 +30,7 @@ CONTAINMENT_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Cover(Program):
+class EnclosingShape(Program):
     """Program for the smallest shape, circle or stadium, around each of many point sets.
 
     Parameters

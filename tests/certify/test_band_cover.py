@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.certify.cover import BandCover, CertifiedInterval, FrequencyBounds, without
+from workbench.certify.band_cover import BandCover, CertifiedInterval, FrequencyBounds, without
 from workbench.certify.stable_system import stable_system
 
 ONE = np.ones((1, 1))

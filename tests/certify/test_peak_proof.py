@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workbench.certify.cover import CertifiedInterval
+from workbench.certify.band_cover import CertifiedInterval
 from workbench.certify.proofs import peak_proof
 from workbench.certify.proofs.peak_proof import PeakProof, gaps, proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
