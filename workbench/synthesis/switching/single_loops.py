@@ -34,7 +34,7 @@ MU_TOLERANCE = 1e-2
 
 
 class MarginsOfPlants(NamedTuple):
-    """Gain margins [dB], phase margins [deg] and growth rates [1/s] of closed loops.
+    """Gain margins [dB], phase margins ``phase_deg`` [deg] and growth rates [1/s] of closed loops.
 
     Each array is (controllers, SAMPLINGS, plants). Margins are NaN where the loop is unstable, that
     is, where its growth rate is not negative.
