@@ -29,7 +29,8 @@ def share(text: str | None, option: str) -> float | None:
 
 def positive(_: Any, option: click.Parameter, number: float | None) -> float | None:
     """A positive number, or None if none is given; an error names the option, as it was typed."""
-    need_positive(number, option.opts[0], or_none=True)
+    if number is not None:
+        need_positive(number, option.opts[0])
     return number
 
 
