@@ -220,7 +220,7 @@ def growth(runs: Mapping[str, wb.Run]) -> Figure:
     time = mu["seconds"]
     for name, (label, colour, style) in looks.items():
         sizes.plot(time["size"], time.sel(by=name), style, color=colour, label=label)
-    figures.label(sizes, "size of the matrix", "time per matrix [s]", log="xy")
+    figures.label(sizes, x="size of the matrix", y="time per matrix [s]", log="xy")
     sizes.set_xticks(time["size"].values, map(str, time["size"].values), minor=False)
     sizes.minorticks_off()
     count = mu["count"].values
@@ -228,7 +228,7 @@ def growth(runs: Mapping[str, wb.Run]) -> Figure:
     for name in ("ab13md", "clarabel"):  # they take one matrix at a time
         _, colour, style = looks[name]
         counts.plot(count, count * float(time.sel(by=name, size=4)), style[1:], color=colour)
-    figures.label(counts, r"frequencies, $4 \times 4$", "time of all [s]", log="xy")
+    figures.label(counts, x=r"frequencies, $4 \times 4$", y="time of all [s]", log="xy")
     found = {
         int(group.split()[0]): pair
         for group, pair in grouped(runs["synthesis"].data).items()
@@ -237,10 +237,10 @@ def growth(runs: Mapping[str, wb.Run]) -> Figure:
     theirs, ours = np.array([found[size] for size in found]).T
     states.plot(list(found), ours, "o-", color=figures.BLUE, label="workbench")
     states.plot(list(found), theirs, "v-.", color=figures.PURPLE, label="hinfsyn")
-    figures.label(states, "states, H-infinity controller", "time [s]", log="xy")
+    figures.label(states, x="states, H-infinity controller", y="time [s]", log="xy")
     states.set_xticks(list(found), map(str, found), minor=False)
     states.minorticks_off()
-    figures.legend_below(figure, sizes, 3)
+    figures.legend_below(figure, sizes, columns=3)
     states.legend()
     return figure
 

@@ -30,9 +30,9 @@ def ticks(axis):
     ],
 )
 def test_ticks_of_logarithmic_axes_are_readable(range_, expected):
-    _, (panel,) = figures.axes()
+    _, (panel,) = figures.axes(1, 1)
     panel.plot(np.geomspace(*range_, 20), np.linspace(0, 1, 20))
-    figures.label(panel, "frequency [Hz]", "size [1]", "a title", "x")
+    figures.label(panel, x="frequency [Hz]", y="size [1]", title="a title", log="x")
     panel.set_xlim(range_)
     assert panel.get_xscale() == "log" and panel.get_yscale() == "linear"
     assert panel.get_title() == "a title" and panel.get_xlabel() == "frequency [Hz]"
@@ -40,7 +40,7 @@ def test_ticks_of_logarithmic_axes_are_readable(range_, expected):
 
 
 def test_ticks_are_the_houses_where_nobody_labelled_the_axes():
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     panel.loglog([0.02, 300.0], [1e-5, 1.0])
     formats.svg(figure)
     assert {"0.1", "1", "10", "100"} <= ticks(panel.xaxis)
@@ -48,7 +48,7 @@ def test_ticks_are_the_houses_where_nobody_labelled_the_axes():
 
 
 def test_a_figure_that_is_saved_by_hand_has_them_too(tmp_path):
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     panel.loglog([0.02, 300.0], [0.4, 7.0])
     assert any("mathdefault" in one for one in ticks(panel.xaxis))
     figure.savefig(tmp_path / "figure.png")
@@ -68,20 +68,20 @@ def test_the_number_in_a_figures_name_is_its_caption():
     assert figures.numbers_in("figure-A-1") == ["A.1"]
     for plain in ("bode", "figure-8", "figure-8-7-drives", "my-figure-8-7"):
         assert figures.numbers_in(plain) == []
-    drawn, _ = figures.axes()
+    drawn, _ = figures.axes(1, 1)
     assert figures.numbered(drawn).get_suptitle() == ""
     assert figures.numbered(drawn, "8.7").get_suptitle() == "Figure 8.7"
     assert figures.numbered(drawn, "8.7").get_suptitle() == "Figure 8.7"
-    titled, _ = figures.axes()
+    titled, _ = figures.axes(1, 1)
     titled.suptitle("one record")
     assert figures.numbered(titled, "8.7", "A.1").get_suptitle() == "Figures 8.7, A.1\none record"
     assert figures.numbered(titled, "8.70").get_suptitle().startswith("Figure 8.70")
 
 
 def test_a_legend_is_no_wider_than_its_figure():
-    figure, (panel,) = figures.axes(size=(4.0, 3.0))
+    figure, (panel,) = figures.axes(1, 1, size=(4.0, 3.0))
     for k in range(6):
         panel.plot([0, 1], [0, k], label=f"a controller with a long name, {k}")
-    figures.legend_below(figure, panel, 6)
+    figures.legend_below(figure, panel, columns=6)
     (legend,) = figure.legends
     assert legend.get_window_extent().width <= figure.bbox.width

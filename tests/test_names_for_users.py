@@ -1,11 +1,13 @@
-"""What users read imports public names alone, each from its room.
+"""What users read imports public names alone, each from its room; and every public name has a use.
 
 Users learn from pages, examples, notebooks and problems. So all that these import has a page with
-an example that runs, and obeys the laws of the surface.
+an example that runs, and obeys the laws of the surface. A function that neither they nor other
+modules of the library use is a promise that nobody asked for.
 """
 
 import ast
 import importlib
+import inspect
 import json
 import re
 from collections import defaultdict
@@ -71,6 +73,36 @@ def test_inner_parts_are_found():
     assert not any(name in allowed.get(module, ()) for module, name in found)
 
 
+def test_every_public_function_has_a_use():
+    """A class may be what a function returns. A function is called, or a page names it."""
+    pages, used = reference(), defaultdict(set)
+    for page in (ROOT / "docs").rglob("*.md"):
+        if page.name != "migration.md" and "api" not in page.parts and "_build" not in page.parts:
+            for name in re.findall(r"\w+", page.read_text(encoding="utf-8")):
+                used[name].add(page)
+    for file in sorted((ROOT / "workbench").rglob("*.py")):
+        for word in words_of(file.read_text(encoding="utf-8")):
+            used[word].add(file)
+    for file, code in read_by_users():
+        for word in words_of(code):
+            used[word].add(file)
+    table = []
+    for room in pages.ROOMS:
+        for name in pages.public_names(importlib.import_module(room)):
+            thing = inspect.unwrap(getattr(importlib.import_module(room), name))
+            if inspect.isfunction(thing) and not used[name] - {Path(thing.__code__.co_filename)}:
+                table.append(f"{room}.{name}")
+    assert not table, "used nowhere: " + ", ".join(table)
+
+
+def words_of(code):
+    """Names and attributes in code; what is imported only, or stands in ``__all__``, is no use."""
+    nodes = list(statements(code))
+    return {n.id for n in nodes if isinstance(n, ast.Name)} | {
+        n.attr for n in nodes if isinstance(n, ast.Attribute)
+    }
+
+
 def public_names():
     """Names by room; the rooms themselves are names of the package."""
     pages = reference()
@@ -84,17 +116,21 @@ def public_names():
 
 def imports():
     """File, module and name of every import from the workbench in what users read."""
+    for name, code in read_by_users():
+        yield from ((name, *one) for one in imported(code))
+
+
+def read_by_users():
+    """File and code of problems, examples, pages, notebooks and templates."""
     for place, pattern in (
         ("problems", "*.py"), ("examples", "*.py"), ("docs", "*.py"), ("docs", "*.md"),
-        ("notebooks", "*.ipynb"), ("workbench/starter", "*.py.jinja"), (".", "README.md"),
+        ("notebooks", "*.ipynb"), ("workbench/starter", "*.jinja"), (".", "README.md"),
     ):  # fmt: skip
         files = (ROOT / place).glob(pattern) if place == "." else (ROOT / place).rglob(pattern)
         for file in sorted(files):
             name = file.relative_to(ROOT).as_posix()
-            if name.startswith(("docs/_", "docs/reference/api/")):
-                continue
-            for code in codes(file):
-                yield from ((name, *one) for one in imported(code))
+            if not name.startswith(("docs/_", "docs/reference/api/")):
+                yield from ((name, code) for code in codes(file))
 
 
 def codes(file):
@@ -110,11 +146,7 @@ def codes(file):
 
 def imported(code):
     """Module and name of each import from the workbench; ``"*"`` for a module as a whole."""
-    try:
-        nodes = list(ast.walk(ast.parse(code)))
-    except SyntaxError:  # a session with its output, or another language: line by line
-        nodes = [node for line in code.splitlines() for node in parsed(line)]
-    for node in nodes:
+    for node in statements(code):
         if isinstance(node, ast.Import):
             found = [(one.name, "*") for one in node.names]
         elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -125,6 +157,16 @@ def imported(code):
             own = module == "workbench" or module.startswith("workbench.")
             if own and not module.startswith("workbench.plants"):
                 yield module, name
+
+
+def statements(code):
+    """All nodes of code; of a session with its output, or of a template, line by line."""
+    try:
+        return list(ast.walk(ast.parse(code)))
+    except SyntaxError:
+        return [
+            node for line in code.splitlines() for one in parsed(line) for node in ast.walk(one)
+        ]
 
 
 def parsed(line):

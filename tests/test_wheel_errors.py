@@ -64,11 +64,11 @@ REFUSED = {
         "take a longer record": ["init", "x", "--data", "records/short*.csv"],
         "holds no numbers": ["init", "x", "--data", "records/empty*.csv"],
         "is the only file": ["init", "x", "--data", "records/ok1.csv"],
-        "period is nan": ["init", "x", "--data", "records/ok*.csv", "--period", "nan"],
-        "delay is -1.0": ["init", "x", "--data", "records/ok*.csv", "--delay", "-1"],
-        "delay is nan": ["init", "x", "--data", "records/ok*.csv", "--delay", "nan"],
-        "delay is inf": ["init", "x", "--data", "records/ok*.csv", "--delay", "inf"],
-        "record_dt is 0.0": ["init", "x", "--data", "records/ok*.csv", "--sample-rate", "0"],
+        "--period is nan": ["init", "x", "--data", "records/ok*.csv", "--period", "nan"],
+        "--delay is -1.0": ["init", "x", "--data", "records/ok*.csv", "--delay", "-1"],
+        "--delay is nan": ["init", "x", "--data", "records/ok*.csv", "--delay", "nan"],
+        "--delay is inf": ["init", "x", "--data", "records/ok*.csv", "--delay", "inf"],
+        "--sample-rate is 0.0": ["init", "x", "--data", "records/ok*.csv", "--sample-rate", "0"],
         "100 Hz, and --sample-rate": [
             *("init", "x", "--data", "records/ok*.csv", "--sample-rate", "50")
         ],

@@ -46,7 +46,7 @@ def records_figure() -> Any:
         panel.plot(time, values[:150])
         panel.set_title(name, loc="left")
         figures.label(panel, y="output")
-    figures.label(panels[-1], "time [s]")
+    figures.label(panels[-1], x="time [s]")
     return figure
 
 
@@ -60,7 +60,7 @@ def loop_figure() -> Any:
         DT,
     )
     exact = 0.2 / (np.exp(1j * DT * driven.omega) - 0.8)
-    figure, (panel,) = figures.axes(size=(7.0, 4.0))
+    figure, (panel,) = figures.axes(1, 1, size=(7.0, 4.0))
     size, reach = np.abs(driven.response[:, 0, 0]), driven.radius(confidence=0.95)[:, 0, 0]
     low = size - np.maximum(size - reach, size / 100)  # a bar down to 0 has no end to be seen
     panel.errorbar(driven.frequency_hz, size, [low, reach], fmt=".", markersize=4, linewidth=0.8,
@@ -70,7 +70,7 @@ def loop_figure() -> Any:
     panel.plot(driven.frequency_hz, np.abs(exact), "k--", linewidth=1, label="the plant")
     panel.axhline(0.5, color="grey", linewidth=1, linestyle=":", label="1 / |K|")
     panel.set_ylim(0.02, 5.0)
-    figures.label(panel, "frequency [Hz]", "magnitude", log="xy")
+    figures.label(panel, x="frequency [Hz]", y="magnitude", log="xy")
     panel.legend(frameon=False, loc="lower left")
     return figure
 

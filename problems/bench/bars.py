@@ -12,7 +12,7 @@ from workbench.types import DataArray, Figure
 
 def ratio_bars(ratios: Mapping[str, float], x: str, wanted: Sequence[float] = ()) -> Figure:
     """A horizontal bar for each labelled ratio, and a mark at the ratio asked for."""
-    figure, (panel,) = figures.axes(size=(7.5, 3.4))
+    figure, (panel,) = figures.axes(1, 1, size=(7.5, 3.4))
     place = np.arange(len(ratios))
     panel.barh(place, list(ratios.values()), color=figures.BLUE, height=0.55, label="measured")
     for y, value in zip(place, ratios.values(), strict=True):
@@ -32,12 +32,12 @@ def ratios_by_size(over: DataArray, wanted: Mapping[int, float]) -> Figure:
     """Times divided by those of eigenvalues (kind, size), and the largest ratio asked for at each
     size.
     """
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     for kind in over["kind"].values:
         panel.plot(over["size"], over.sel(kind=kind), "o-", label=kind)
     panel.plot(list(wanted), list(wanted.values()), "k:", label="asked for at most")
-    figures.label(panel, "size of the matrix", "time over that of eigenvalues", log="xy")
+    figures.label(panel, x="size of the matrix", y="time over that of eigenvalues", log="xy")
     panel.set_xticks(list(wanted), map(str, wanted), minor=False)
     panel.set_xticks([], minor=True)  # the y axis has labels enough
-    figures.legend_below(figure, panel, 2)
+    figures.legend_below(figure, panel, columns=2)
     return figure

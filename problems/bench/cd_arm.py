@@ -181,7 +181,7 @@ class PeerComparison(Study):
     @figure
     def bars(self, answer: Dataset) -> dict[str, Figure]:
         fit = answer["fit"].stack(bar=("use", "output"))
-        figure, (panel,) = figures.axes(size=(7.0, 3.8))
+        figure, (panel,) = figures.axes(1, 1, size=(7.0, 3.8))
         place = np.arange(fit["bar"].size)
         for shift, package in ((-0.18, "workbench"), (0.18, "sippy_unipi")):
             bars = panel.bar(place + shift, fit.sel(package=package), 0.32, label=package)

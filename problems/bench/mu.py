@@ -174,8 +174,8 @@ class MuSpeed(Study):
         for name in seconds["by"].values:
             sizes.plot(seconds["size"], seconds.sel(by=name), "o-", label=name)
         counts.plot(growth["count"], growth, "o-")
-        figures.label(sizes, "size of $M$", "time per matrix [s]", log="xy")
-        figures.label(counts, r"frequencies, $4 \times 4$", "time of all [s]", log="xy")
+        figures.label(sizes, x="size of $M$", y="time per matrix [s]", log="xy")
+        figures.label(counts, x=r"frequencies, $4 \times 4$", y="time of all [s]", log="xy")
         sizes.set_xticks(seconds["size"].values, map(str, seconds["size"].values), minor=False)
         sizes.minorticks_off()
         figures.legend_below(figure, sizes)

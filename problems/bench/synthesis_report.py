@@ -26,8 +26,8 @@ def times_and_norms(answer: Dataset) -> Figure:
     norms.plot(ratio, place, "s", color=figures.GREEN)  # an unstable loop has no norm
     norms.plot(own["norm"] / level, place, "o", ms=4, color=figures.BLUE)
     norms.set_yticks(place, [""] * len(place))
-    figures.label(times, "time of a controller [s]", log="x")
-    figures.label(norms, "norm of the loop over our level", log="x")
+    figures.label(times, x="time of a controller [s]", log="x")
+    figures.label(norms, x="norm of the loop over our level", log="x")
     for panel in (times, norms):
         panel.invert_yaxis()
     handles = [panel.get_legend_handles_labels() for panel in (times, norms)]

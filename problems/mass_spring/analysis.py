@@ -338,7 +338,7 @@ class Analysis(Study):
             figures.label(panel, y=r"$\mu$", title=f"robust {question}", log="xy")
             panel.set_xlim(*SHOWN)
             panel.set_ylim(bottom=LEAST_SHOWN)
-        figures.label(panels[-1], r"angular frequency $\omega$ [rad/s]")
+        figures.label(panels[-1], x=r"angular frequency $\omega$ [rad/s]")
         figures.legend_below(figure, panels[0])
         return figure
 

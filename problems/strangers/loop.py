@@ -220,6 +220,6 @@ def _loop_figure(answer: Dataset, plant: Stranger) -> Figure:
     low, high = sorted((-0.8 * step, 2.2 * step))
     top.set_ylim(low, high)
     figures.label(top, y=f"{plant.outputs[0].name} from rest [{plant.outputs[0].unit}]")
-    figures.label(bottom, "time [s]", figures.axis_label(answer["control"], "control"))
+    figures.label(bottom, x="time [s]", y=figures.axis_label(answer["control"], "control"))
     top.set_title(f"{plant.title}: {plant.units} units")
     return figure

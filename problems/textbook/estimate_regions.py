@@ -260,7 +260,7 @@ class EstimateRegions(Study):
         left.plot(FREQUENCY, truth, color=figures.BLACK, label="true plant")
         left.set_xlim(OMEGA[0], OMEGA[-1])
         left.set_ylim(3e-3, 30.0)
-        figures.label(left, "angular frequency [rad/s]", "magnitude [1]", log="xy")
+        figures.label(left, x="angular frequency [rad/s]", y="magnitude [1]", log="xy")
         for k, form in enumerate(FORMS):
             values = gain.sel(design=form, shape="ball").values
             spread = np.random.default_rng(0).uniform(-0.25, 0.25, values.size)
@@ -272,10 +272,12 @@ class EstimateRegions(Study):
             share = np.arange(1, sizes.size + 1) / sizes.size
             right.step(sizes, share, where="post", label=form)
         middle.set_xticks(range(len(FORMS)), FORMS)
-        figures.label(middle, "design for", "weighted gain of a loop [1]")
+        figures.label(middle, x="design for", y="weighted gain of a loop [1]")
         right.axvline(1.0, color="0.4", linewidth=0.8)
         right.axhline(self.confidence, color="0.4", linewidth=0.8)
-        figures.label(right, "size of the set that holds the true plant [1]", "share of estimates")
+        figures.label(
+            right, x="size of the set that holds the true plant [1]", y="share of estimates"
+        )
         for panel in (left, middle, right):
             panel.legend(frameon=False, loc="best")
         return drawn

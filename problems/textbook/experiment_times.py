@@ -205,8 +205,8 @@ class ExperimentTimes(Study):
         right.axhline(1.0, color="0.4", linewidth=0.8)
         top = float(np.nanmin(peak.where(np.isfinite(peak)).max()))
         right.set_ylim(0.9 * float(peak.min()), min(2.0, 1.05 * top))
-        figures.label(left, "angular frequency of a line [rad/s]", "power [1]")
-        figures.label(right, "periods of the experiment", "certified peak of mu [1]")
+        figures.label(left, x="angular frequency of a line [rad/s]", y="power [1]")
+        figures.label(right, x="periods of the experiment", y="certified peak of mu [1]")
         left.legend(frameon=False)
         right.legend(frameon=False, fontsize="small")
         return drawn

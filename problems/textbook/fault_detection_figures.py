@@ -42,7 +42,7 @@ def steps(answer: Dataset) -> Figure:
 
 def matching(answer: Dataset) -> Figure:
     """Matching errors over frequency, and the lower bound on the error of any generator."""
-    figure, (panel,) = figures.axes(size=(7.0, 4.2))
+    figure, (panel,) = figures.axes(1, 1, size=(7.0, 4.2))
     for name, (colour, label) in LOOKS.items():
         error = answer["error"].sel(generator=name)
         panel.plot(answer["frequency"], error, color=colour, label=label)
@@ -50,6 +50,6 @@ def matching(answer: Dataset) -> Figure:
     panel.plot(answer["frequency"], answer["bound"], "--", color=figures.BLACK, label=words)
     dotted: Any = {"color": figures.BLUE, "linewidth": 0.8, "linestyle": ":"}
     panel.axhline(norm, **dotted, label=f"certified norm {norm:.4f}")
-    figures.label(panel, "frequency [Hz]", "largest singular value of the error", log="xy")
+    figures.label(panel, x="frequency [Hz]", y="largest singular value of the error", log="xy")
     figures.legend_below(figure, panel, columns=2)
     return figure

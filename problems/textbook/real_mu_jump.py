@@ -156,7 +156,7 @@ class RealMuJump(Study):
     @figure
     def mu(self, bounds: DataArray, exact: DataArray) -> Figure:
         """Mu over the parameter p, without and with complex parts."""
-        drawn, (panel,) = figures.axes()
+        drawn, (panel,) = figures.axes(1, 1)
         for share, colour in zip(PARTS, figures.CYCLE, strict=False):
             one = exact.sel(complex_part=share)
             name = "real alone" if share == 0.0 else f"complex part {share:g}"
@@ -168,7 +168,7 @@ class RealMuJump(Study):
                 edge = bounds.sel(complex_part=share, bound=bound)
                 panel.plot(edge["p"], edge, linestyle="", marker=mark, color=colour)
         panel.set_xscale("symlog", linthresh=SIZES[0])
-        figures.label(panel, "parameter $p$", "$\\mu$")
+        figures.label(panel, x="parameter $p$", y="$\\mu$")
         figures.legend_below(drawn, panel)
         return drawn
 

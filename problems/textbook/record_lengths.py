@@ -175,7 +175,7 @@ class RecordLengths(Study):
                 if (verdict.sel(at) == NONE).all():
                     text = f"noise up to {radius:g}: proven that no gain serves"
                     panel.text(0.04, 0.3, text, color=colour, transform=panel.transAxes)
-            figures.label(panel, "samples", title=f"known: {known} of the noise")
+            figures.label(panel, x="samples", title=f"known: {known} of the noise")
         figures.label(panels[0], y="H2 norm over the known plant's, less 1\n(dotted: true plant)")
         figures.legend_below(drawn, panels[0])
         return drawn

@@ -143,14 +143,16 @@ class ReductionCurve(Study):
 
     @figure
     def orders(self, peak: DataArray) -> dict[str, Figure]:
-        figure, (panel,) = figures.axes(size=(7.2, 4.6))
+        figure, (panel,) = figures.axes(1, 1, size=(7.2, 4.6))
         upper = peak.sel(bound="upper")
         for name, look in (("reduced", "o:"), ("refined", "s-")):
             curve = upper.sel(refined=name)
             panel.plot(peak["order"], curve.where(np.isfinite(curve)), look, label=name)
         panel.axhline(self.target, color="0.4", linewidth=0.8)
         title = f"{self.name}: what the order costs"
-        figures.label(panel, "order of the controller", r"certified peak of $\mu$", title, log="y")
+        figures.label(
+            panel, x="order of the controller", y=r"certified peak of $\mu$", title=title, log="y"
+        )
         values = upper.values[upper.values <= HIGHEST_SHOWN]
         refined = upper.sel(refined="refined").values
         most = HIGHEST_RATIO * refined.max(where=refined <= HIGHEST_SHOWN, initial=self.target)

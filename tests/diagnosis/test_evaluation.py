@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.diagnosis import (
-    above_noise,
     adaptive_alarm,
     bounded_threshold,
     cusum,
@@ -17,6 +16,7 @@ from workbench.diagnosis import (
     moving_rms,
     quantile_threshold,
 )
+from workbench.diagnosis.evaluation.thresholds import above_noise
 from workbench.errors import InputError
 from workbench.simulation import play
 

@@ -13,10 +13,9 @@ from workbench.diagnosis import (
     best_design,
     full_order_filter,
     low_order_filter,
-    stable_share,
 )
 from workbench.diagnosis.estimation.front import GRID_MARGIN
-from workbench.diagnosis.estimation.reached import STABILITY_ROOM
+from workbench.diagnosis.estimation.reached import STABILITY_ROOM, stable_share
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Rational
 from workbench.uncertainty import UncertaintyModel

@@ -13,9 +13,9 @@ from workbench.figures.limits import mend_limits
 @pytest.mark.parametrize("write", [png, svg, pdf])
 @pytest.mark.filterwarnings("ignore:invalid value encountered in dot")  # of a bar without end
 def test_bars_on_a_logarithmic_axis_are_drawn_whatever_they_are(values, write):
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     panel.barh([0, 1], values)
-    figures.label(panel, "ratio [1]", log="x")
+    figures.label(panel, x="ratio [1]", log="x")
     assert write(figure)
     low, high = panel.get_xlim()
     assert 0 < low < high < np.inf
@@ -24,7 +24,7 @@ def test_bars_on_a_logarithmic_axis_are_drawn_whatever_they_are(values, write):
 
 
 def test_limits_that_are_there_stay():
-    _, (panel,) = figures.axes()
+    _, (panel,) = figures.axes(1, 1)
     panel.plot([1.0, 10.0], [2.0, 300.0])
     figures.label(panel, log="xy")
     before = panel.get_xlim(), panel.get_ylim()
@@ -34,7 +34,7 @@ def test_limits_that_are_there_stay():
 
 @pytest.mark.parametrize("end", [np.nan, np.inf, -np.inf, None])
 def test_a_limit_that_is_none_leaves_the_axis_as_it_was(end):
-    _, (panel,) = figures.axes()
+    _, (panel,) = figures.axes(1, 1)
     panel.set_ylim(-2.0, 3.0)
     panel.set_ylim(-1.0, end)
     panel.set_xlim((0.25, end))
@@ -42,7 +42,7 @@ def test_a_limit_that_is_none_leaves_the_axis_as_it_was(end):
 
 
 def test_a_mean_outside_its_interval_has_no_bar_on_that_side():
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     panel.errorbar([0, 1], [1.0, 2.0], [[0.5, -0.1], [0.2, 0.3]])
     panel.errorbar([0, 1], [1.0, np.inf], [[0.5, np.nan], [0.2, -np.inf]])
     first = panel.containers[0][2][0].get_segments()

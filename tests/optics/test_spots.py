@@ -5,7 +5,8 @@ import pytest
 from scipy.special import j0, j1
 
 from workbench.errors import InputError
-from workbench.optics import defocus, far_field, round_pupil, share_within, spot
+from workbench.optics import defocus, round_pupil, share_within, spot
+from workbench.optics.spots import far_field
 
 PUPIL = round_pupil(96)
 PLACE = (np.arange(160) - 79.5) / 8

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workbench.systems import bands, bandwidths, crossings, modulus_margin, search_grid
-from workbench.systems.margins import highest_crossover
+from workbench.systems import bands, bandwidths, crossings, modulus_margin
+from workbench.systems.margins import highest_crossover, search_grid
 
 HZ = 2 * np.pi
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import click
 
 from workbench.cli.group import main
+from workbench.errors import InputError
+from workbench.input_checks import need_positive
 
 
 def share(text: str | None, option: str) -> float | None:
@@ -24,6 +27,20 @@ def share(text: str | None, option: str) -> float | None:
         ) from None
 
 
+def positive(_: Any, option: click.Parameter, number: float | None) -> float | None:
+    """A positive number, or None if none is given; an error names the option, as it was typed."""
+    if number is not None:
+        need_positive(number, option.opts[0])
+    return number
+
+
+def not_negative(_: Any, option: click.Parameter, number: float) -> float:
+    """A number that is not negative; an error names the option, as it was typed."""
+    if not 0.0 <= number < math.inf:
+        raise InputError(f"{option.opts[0]} is {number}; it must be a number, 0 or more")
+    return number
+
+
 @main.command()
 @click.argument("words", metavar="FOLDER", nargs=-1, required=True)
 @click.option(
@@ -36,7 +53,7 @@ def share(text: str | None, option: str) -> float | None:
     "--sample-rate",
     "record_dt",
     type=float,
-    callback=lambda _, __, rate: None if rate is None else 1 / rate if rate else rate,
+    callback=lambda _, option, rate: 1 / rate if positive(_, option, rate) else None,
     metavar="HZ",
     help="Sampling rate, if no column holds the time.",
 )
@@ -53,6 +70,7 @@ def share(text: str | None, option: str) -> float | None:
     "--period",
     "dt",
     type=float,
+    callback=positive,
     metavar="S",
     help="Sampling time of the controller [that of the records].",
 )
@@ -60,6 +78,7 @@ def share(text: str | None, option: str) -> float | None:
     "--delay",
     "delay_samples",
     type=float,
+    callback=not_negative,
     default=1.0,
     show_default=True,
     help="Delay of the controller's computer [samples].",

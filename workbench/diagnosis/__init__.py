@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     )
     from workbench.diagnosis.estimation.laguerre import LaguerreBasis
     from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
-    from workbench.diagnosis.estimation.reached import DemandReached, best_design, stable_share
+    from workbench.diagnosis.estimation.reached import DemandReached, best_design
     from workbench.diagnosis.estimation.weighting import Requirement
     from workbench.diagnosis.estimators.disturbed import DisturbedPlant
     from workbench.diagnosis.estimators.estimator import (
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from workbench.diagnosis.evaluation.signatures import AMBIGUOUS, NO_FAULT, isolable, isolate
     from workbench.diagnosis.evaluation.thresholds import (
         Threshold,
-        above_noise,
         adaptive_alarm,
         bounded_threshold,
         quantile_threshold,
@@ -111,7 +110,6 @@ __all__ = [
     "Rotation",
     "Threshold",
     "WhitenedResidual",
-    "above_noise",
     "adaptive_alarm",
     "attainable_structures",
     "best_design",
@@ -153,7 +151,6 @@ __all__ = [
     "quantile_threshold",
     "residual_response",
     "roc",
-    "stable_share",
     "structure_matrix",
     "unattainable_faults",
     "whitened_residual",

@@ -28,7 +28,7 @@ class BlockDiagram:
     """A drawing of ``width`` by ``height`` units; the origin is at the lower left."""
 
     def __init__(self, width: float, height: float) -> None:
-        self.figure, (self.panel,) = axes(size=(INCHES * width, INCHES * height))
+        self.figure, (self.panel,) = axes(1, 1, size=(INCHES * width, INCHES * height))
         self.panel.set_axis_off()
         self.panel.set_xlim(0, width)
         self.panel.set_ylim(0, height)

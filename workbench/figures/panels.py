@@ -22,7 +22,7 @@ CYCLE = (BLUE, ORANGE, GREEN, PURPLE, SKY, AMBER, BLACK)
 
 
 def axes(
-    rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (7.0, 4.2), **keywords: Any
+    rows: int, columns: int, *, size: tuple[float, float] = (7.0, 4.2), **keywords: Any
 ) -> tuple[Figure, list[Axes]]:
     """A figure of the current style and its axes, row by row.
 
@@ -67,9 +67,9 @@ MOST_NAMES = 8
 
 
 def bode_plot(
-    frequency: np.ndarray, curves: Mapping[str, np.ndarray], unit: str, many: str = ""
+    frequency_hz: np.ndarray, curves: Mapping[str, np.ndarray], unit: str, *, many: str = ""
 ) -> Figure:
-    """Bode plot of responses (F,) by name over frequencies [Hz]; NaN is left out.
+    """Bode plot of responses (F,) by name over ``frequency_hz`` (F,) [Hz]; NaN is left out.
 
     With more than `MOST_NAMES` responses, all are grey under the one name ``many``.
     """
@@ -80,11 +80,11 @@ def bode_plot(
     for k, (name, response) in enumerate(curves.items()):
         shown = np.isfinite(response)
         words = name if not look else many if k == 0 else None
-        top.plot(frequency[shown], np.abs(response[shown]), label=words, **look)
-        bottom.plot(frequency[shown], phase(response[shown]), **look)
+        top.plot(frequency_hz[shown], np.abs(response[shown]), label=words, **look)
+        bottom.plot(frequency_hz[shown], phase(response[shown]), **look)
     label(top, y=f"magnitude [{unit}]", log="y")
-    wide = frequency[-1] > 20 * frequency[0]
-    label(bottom, "frequency [Hz]", "phase [deg]", log="x" if wide else "")
+    wide = frequency_hz[-1] > 20 * frequency_hz[0]
+    label(bottom, x="frequency [Hz]", y="phase [deg]", log="x" if wide else "")
     legend_below(figure, top)
     return figure
 
@@ -116,7 +116,7 @@ def phase(response: np.ndarray) -> np.ndarray:
     return turned
 
 
-def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "") -> None:
+def label(panel: Axes, *, x: str = "", y: str = "", title: str = "", log: str = "") -> None:
     """Label axes, give them a title, and make those of ``log`` ("x", "y" or "xy") logarithmic.
 
     Ticks of a logarithmic axis are plain numbers if all lie between 0.001 and 10,000; otherwise all
@@ -137,7 +137,7 @@ def axis_label(values: Any, name: str) -> str:
     return meaning if unit == "1" else f"{meaning} [{unit}]"
 
 
-def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
+def legend_below(figure: Figure, source: Axes, *, columns: int = 4) -> None:
     """A legend below the axes, where it covers no data, with as many columns as fit."""
     handles, labels = source.get_legend_handles_labels()
     for count in range(columns, 0, -1):

@@ -55,7 +55,7 @@ def plane(points: DataArray, answer: Shape, title: str, chosen: np.ndarray | Non
     values = points.values.reshape(-1, points.shape[-1])
     outlines = outline(answer)
     chosen = np.arange(len(values)) if chosen is None else chosen
-    figure, (axes,) = figures.axes(size=(7.0, 5.6))
+    figure, (axes,) = figures.axes(1, 1, size=(7.0, 5.6))
     axis = points.coords.get(points.dims[0]) if points.ndim == 2 else None
     if axis is not None and axis.dtype.kind not in "iuf":
         axis = None
@@ -116,7 +116,7 @@ def sizes(axis: DataArray, answer: Shape, unit: str) -> Figure:
         panels[1].set_ylabel("orientation [deg]")
         panels[1].set_ylim(-6, 186)
         panels[1].set_yticks([0, 45, 90, 135, 180])
-    figures.label(panels[-1], _label(axis), log="x" if _is_logarithmic(axis) else "")
+    figures.label(panels[-1], x=_label(axis), log="x" if _is_logarithmic(axis) else "")
     return figure
 
 

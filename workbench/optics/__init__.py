@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from workbench._core.on_demand import no_more_names
 from workbench.optics.layers import Reading, TrackLayer, quadrants, read_layer
-from workbench.optics.spots import Pupil, defocus, far_field, round_pupil, share_within, spot
+from workbench.optics.spots import Pupil, defocus, round_pupil, share_within, spot
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -19,7 +19,6 @@ __all__ = [
     "Reading",
     "TrackLayer",
     "defocus",
-    "far_field",
     "quadrants",
     "read_layer",
     "round_pupil",

@@ -110,7 +110,8 @@ def far_field(pupil: Pupil, field: ComplexArray, place: RealArray) -> ComplexArr
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.optics import far_field, round_pupil, spot
+    >>> from workbench.optics import round_pupil, spot
+    >>> from workbench.optics.spots import far_field
     >>> pupil, place = round_pupil(32), np.array([0.0, 0.5])
     >>> field = pupil.share.astype(complex)
     >>> amplitude = far_field(pupil, field, place)

@@ -125,7 +125,7 @@ class Cascade:
         for part in self.parts:
             own = part.controller.dt
             if own is not None and not math.isclose(own, dt, rel_tol=1e-9):
-                raise InputError(f"part {part.name!r} has the sample time {own} s, the loop {dt} s")
+                raise InputError(f"part {part.name!r} has dt = {own} s, the loop dt = {dt} s")
 
 
 def alone(controller: Controller, measurements: int) -> Cascade:

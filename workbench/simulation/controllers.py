@@ -120,7 +120,7 @@ def linear_controller(
 def discrete_system(system: StateSpace | TransferFunction, dt: float) -> StateSpace:
     """Discretise a continuous system by the bilinear transform; a discrete one is returned as is.
 
-    Raises InputError if a discrete system has another sampling period than `dt` [s].
+    Raises InputError if a discrete system has another sampling time than `dt` [s].
 
     Examples
     --------
@@ -135,7 +135,7 @@ def discrete_system(system: StateSpace | TransferFunction, dt: float) -> StateSp
     if system.isctime():
         system = control.sample_system(control.ss(system), dt, "bilinear")
     elif system.dt is not True and not np.isclose(system.dt, dt, rtol=1e-9, atol=0.0):
-        raise InputError(f"a controller of period {system.dt} s in a loop of period {dt} s")
+        raise InputError(f"the controller has dt = {system.dt} s, the loop dt = {dt} s")
     return control.ss(system)
 
 

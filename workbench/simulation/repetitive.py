@@ -61,7 +61,7 @@ class Repetitive:
                 "finite one"
             )
         if not (0.0 < self.dt < math.inf and 0.0 < self.gain <= 1.0):
-            raise InputError(f"{self}: need period > 0 and gain above 0 to 1")
+            raise InputError(f"{self}: dt must be positive, and gain above 0 and at most 1")
         if not self.rotation_hz < self.corner_hz < 0.5 / self.dt:
             raise InputError(
                 f"corner_hz is {self.corner_hz} Hz; it must lie between the rotation's "

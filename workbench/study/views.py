@@ -249,7 +249,7 @@ class _Lines(Drawn):
 
     def figures(self, study: Any, get: Get) -> dict[str, Figure]:
         values = get(self.array)
-        drawn, (panel,) = figures.axes()
+        drawn, (panel,) = figures.axes(1, 1)
         labels = [None] if self.each is None else values[self.each].values.tolist()
         for label in labels:
             one = values if label is None else values.sel({self.each: label})
@@ -259,7 +259,7 @@ class _Lines(Drawn):
         across, up = (
             figures.axis_label(a, n) for a, n in ((values[self.x], self.x), (values, self.array))
         )
-        figures.label(panel, across, up, self.title, self.log)
+        figures.label(panel, x=across, y=up, title=self.title, log=self.log)
         if self.each is not None:
             figures.legend_below(drawn, panel)
         return {stem(self.name): drawn}

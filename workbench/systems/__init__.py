@@ -16,7 +16,6 @@ from workbench.systems.margins import (
     crossings,
     loop_response,
     modulus_margin,
-    search_grid,
 )
 from workbench.systems.realisation import modal_form, realisation
 from workbench.systems.storage import restored_system, stored_system
@@ -36,6 +35,5 @@ __all__ = [
     "realisation",
     "response",
     "restored_system",
-    "search_grid",
     "stored_system",
 ]

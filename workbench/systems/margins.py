@@ -71,7 +71,7 @@ def search_grid(loop: StateSpace) -> RealArray:
     --------
     >>> import control
     >>> import numpy as np
-    >>> from workbench.systems import search_grid
+    >>> from workbench.systems.margins import search_grid
     >>> grid = search_grid(control.ss(control.tf([1.0], [1.0, 1.0])))  # poles 1 and 2 rad/s
     >>> (2 * np.pi * grid[[0, -1]]).round(6).tolist()
     [0.01, 200.0]

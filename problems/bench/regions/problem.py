@@ -218,18 +218,18 @@ class Regions(Study):
     def coverages(
         self, coverage: DataArray, width: DataArray, narrowest_width: DataArray
     ) -> Figure:
-        plot, (left, right) = figures.axes(columns=2, size=(11.0, 0.17 * len(width) + 2.0))
+        plot, (left, right) = figures.axes(1, 2, size=(11.0, 0.17 * len(width) + 2.0))
         place = np.arange(len(width))
         for number, third in enumerate(coverage["third"].values):
             shares = coverage.sel(end="mean", third=third)
             left.plot(shares, place, "o|x"[number], markersize=5, label=str(third))
         left.axvline(LEAST_COVERAGE, color="k", linewidth=0.8)
         left.set_yticks(place, [str(name) for name in coverage["case"].values], fontsize=6.5)
-        figures.label(left, "share of regions that hold the truth")
+        figures.label(left, x="share of regions that hold the truth")
         left.legend(loc="lower left")
         over = (width / narrowest_width).values
         right.plot(np.where(over > 0, over, np.nan), place, "o", markersize=4)
         right.axvline(LARGEST_WIDTH, color="k", linewidth=0.8)
         right.set_yticks(place, [])
-        figures.label(right, "width over that of the narrowest setting")
+        figures.label(right, x="width over that of the narrowest setting")
         return plot

@@ -187,7 +187,7 @@ class Ledger(Study):
     @figure
     def verdicts(self, answer: Dataset) -> Figure:
         """Verdicts of each chapter."""
-        drawn, (panel,) = figures.axes(size=(8.0, 4.6))
+        drawn, (panel,) = figures.axes(1, 1, size=(8.0, 4.6))
         judged = self.judged(answer)
         names, before = list(judged), np.zeros(len(judged))
         for one in Verdict:
@@ -195,7 +195,7 @@ class Ledger(Study):
             panel.barh(names, count, left=before, color=COLOURS[one], label=str(one))
             before = before + count
         panel.invert_yaxis()
-        figures.label(panel, "items", "", "What the thesis says")
+        figures.label(panel, x="items", y="", title="What the thesis says")
         figures.legend_below(drawn, panel, columns=2)
         return drawn
 

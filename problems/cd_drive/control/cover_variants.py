@@ -189,7 +189,7 @@ class CoverVariants(Study):
             for variant, dash in zip(VARIANTS, ("-", "--", "-."), strict=True):
                 curve = values.sel(variant=variant)
                 panel.loglog(curve["frequency"], curve, dash, label=variant)
-            figures.label(panel, "frequency [Hz]", name, self.axis)
+            figures.label(panel, x="frequency [Hz]", y=name, title=self.axis)
         panels[0].axhline(1.0, color="0.4", linewidth=0.8)
         figures.legend_below(drawn, panels[0])
         return drawn

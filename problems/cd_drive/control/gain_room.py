@@ -208,7 +208,7 @@ class ReferenceGainRoom(Study):
             panel.axhline(1.0, color="0.4", linewidth=0.8)
             panel.set_xlim(FACTORS[0], FACTORS[-1])
             signals = " to ".join(f"${name}$" for name in CHANNELS[channel])
-            figures.label(panel, "factor of the gain", "", f"{self.axis}, {signals}")
+            figures.label(panel, x="factor of the gain", y="", title=f"{self.axis}, {signals}")
         figures.label(panels[0], y="peak of $\\mu$")
         figures.legend_below(drawn, panels[1])
         return drawn

@@ -115,7 +115,7 @@ class MuPid(MuSynthesis):
         mu.axhline(1.0, color="0.4", linewidth=0.8)
         figures.label(mu, y="$\\mu$ of robust performance")
         figures.label(size, y="$|K|$ [V/unit]")
-        figures.label(phase, "frequency [Hz]", "$\\arg K$ [deg]")
+        figures.label(phase, x="frequency [Hz]", y="$\\arg K$ [deg]")
         figures.legend_below(figure, mu)
         rounds = {k: v for k, v in super().figures(answer).items() if k == "rounds"}
         return {"mu-pid": figure} | rounds

@@ -225,7 +225,7 @@ class ExactResiduals(Study):
             course.plot(answer["time"], one, color=colour, linewidth=width, label=f"sign: {sign}")
         course.plot(answer["time"], 1e6 * answer["fault"], "k:", label="fault")
         figures.label(
-            course, "time [s]", r"residual [$\mu$m]", f"{self.axis}, u of 1 V, figure 7.3"
+            course, x="time [s]", y=r"residual [$\mu$m]", title=f"{self.axis}, u of 1 V, figure 7.3"
         )
         course.set_yscale("symlog", linthresh=1.0)
         for one in answer["leak_of_drives"].values:
@@ -233,7 +233,7 @@ class ExactResiduals(Study):
         wrong = answer["leak"].sel(filter=next(iter(FILTERS)), condition="minus, as printed")
         leaks.loglog(FREQUENCY, wrong, color=figures.ORANGE)
         figures.label(
-            leaks, "frequency [Hz]", r"u to r over $|H_{act}|$ [1]", "left by the control"
+            leaks, x="frequency [Hz]", y=r"u to r over $|H_{act}|$ [1]", title="left by the control"
         )
         course.plot([], [], color=figures.SKY, label="sign: plus, each of twelve drives")
         figures.legend_below(drawn, course)

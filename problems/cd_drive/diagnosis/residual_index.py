@@ -260,7 +260,10 @@ class ResidualIndex(Study):
             float(answer["least_bound"]), color="k", linestyle=":", label="no filter below"
         )
         figures.label(
-            left, "frequency [Hz]", "disturbances / faults [1]", f"{self.axis}, equation 7.23"
+            left,
+            x="frequency [Hz]",
+            y="disturbances / faults [1]",
+            title=f"{self.axis}, equation 7.23",
         )
         names = answer["filter"].values.tolist()
         for n, norm in enumerate(NORMS):
@@ -272,7 +275,7 @@ class ResidualIndex(Study):
         right.set_xscale("log")
         right.set_yticks(np.arange(len(names)), names)
         right.invert_yaxis()
-        figures.label(right, "ratio of norms over the bound [1]")
+        figures.label(right, x="ratio of norms over the bound [1]")
         figures.legend_below(drawn, left, columns=5)
         return {"index": drawn}
 

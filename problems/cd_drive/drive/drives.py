@@ -275,7 +275,7 @@ def _bode(response: DataArray, nominal: DataArray, gain: str) -> Figure:
             magnitude.plot(one["frequency"], abs(one), **look)
             phase.plot(one["frequency"], figures.phase(one.values), **look)
         figures.label(magnitude, title=f"{axis}, {gain}", log="y")
-        figures.label(phase, "frequency [Hz]", log="x")
+        figures.label(phase, x="frequency [Hz]", log="x")
         phase.set_yticks([-270, -180, -90, 0])
     figures.label(panels[0], y="magnitude [units/V]")
     figures.label(panels[2], y="phase [deg]")
@@ -294,7 +294,7 @@ def _nyquist(response: DataArray, nominal: DataArray) -> Figure:
             panel.plot(one.real, one.imag, **look)
             ends = one["frequency"].values[[0, -1]]
         figures.label(
-            panel, "real part [units/V]", title="{}, {:.0f} to {:.0f} Hz".format(axis, *ends)
+            panel, x="real part [units/V]", title="{}, {:.0f} to {:.0f} Hz".format(axis, *ends)
         )
         panel.set_aspect("equal", adjustable="datalim")
         panel.locator_params(axis="x", nbins=6)

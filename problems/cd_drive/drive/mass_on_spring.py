@@ -58,7 +58,7 @@ def figure_3_8(answer: Dataset) -> Figure:
         phase.plot(answer["relative"], np.degrees(np.angle(one)))
     title = "Figure 3.8: mass on a damped spring (equation 3.7)"
     figures.label(magnitude, y="k x / F [dB]", title=title)
-    figures.label(phase, r"frequency / $\omega_n$", "phase [deg]", log="x")
+    figures.label(phase, x=r"frequency / $\omega_n$", y="phase [deg]", log="x")
     phase.set_yticks([-180, -135, -90, -45, 0])
     figures.legend_below(drawn, magnitude, columns=6)
     return drawn

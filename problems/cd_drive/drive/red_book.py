@@ -175,7 +175,9 @@ class Specifications(Study):
         attenuation.axhline(1.0, color=figures.BLACK, lw=0.8)
         figures.label(deviation, y=r"largest deviation [$\mu$m]", log="xy")
         deviation.set_ylim(bottom=0.01)
-        figures.label(attenuation, "frequency [Hz]", "deviation / acceptable error [1]", log="xy")
+        figures.label(
+            attenuation, x="frequency [Hz]", y="deviation / acceptable error [1]", log="xy"
+        )
         figures.legend_below(drawn, deviation, columns=2)
         return drawn
 

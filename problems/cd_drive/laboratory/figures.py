@@ -37,7 +37,7 @@ def open_loop_bode(answer: Dataset, title: str) -> Figure:
     plot(1, response, color=figures.BLUE, linewidth=1.0, label="measured")
     for column, shown in enumerate((title, "mean of ten periods, 99 % interval")):
         figures.label(panels[column], title=shown)
-        figures.label(panels[2 + column], "frequency [Hz]")
+        figures.label(panels[2 + column], x="frequency [Hz]")
     figures.label(panels[0], y="$|v_r/u|$ [V/V]")
     figures.label(panels[2], y="phase [deg]")
     figures.legend_below(drawn, panels[1])
@@ -77,7 +77,7 @@ def closed_loop_bode(answer: Dataset, title: str) -> Figure:
     phase.set_ylim(around_true.min() - 40.0, around_true.max() + 40.0)
     figures.label(magnitude, y="x / coil voltage [m/V]", title=title, log="y")
     figures.label(phase, y="phase [deg]")
-    figures.label(error, "frequency [Hz]", "distance / radius [1]", log="x")
+    figures.label(error, x="frequency [Hz]", y="distance / radius [1]", log="x")
     ticks = [100, 200, 500, 1000, 2000]
     error.set_xticks(ticks, [str(tick) for tick in ticks])
     error.minorticks_off()

@@ -225,7 +225,7 @@ class Identified(Study):
                     one = part[key][i]
                     panel.plot(one.real, one.imag, label="_" * i + key, **look)
             figures.label(
-                panel, "real part of x/v [mm/V]", title=f"{self.axis}, {caption}, one draw"
+                panel, x="real part of x/v [mm/V]", title=f"{self.axis}, {caption}, one draw"
             )
             panel.set_aspect("equal", adjustable="datalim")
             panel.locator_params(axis="x", nbins=6)

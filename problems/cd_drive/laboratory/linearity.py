@@ -226,7 +226,7 @@ class Linearity(Study):
                 look: Any = {"color": figures.BLUE, "alpha": 0.15, "linewidth": 0.0}
                 panel.fill_between(one["frequency"], low, high, **look)
                 panel.plot(one["frequency"], mean, style, color=figures.BLUE, label=channel)
-            figures.label(panel, "frequency [Hz]", title=f"{title}, {loop} loop")
+            figures.label(panel, x="frequency [Hz]", title=f"{title}, {loop} loop")
         look = {"color": figures.ORANGE, "linewidth": 0.9}
         for channel, style in styles.items():
             levels, name = answer["distortion"].sel(channel=channel), "without noise and disc"

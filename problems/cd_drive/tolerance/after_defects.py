@@ -275,7 +275,10 @@ class AfterDefects(Study):
             panel.axvline(0.0, color="0.4", linewidth=0.8)
             words = f"effect on the {name} [1]"
             figures.label(
-                panel, "time from its end [ms]", words, f"{self.axis}, a scratch, fig. 7.4"
+                panel,
+                x="time from its end [ms]",
+                y=words,
+                title=f"{self.axis}, a scratch, fig. 7.4",
             )
         told = 1e3 * draws_summary(answer["after"].sel(signal=list(SIGNALS[:2])))
         for k, (name, mark) in enumerate(zip(SIGNALS[:2], "os", strict=True)):
@@ -287,7 +290,9 @@ class AfterDefects(Study):
                 panels[2].plot(mean, place, mark, color=colour, markersize=4)
         panels[2].set_yticks(np.arange(len(KINDS)), list(KINDS))
         panels[2].invert_yaxis()
-        figures.label(panels[2], "seen after a defect [ms]", "", "dot: error, square: sum")
+        figures.label(
+            panels[2], x="seen after a defect [ms]", y="", title="dot: error, square: sum"
+        )
         figures.legend_below(drawn, panels[0])
         return drawn
 

@@ -225,7 +225,7 @@ class FalseDetections(Study):
                 one = 1e6 * answer["shown"].sel(strategy=name, case=case)
                 panel.plot(1e3 * answer["time"], one, style, color=COLOURS[name])
             panel.axvspan(0.0, 1e3 * self.lasts, color="0.92")
-            figures.label(panel, "time [ms]", "", f"{titled(name)}")
+            figures.label(panel, x="time [ms]", y="", title=f"{titled(name)}")
         figures.label(panels[0], y=rf"true {self.experiment.axis} error [$\mu$m], without noise")
         panels[0].plot([], [], "k-", label="with a false detection, in grey")
         panels[0].plot([], [], "k:", label="without")

@@ -221,9 +221,9 @@ class Immunity(Study):
                 panel.errorbar(place, mean, [mean - low, high - mean], label=name, **look)
             panel.set_yscale("symlog", linthresh=0.1, linscale=0.4)
             panel.set_ylim(bottom=0.0)
-            figures.label(panel, "gain over the reference controller's [dB]", title=cause)
+            figures.label(panel, x="gain over the reference controller's [dB]", title=cause)
         figures.label(panels[0], y=f"{self.axis}: time out of spec [%]")
-        figures.legend_below(drawn, panels[0], 4)
+        figures.legend_below(drawn, panels[0], columns=4)
         return {"immunity": drawn}
 
 

@@ -178,6 +178,8 @@ class LowerBandwidth(MuSynthesis):
             for panel, curve in zip(panels, curves, strict=True):
                 panel.plot(FREQUENCY, abs(curve), dash, color=colour, label=name)
         for panel, words in zip(panels, ("$|K|$ [V/unit]", "$|S|$ [1]", "$|T|$ [1]"), strict=True):
-            figures.label(panel, "frequency [Hz]" if panel is panels[-1] else "", words, log="xy")
+            figures.label(
+                panel, x="frequency [Hz]" if panel is panels[-1] else "", y=words, log="xy"
+            )
         figures.legend_below(figure, panels[0])
         return super().figures(answer) | {"lower-bandwidth": figure}

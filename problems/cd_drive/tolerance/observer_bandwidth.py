@@ -194,7 +194,7 @@ class ObserverBandwidth(Study):
                 panel.semilogx(FREQUENCY, 20 * np.log10(size), **style)
             panel.axhline(-20 * np.log10(2**0.5), color="0.4", linewidth=0.8, linestyle=":")
             panel.set_ylim(-20.0, 10.0)
-            figures.label(panel, "frequency [Hz]", "", f"seen: {one}")
+            figures.label(panel, x="frequency [Hz]", y="", title=f"seen: {one}")
         figures.label(panels[0], y=f"|T|, {self.axis}, nominal [dB]")
         figures.legend_below(drawn, panels[0], columns=5)
         return {"complementary-sensitivity": drawn}

@@ -143,6 +143,6 @@ class NominalModels(Study):
             bottom.plot(answer["frequency"], figures.phase(one.values), style, **look)
         top.lines[0].set_label("twelve drives")
         figures.label(top, y="magnitude [units/V]", title=f"{self.axis} nominal models", log="xy")
-        figures.label(bottom, "frequency [Hz]", "phase [deg]")
+        figures.label(bottom, x="frequency [Hz]", y="phase [deg]")
         figures.legend_below(drawn, top)
         return figures.numbered(drawn, {"focus": "5.10", "radial": "5.11"}[self.axis])

@@ -197,8 +197,10 @@ class UncertaintyComparison(Study):
             )
             for one, style, colour, name in lines:
                 panel.plot(frequency, one, style, color=colour, label=name)
-            figures.label(panel, "", "relative size", f"{self.axis}, method {method}", "xy")
-        figures.label(panels[-1], "frequency [Hz]")
+            figures.label(
+                panel, x="", y="relative size", title=f"{self.axis}, method {method}", log="xy"
+            )
+        figures.label(panels[-1], x="frequency [Hz]")
         figures.legend_below(drawn, panels[0], columns=3)
         return figures.numbered(drawn, "5.12", "5.13", "5.16")
 
@@ -210,7 +212,7 @@ class UncertaintyComparison(Study):
             for gain in GAIN_VARIANTS:
                 one = variant.sel(gain=gain, shape=shape)
                 panel.plot(variant["frequency"], one, label=f"{gain} gain")
-            figures.label(panel, "frequency [Hz]", title=f"{shape}s: {name}", log="xy")
+            figures.label(panel, x="frequency [Hz]", title=f"{shape}s: {name}", log="xy")
         figures.label(panels[0], y="relative size")
         figures.legend_below(drawn, panels[0])
         return drawn

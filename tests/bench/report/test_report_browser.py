@@ -34,7 +34,7 @@ def page(chromium: Browser) -> Iterator[Browser]:
 
 @pytest.fixture
 def entry(root: Path, make: Make, make_comparison: Make, shown: Callable[..., None]) -> Path:
-    figure, (panel,) = figures.axes(size=(3.0, 2.0))
+    figure, (panel,) = figures.axes(1, 1, size=(3.0, 2.0))
     panel.plot([0.0, 1.0])
     table = "| problem | method |\n| - | - |\n" + "".join(f"| x | {one} |\n" for one in METHODS)
     shown({"cells": table}, bode=figure)

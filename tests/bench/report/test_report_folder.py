@@ -30,7 +30,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def line(height: float = 1.0) -> Any:
-    figure, (panel,) = figures.axes(size=(3.0, 2.0))
+    figure, (panel,) = figures.axes(1, 1, size=(3.0, 2.0))
     panel.plot([0.0, height])
     return figure
 
@@ -259,10 +259,10 @@ def test_a_figure_that_fails_is_named_and_the_others_are_drawn(
     root: Path, make: Make, shown: Callable[..., None]
 ) -> None:
     make()
-    unreadable, (panel,) = figures.axes()
+    unreadable, (panel,) = figures.axes(1, 1)
     panel.set_xlabel(r"$\frac{$")
     broken = ValueError("no such line")
-    shown(step_response=broken, bode=figures.axes()[0], nyquist=unreadable)
+    shown(step_response=broken, bode=figures.axes(1, 1)[0], nyquist=unreadable)
     page = Page(run_pages(report(root))[0])
     assert [one["alt"].partition(":")[0] for one in page.all("img")] == ["bode"]
     assert "Figure not drawn: step response: ValueError: no such line" in page.text

@@ -100,7 +100,7 @@ def test_themes_are_the_folders_of_the_sources(project) -> None:
 
 
 def test_a_thumbnail_is_small(root: Path, make: Make, shown: Callable[..., None]) -> None:
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     panel.plot(range(99))
     shown(bode=figure)
     make()

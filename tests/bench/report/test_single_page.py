@@ -19,7 +19,7 @@ from workbench.figures.formats import png
 
 
 def test_the_figures_are_inside(make: Make, shown: Callable[..., None], tmp_path: Path) -> None:
-    figure, (panel,) = figures.axes(size=(3.0, 2.0))
+    figure, (panel,) = figures.axes(1, 1, size=(3.0, 2.0))
     panel.plot([0.0, 1.0])
     shown(bode=figure)
     place = single_page(make(), tmp_path / "pages" / "one.html")

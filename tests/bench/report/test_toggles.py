@@ -27,7 +27,7 @@ HOSTILE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.
 
 
 def drawn() -> Figure:
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     panel.plot([0, 1], [0, 1], "o-", gid=f"{GID}a b")
     panel.plot([0, 1], [1, 0], "o-", gid=f"{GID}c")
     return figure
@@ -35,7 +35,7 @@ def drawn() -> Figure:
 
 def test_parts_of_methods_are_marked() -> None:
     figure = drawn()
-    assert has_methods(figure) and not has_methods(figures.axes()[0])
+    assert has_methods(figure) and not has_methods(figures.axes(1, 1)[0])
     found = toggled(svg(figure), "f0-")
     assert found.methods == ("a b", "c")
     page = Page(found.markup)

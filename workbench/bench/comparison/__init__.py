@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from workbench._core.on_demand import no_more_names
 from workbench.bench.comparison.changes import changed_cells, changes, changes_table
-from workbench.bench.comparison.files import cell_columns, need_table_file, write_cells
+from workbench.bench.comparison.files import need_table_file, write_cells
 from workbench.bench.comparison.layout import (
     DIMS,
     METHOD,
@@ -30,7 +30,6 @@ __all__ = [
     "Comparison",
     "alike_methods",
     "badge",
-    "cell_columns",
     "changed_cells",
     "changes",
     "changes_table",

@@ -31,7 +31,7 @@ def agreement_matrix(data: Dataset) -> Figure:
     names = [str(name) for name in data[METHOD].values]
     finest = int(np.argmin(data["tolerance"].values))
     apart = disagreements(data.isel(accuracy=[finest]))
-    figure, (panel,) = figures.axes(size=(WIDTH, max(1.2 + 0.4 * len(names), 2.8)))
+    figure, (panel,) = figures.axes(1, 1, size=(WIDTH, max(1.2 + 0.4 * len(names), 2.8)))
     clipped = np.ma.masked_invalid(np.clip(apart, LEAST, MOST))
     shown = panel.imshow(clipped, norm=LogNorm(LEAST, MOST), cmap="cividis", aspect="auto")
     for i, j in np.ndindex(*apart.shape):

@@ -120,7 +120,7 @@ def _panels(
         for line in panel.get_lines():
             last_x, last_y = line.get_data()
             line.set_data(np.append(last_x, right), np.append(last_y, np.asarray(last_y)[-1]))
-        figures.label(panel, x, "", str(level), log="x" if right > 0 else "")
+        figures.label(panel, x=x, y="", title=str(level), log="x" if right > 0 else "")
         if right > 0:
             panel.set_xlim(right=right)
     panels[0].set_ylabel(y)

@@ -47,7 +47,7 @@ def scaling_figure(data: Dataset, looks: dict[str, Look]) -> Figure:
             each = np.unique(size[known])
             trend = [np.median(time[known & (size == one)]) for one in each]
             panel.plot(each, trend, linestyle=look.line, linewidth=1.0, **look.drawn)
-        figures.label(panel, "problem size [1]", "", str(level), log="xy")
+        figures.label(panel, x="problem size [1]", y="", title=str(level), log="xy")
     panels[0].set_ylabel("statement and solve [s]")
     shown = {str(name): looks[str(name)] for name in data[METHOD].values}
     legend(figure, keys(shown), figure.get_figwidth())

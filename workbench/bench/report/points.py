@@ -57,7 +57,7 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
     cells = [cell for cell in cells if 0 < cell.seconds < np.inf]
     if not cells:
         raise ResultError("no cell has a time")
-    figure, (panel,) = figures.axes(size=(7.4, 4.6))
+    figure, (panel,) = figures.axes(1, 1, size=(7.4, 4.6))
     heights = scaled(np.array([cell.gap for cell in cells]))
     known = np.isfinite(heights)
     floor = float(heights[known].min(initial=0.0)) - 2.0
@@ -71,7 +71,7 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
         x = [cells[place].seconds for place in places]
         _plot(panel, looks[method], kind, x, heights[places])
         told.append((looks[method].drawn["gid"], [cells[place].words for place in places]))
-    figures.label(panel, "statement and solve [s]", "certified gap [relative]", log="x")
+    figures.label(panel, x="statement and solve [s]", y="certified gap [relative]", log="x")
     top = float(heights.max(initial=1.0))
     ticks = {f"{tick:g}": float(scaled(np.array(tick))) for tick in TICKS}
     names = {name: height for name, height in ticks.items() if floor + 1.0 < height < top + 1.0}

@@ -88,7 +88,7 @@ def _line_plot(values: DataArray, problem: str) -> Figure:
     from workbench import figures
 
     first, *others = values.dims
-    figure, (panel,) = figures.axes(size=(7.4, 4.4))
+    figure, (panel,) = figures.axes(1, 1, size=(7.4, 4.4))
     x = values[first].values
     numbers = np.issubdtype(x.dtype, np.number)
     at = x if numbers else np.arange(x.size)
@@ -105,7 +105,7 @@ def _line_plot(values: DataArray, problem: str) -> Figure:
     if not numbers:
         panel.set_xticks(at, [str(value) for value in x])
     log = "x" if numbers and (x > 0).all() and x.max() > 50 * x.min() else ""
-    figures.label(panel, str(first), f"{values.name} of {problem}", log=log)
+    figures.label(panel, x=str(first), y=f"{values.name} of {problem}", log=log)
     if others:
         figures.legend_below(figure, panel)
     return figure

@@ -65,7 +65,8 @@ def stable_share(loop: FaultLoop) -> float:
     Examples
     --------
     >>> import control
-    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, stable_share
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop
+    >>> from workbench.diagnosis.estimation.reached import stable_share
     >>> from workbench.fitting import Rational
     >>> from workbench.uncertainty import UncertaintyModel
     >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]

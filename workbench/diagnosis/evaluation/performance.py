@@ -90,7 +90,7 @@ def detection(
     need_numbers(dt=dt)
     need_whole(tail, "tail")
     if not 0.0 < dt < math.inf or tail < 0:
-        raise InputError(f"period {dt} s, tail {tail}: need a positive one and 0 or more")
+        raise InputError(f"dt is {dt} and tail {tail}; dt must be positive, and tail 0 or more")
     end_before = 0
     pairs = as_array(faults, "faults")
     if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2 or (pairs % 1 != 0.0).any()):

@@ -120,7 +120,7 @@ def above_noise(level: float, noise: float) -> float:
 
     Examples
     --------
-    >>> from workbench.diagnosis import above_noise
+    >>> from workbench.diagnosis.evaluation.thresholds import above_noise
     >>> above_noise(0.5, noise=0.1)
     0.5
     """

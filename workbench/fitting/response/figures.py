@@ -47,7 +47,7 @@ def bode(data: Data, answer: Rational, errors: RealArray) -> Figure:
 def nyquist(data: Data, answer: Rational) -> Figure:
     """Data and fit in the complex plane."""
     response, fit = data.response, answer.response(_fine(data.omega))
-    figure, (plane,) = figures.axes(size=(6.0, 5.0))
+    figure, (plane,) = figures.axes(1, 1, size=(6.0, 5.0))
     plane.plot(response.real, response.imag, ".", color=figures.BLUE, markersize=4, label="data")
     plane.plot(fit.real, fit.imag, color=figures.ORANGE, label="fit")
     plane.set_aspect("equal", adjustable="datalim")

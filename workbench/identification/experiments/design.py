@@ -296,13 +296,13 @@ class ExperimentDesign(Program):
         number = np.arange(1, len(answer.power) + 1)
         left.vlines(number, 0.0, answer.power, color=figures.BLUE, linewidth=2)
         left.plot(number, self.even, "--", color=figures.ORANGE, label="equal powers")
-        figures.label(left, "line", "power [1]")
+        figures.label(left, x="line", y="power [1]")
         watched = np.arange(1, len(self.watched) + 1)
         for power, name, colour in (
             (answer.power, "designed", figures.BLUE),
             (self.even, "equal powers", figures.ORANGE),
         ):
             right.semilogy(watched, self.costs(power), color=colour, label=name)
-        figures.label(right, "number of the watched frequency", "cost [1]")
+        figures.label(right, x="number of the watched frequency", y="cost [1]")
         figures.legend_below(figure, right)
         return {"spectrum": figure}

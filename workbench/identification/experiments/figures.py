@@ -11,7 +11,7 @@ from workbench._core.heavy_types import Figure
 
 def period_figure(answer: RealArray, schroeder: RealArray) -> Figure:
     """One period of a multisine beside Schroeder's, both (N,) in units of the rms value."""
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     time = np.arange(len(answer)) / len(answer)
     for signal, name, color in (
         (schroeder, "Schroeder", figures.SKY),

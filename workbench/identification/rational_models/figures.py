@@ -68,7 +68,7 @@ def rational_model_figure(
 
 def rational_residual_figure(data: WeightedResponse, residual: ComplexArray) -> Figure:
     """Magnitudes of the residuals of every entry, in standard deviations."""
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     for i, j in np.ndindex(data.shape):
         size = np.abs(residual[:, i, j]) / np.sqrt(2)
         panel.plot(data.omega, size, ".", markersize=4, label=f"output {i + 1}, input {j + 1}")

@@ -86,7 +86,7 @@ class ResponseEstimate:
             for i in range(inputs)
         }
         curves = {name: self.response[:, o, i] for name, (o, i) in named.items()}
-        figure = figures.bode_plot(self.frequency_hz, curves, "1", f"{len(curves)} entries")
+        figure = figures.bode_plot(self.frequency_hz, curves, "1", many=f"{len(curves)} entries")
         top, radius = figure.axes[0], self.radius(confidence=confidence)
         for name, (o, i) in named.items():
             size, reach = np.abs(curves[name]), radius[:, o, i]

@@ -91,7 +91,7 @@ def two_responses_figure(
                 at, low, centre[:, i, j] + half, color=figures.ORANGE, alpha=0.25, lw=0,
                 label="its 95 % band if errors are white",
             )  # fmt: skip
-        figures.label(panel, across, up, f"{source} to {output}")
+        figures.label(panel, x=across, y=up, title=f"{source} to {output}")
     figure.suptitle(title)
     figures.legend_below(figure, panels[0])
     return figure

@@ -78,14 +78,14 @@ class SweepChecker(Checker):
 
 def mu_figure(found: Sweep, level: float | None = None) -> Figure:
     """Both bounds of mu over frequency, and the level that is proven at every one."""
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     hertz = found.omega / (2 * np.pi)
     shown = (hertz > 0) & np.isfinite(hertz)
     for values, name, style in ((found.upper, "upper", "-"), (found.lower, "lower", ":")):
         panel.semilogx(hertz[shown], values[shown], style, label=f"{name} bound")
     if level is not None:
         panel.axhline(level, color=figures.BLACK, linestyle="--", label="at every frequency")
-    figures.label(panel, "frequency [Hz]", "mu [1]")
+    figures.label(panel, x="frequency [Hz]", y="mu [1]")
     figures.legend_below(figure, panel)
     return figure
 

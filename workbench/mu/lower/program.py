@@ -16,6 +16,7 @@ from workbench.certificate import Check, counted_quantifier, worst_value
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
 from workbench.errors import InputError
+from workbench.figures.panels import along_batch
 from workbench.input_checks import as_matrices
 from workbench.program import Program
 from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
@@ -213,8 +214,8 @@ class MuLowerBound(Program):
     def figures(self, answer: LowerBound) -> dict[str, Figure]:
         if np.size(answer.value) < 2:  # a number is no curve
             return {}
-        figure, (axis,) = figures.axes()
-        figures.along_batch(axis, answer.value, self.labels)
+        figure, (axis,) = figures.axes(1, 1)
+        along_batch(axis, answer.value, self.labels)
         axis.set_ylabel("lower bound of mu [1]")
         return {"mu_lower": figure}
 

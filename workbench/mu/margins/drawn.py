@@ -59,8 +59,10 @@ def figure_of(
     plane.set_xlim(-SHOWN, SHOWN)
     plane.set_ylim(-SHOWN, SHOWN)
     plane.set_aspect("equal")
-    figures.label(plane, "real part of L [1]", "imaginary part of L [1]", "L, and disks it avoids")
-    figures.label(region, "phase [deg]", "gain [dB]", "what a channel bears")
+    figures.label(
+        plane, x="real part of L [1]", y="imaginary part of L [1]", title="L, and disks it avoids"
+    )
+    figures.label(region, x="phase [deg]", y="gain [dB]", title="what a channel bears")
     figures.legend_below(figure, plane)
     return figure
 
@@ -81,7 +83,7 @@ def measured_figure(values: ComplexArray, radius: RealArray | None) -> Figure:
     plane.set_xlim(-SHOWN, SHOWN)
     plane.set_ylim(-SHOWN, SHOWN)
     plane.set_aspect("equal")
-    figures.label(plane, "real part of L [1]", "imaginary part of L [1]", "measured L")
+    figures.label(plane, x="real part of L [1]", y="imaginary part of L [1]", title="measured L")
     figures.legend_below(figure, plane)
     return figure
 

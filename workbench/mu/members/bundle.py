@@ -100,7 +100,7 @@ def _bode(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) ->
         if math.isfinite(bound):
             words = f"proven for all: at most {bound:.3g}"
             panel.axhline(bound, color=figures.BLACK, linestyle="--", label=words)
-    figures.label(panel, "frequency [Hz]", "gain [1]", log="xy")
+    figures.label(panel, x="frequency [Hz]", y="gain [1]", log="xy")
 
 
 def _nyquist(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
@@ -117,7 +117,7 @@ def _nyquist(panel: Any, system: UncertainSystem, members: Sequence[StateSpace])
     end = max(1.2, 1.1 * float(np.quantile(far, 0.9)), 1.1 * float(np.abs(value).max()))
     panel.set_xlim(-end, end)
     panel.set_ylim(-end, end)
-    figures.label(panel, "real part [1]", "imaginary part [1]")
+    figures.label(panel, x="real part [1]", y="imaginary part [1]")
 
 
 def _step(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
@@ -137,7 +137,7 @@ def _step(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) ->
         found = control.step_response(one[0, 0], time)
         style: dict[str, Any] = GREY if k < len(members) else {"color": figures.BLUE}
         panel.plot(found.time, np.ravel(found.outputs), **style)
-    figures.label(panel, "time [s]", "output after a unit step [1]")
+    figures.label(panel, x="time [s]", y="output after a unit step [1]")
 
 
 def _poles(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
@@ -161,7 +161,7 @@ def _poles(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -
     if worst_pole(system.nominal)[1] < 0:
         margin = robust_stability(system, tolerance=MARGIN_TOLERANCE)
         title = f"proven stable to {margin.lower:.3g} x size"
-    figures.label(panel, f"real part [{unit}]", f"imaginary part [{unit}]", title)
+    figures.label(panel, x=f"real part [{unit}]", y=f"imaginary part [{unit}]", title=title)
 
 
 _PANELS: dict[str, Callable[[Any, UncertainSystem, Sequence[StateSpace]], None]] = {

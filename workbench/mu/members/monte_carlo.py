@@ -102,7 +102,7 @@ class MonteCarlo:
 
     def plot(self) -> Figure:
         """Figure of the share of members up to each value, with the proven bound."""
-        figure, (panel,) = figures.axes()
+        figure, (panel,) = figures.axes(1, 1)
         ordered = np.sort(self.values)
         share = np.arange(1, len(ordered) + 1) / len(ordered)
         finite = np.isfinite(ordered)
@@ -110,7 +110,7 @@ class MonteCarlo:
         if math.isfinite(self.bound):
             panel.axvline(self.bound, color=figures.BLACK, linestyle="--", label="proven bound")
         panel.set_ylim(0.0, 1.02)
-        figures.label(panel, f"{self.name} [1]", "share of members [1]")
+        figures.label(panel, x=f"{self.name} [1]", y="share of members [1]")
         figures.legend_below(figure, panel)
         return figure
 

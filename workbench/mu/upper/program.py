@@ -22,6 +22,7 @@ from workbench.certify.mu_bound import (
     structured_bound,
 )
 from workbench.errors import InputError
+from workbench.figures.panels import along_batch
 from workbench.input_checks import need_structure
 from workbench.mu.upper.opinion import opinion, witnesses
 from workbench.program import Program
@@ -195,8 +196,8 @@ class MuUpperBound(Program):
     def figures(self, answer: UpperBound) -> dict[str, Figure]:
         if np.size(answer.value) < 2:  # a number is no curve
             return {}
-        figure, (panel,) = figures.axes()
-        figures.along_batch(panel, answer.value, self.labels)
+        figure, (panel,) = figures.axes(1, 1)
+        along_batch(panel, answer.value, self.labels)
         panel.set_ylabel("upper bound of mu [1]")
         return {"bound": figure}
 

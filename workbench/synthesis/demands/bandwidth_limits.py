@@ -297,14 +297,14 @@ class BandwidthLimits(Study):
         for name, row in zip(self.tasks, answer["peak"].values, strict=True):
             left.plot(tried, row, marker="o", markersize=4, label=name)
         left.axhline(1.0, color=figures.BLACK, linewidth=0.8)
-        figures.label(left, "bandwidth [Hz]", "certified peak of mu", log="x")
+        figures.label(left, x="bandwidth [Hz]", y="certified peak of mu", log="x")
         growth = answer["growth"]
         names = [str(one) for one in growth["limit_of"].values][::-1]
         values = np.maximum(np.nan_to_num(growth.values, nan=1.0), 1.0)[::-1]
         right.barh(range(len(names)), values - 1, left=1.0, color=figures.BLUE, height=0.6)
         right.set_yticks(range(len(names)), names)
         right.axvline(1.0, color=figures.BLACK, linewidth=0.8)
-        figures.label(right, "largest bandwidth without it, over now")
+        figures.label(right, x="largest bandwidth without it, over now")
         figures.legend_below(drawn, left, columns=6)
         return {"bandwidth": drawn}
 

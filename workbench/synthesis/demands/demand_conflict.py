@@ -275,7 +275,7 @@ class DemandConflict(Study):
                 if one.channel == channel:
                     bound = 1 / np.abs(one.W.response(omega))
                     panel.plot(omega / (2 * np.pi), bound, color=figures.BLACK, linestyle="--")
-            figures.label(panel, "frequency [Hz]", title=f"$|{title}|$", log="xy")
+            figures.label(panel, x="frequency [Hz]", title=f"$|{title}|$", log="xy")
         panels[0].set_ylim(*SHOWN_SIZES)
         panels[0].plot([], [], color=figures.BLACK, linestyle="--", label="what is demanded")
         figures.legend_below(drawn, panels[0])

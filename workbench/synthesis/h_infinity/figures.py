@@ -21,7 +21,7 @@ DECADES_BEYOND = 1.5
 
 def loop(closed: StateSpace, gamma: float | None = None) -> Figure:
     """Figure of the singular values of the closed loop, with the level gamma if there is one."""
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     _singular_values(panel, closed, grid(closed))
     if gamma is not None:
         panel.axhline(gamma, color=figures.BLACK, linestyle="--", label="level gamma")
@@ -32,7 +32,7 @@ def loop(closed: StateSpace, gamma: float | None = None) -> Figure:
 
 def controller(K: StateSpace, closed: StateSpace, unit: str = "") -> Figure:
     """Figure of the singular values of K (|K| of a scalar K) over the frequencies of the loop."""
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     _singular_values(panel, K, grid(closed))
     if K.issiso():
         figures.label(panel, y=f"$|K|$ [{unit}]" if unit else "$|K|$")
@@ -90,4 +90,4 @@ def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None
     for k, row in enumerate(seen.T):
         panel.loglog(omega / (2 * np.pi), np.maximum(row, 1e-300), label=rf"$\sigma_{{{k + 1}}}$")
     panel.set_ylim(max(float(seen.min()), SMALLEST_SHARE * largest) / 2, 3 * largest)
-    figures.label(panel, "frequency [Hz]")
+    figures.label(panel, x="frequency [Hz]")

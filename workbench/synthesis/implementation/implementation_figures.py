@@ -33,7 +33,7 @@ def figures_of(
     omega = grid(S)
     values = np.linalg.norm(response(S, omega), 2, axis=(-2, -1))
     hertz = omega / (2 * np.pi)
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     panel.plot(hertz, values, color=figures.BLUE, label="sensitivity $S$, sampled")
     panel.axhline(
         answer.sensitivity, color=figures.BLACK, ls="--", label="certified peak of the sensitivity"
@@ -44,16 +44,16 @@ def figures_of(
         panel.axhline(
             answer.peak.upper, color=figures.ORANGE, ls="--", label=r"certified peak of $\mu$"
         )
-    figures.label(panel, "frequency [Hz]", "magnitude [1]", log="xy")
+    figures.label(panel, x="frequency [Hz]", y="magnitude [1]", log="xy")
     figures.legend_below(figure, panel, columns=2)
     found = {"loop": figure}
-    figure, (top,) = figures.axes()
+    figure, (top,) = figures.axes(1, 1)
     size = np.linalg.norm(response(answer.K, omega), 2, axis=(-2, -1))
     top.plot(hertz, size, color=figures.BLUE, label=f"sampled, {answer.found}")
     if not given.dt:
         design = np.linalg.norm(response(given, omega), 2, axis=(-2, -1))
         top.plot(hertz, design, color=figures.BLACK, ls=":", label="given, continuous")
-    figures.label(top, "frequency [Hz]", "largest singular value of $K$", log="xy")
+    figures.label(top, x="frequency [Hz]", y="largest singular value of $K$", log="xy")
     figures.legend_below(figure, top)
     return found | {"controller": figure}
 

@@ -247,7 +247,7 @@ class DemandCost(Study):
 
     @figure
     def cost(self, peak: DataArray, free: DataArray) -> dict[str, Figure]:
-        drawn, (panel,) = figures.axes(size=(7.2, 4.6))
+        drawn, (panel,) = figures.axes(1, 1, size=(7.2, 4.6))
         for words, look in zip(peak["demand"].values, LOOKS, strict=False):
             upper = peak.sel(bound="upper", demand=words)
             panel.plot(peak["order"], upper.where(np.isfinite(upper)), look, label=str(words))
@@ -256,7 +256,7 @@ class DemandCost(Study):
             words = f"no demand ({self.method})"
             panel.axhline(level, color=figures.BLACK, linestyle="--", label=words)
         panel.set_xticks(list(self.orders))
-        figures.label(panel, "order of the controller", r"certified peak of $\mu$")
+        figures.label(panel, x="order of the controller", y=r"certified peak of $\mu$")
         figures.legend_below(drawn, panel, columns=2)
         return {"cost": drawn}
 

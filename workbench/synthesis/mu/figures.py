@@ -26,7 +26,7 @@ def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure
     omega = grid(loop)
     hertz = omega / (2 * np.pi)
     mixed = frequency_sweep(loop, structure, omega=omega)
-    figure, (panel,) = figures.axes(size=(7.0, 4.0))
+    figure, (panel,) = figures.axes(1, 1, size=(7.0, 4.0))
     top = max(peak, float(np.max(mixed.upper)))
     if structure.complexified() != structure:  # otherwise both curves coincide
         complex_ = frequency_sweep(loop, structure.complexified(), omega=omega).upper
@@ -36,7 +36,7 @@ def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure
     panel.semilogx(hertz, mixed.lower, "--", color=figures.SKY, label="lower bound")
     panel.axhline(peak, color="0.4", linewidth=0.8, label="certified peak")
     panel.set_ylim(0.0, 1.1 * top)
-    figures.label(panel, "frequency [Hz]", r"$\mu$ [1]", "robust performance")
+    figures.label(panel, x="frequency [Hz]", y=r"$\mu$ [1]", title="robust performance")
     figures.legend_below(figure, panel)
     return figure
 
@@ -64,7 +64,7 @@ def rounds_figure(history: Sequence[Iterate], peak: float) -> Figure:
     orders.bar(count, [each.order for each in history], color=figures.SKY)
     log = "y" if worst > LOG_SCALE_RATIO * peak else ""
     figures.label(peaks, y=r"$\mu$, $\gamma$ [1]", log=log)
-    figures.label(orders, "round", "order of $K$")
+    figures.label(orders, x="round", y="order of $K$")
     orders.locator_params(integer=True)
     figures.legend_below(figure, peaks)
     return figure

@@ -224,5 +224,5 @@ class KeptDemands(WorkingLoop):
         panel.axvline(1.0, color=figures.BLACK, linewidth=0.8)
         panel.set_yticks(range(len(labels)), labels)
         panel.set_ylim(-0.6, len(labels) - 0.4)
-        figures.label(panel, "reached over demanded (above 1: missed)")
+        figures.label(panel, x="reached over demanded (above 1: missed)")
         return {"demands": drawn}

@@ -367,7 +367,7 @@ class WorkingLoop(Study):
             for level in (low[0], high[0]):
                 bottom.axhline(level, color=figures.ORANGE, linestyle=":")
         figures.label(top, y=_axis("measurement", self.point.y_unit))
-        figures.label(bottom, "time [s]", _axis("control", self.point.u_unit))
+        figures.label(bottom, x="time [s]", y=_axis("control", self.point.u_unit))
         figures.legend_below(drawn, top)
         return {"working-point": drawn}
 

@@ -52,7 +52,7 @@ def _poles(panel: Axes, opened: RealArray, closed: RealArray) -> None:
             poles.real, poles.imag, marker, color=colour, markersize=3, label=name, linestyle=""
         )
     panel.set_aspect("equal", adjustable="datalim")
-    figures.label(panel, "real part of a pole [1]", "imaginary part [1]")
+    figures.label(panel, x="real part of a pole [1]", y="imaginary part [1]")
 
 
 def _decrease(panel: Axes, closed: RealArray, answer: ProvenFeedback) -> None:
@@ -66,7 +66,7 @@ def _decrease(panel: Axes, closed: RealArray, answer: ProvenFeedback) -> None:
         power = closed @ power
     panel.semilogy(time, np.array(sizes), color=figures.ORANGE, linewidth=0.4, alpha=0.5)
     panel.semilogy(time, answer.level**time, "--", color=figures.BLUE)
-    figures.label(panel, "time [samples]", r"$\sqrt{x^{\top} P x}$ over its first value [1]")
+    figures.label(panel, x="time [samples]", y=r"$\sqrt{x^{\top} P x}$ over its first value [1]")
 
 
 def _norms(panel: Axes, closed: RealArray, question: DrawnQuestion, answer: ProvenFeedback) -> None:
@@ -75,7 +75,7 @@ def _norms(panel: Axes, closed: RealArray, question: DrawnQuestion, answer: Prov
     sizes = np.sort([drawn.largest_h2(loop[None], F, C + D @ answer.K) for loop in closed])
     panel.step(sizes, np.arange(1, len(sizes) + 1) / len(sizes), color=figures.ORANGE)
     panel.axvline(answer.level, linestyle="--", color=figures.BLUE)
-    figures.label(panel, "H2 norm of a loop, proven level dashed", "share of the loops [1]")
+    figures.label(panel, x="H2 norm of a loop, proven level dashed", y="share of the loops [1]")
 
 
 def _responses(
@@ -87,4 +87,4 @@ def _responses(
     gains = drawn.gains(closed, question.disturbance, C + D @ answer.K, np.exp(1j * angle))
     panel.plot(angle, gains.T, color=figures.ORANGE, linewidth=0.4, alpha=0.5)
     panel.axhline(answer.level, linestyle="--", color=figures.BLUE)
-    figures.label(panel, "frequency [rad per sample]", "gain from v to z, proven level dashed")
+    figures.label(panel, x="frequency [rad per sample]", y="gain from v to z, proven level dashed")

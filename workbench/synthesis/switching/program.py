@@ -304,7 +304,7 @@ class SwitchedStability(Program):
         return Dwell(int(data["dwell"]), data["P"].values)
 
     def figures(self, answer: Dwell) -> dict[str, Figure]:
-        figure, (panel,) = figures.axes()
+        figure, (panel,) = figures.axes(1, 1)
         for i, mode in enumerate(self.modes):
             ratio, _ = self.ratios(answer, i)
             panel.semilogy(
@@ -313,6 +313,6 @@ class SwitchedStability(Program):
             )  # fmt: skip
         panel.axhline(1.0, color="0.4", linewidth=0.8)
         panel.locator_params(axis="x", integer=True, min_n_ticks=1)
-        figures.label(panel, "stay [samples]", "V at the next entry over V at this [1]")
+        figures.label(panel, x="stay [samples]", y="V at the next entry over V at this [1]")
         figures.legend_below(figure, panel)
         return {"entries": figure}

@@ -34,7 +34,7 @@ MU_TOLERANCE = 1e-2
 
 
 class MarginsOfPlants(NamedTuple):
-    """Gain margins [dB], phase margins [deg] and growth rates [1/s] of closed loops.
+    """Gain margins [dB], phase margins ``phase_deg`` [deg] and growth rates [1/s] of closed loops.
 
     Unlike `ClassicalMargins`, it has only arrays, for many controllers and plants.
 

@@ -22,13 +22,13 @@ def bundle(nominal: StateSpace, members: Sequence[StateSpace]) -> Figure:
     omega = np.union1d(omega, np.geomspace(omega[0], omega[-1], POINTS))
     if nominal.dt:
         omega = omega[omega < np.pi / nominal.dt]
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     for k, member in enumerate(members):
         words = f"{len(members)} random members" if k == 0 else None
         panel.plot(omega, largest_gains(member, omega), color="0.6", linewidth=0.7, label=words)
     panel.plot(omega, largest_gains(nominal, omega), color=figures.BLUE, label="nominal")
     y = "gain" if nominal.issiso() else "largest singular value"
-    figures.label(panel, "angular frequency [rad/s]", f"{y} [1]", log="xy")
+    figures.label(panel, x="angular frequency [rad/s]", y=f"{y} [1]", log="xy")
     figures.legend_below(figure, panel)
     return figure
 

@@ -59,7 +59,7 @@ def nominal_figure(responses: Responses, answer: CoverSteps) -> Figure:
 
 def complex_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
     """Radii of the sets, calculated and fitted (figures 5.12 and 5.13 of the thesis)."""
-    figure, (axes,) = figures.axes()
+    figure, (axes,) = figures.axes(1, 1)
     axes.plot(
         responses.frequency_hz, answer.second.radius, ":", color=figures.BLACK, label="second set"
     )
@@ -105,7 +105,7 @@ def real_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
 def _finish(figure: Figure, source: Axes, bottom: Axes, responses: Responses) -> None:
     """Set the frequency axis, and put the legend of ``source`` below the figure."""
     wide = responses.frequency_hz[-1] > 20 * responses.frequency_hz[0]
-    figures.label(bottom, "frequency [Hz]", log="x" if wide else "")
+    figures.label(bottom, x="frequency [Hz]", log="x" if wide else "")
     figures.legend_below(figure, source)
 
 

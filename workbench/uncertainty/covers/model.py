@@ -176,7 +176,7 @@ class UncertaintyModel(Algebraic):
         if self.W_r is not None:
             bottom.plot(frequency, length, color=figures.GREEN, label="$|W_r|$")
         figures.label(top, y="magnitude", log="y")
-        figures.label(bottom, "frequency [Hz]", f"weights, {self.form}", log="xy")
+        figures.label(bottom, x="frequency [Hz]", y=f"weights, {self.form}", log="xy")
         for panel in (top, bottom):
             panel.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0))
         return figure

@@ -61,7 +61,7 @@ def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
     for name, of in {"nominal": model.nominal, "W_c": model.W_c, "W_r": model.W_r}.items():
         if of is None:
             continue
-        data = data.assign(rational_variables(of, name, f"{name}_"))
+        data = data.assign(rational_variables(of, name, prefix=f"{name}_"))
     return data
 
 
@@ -74,4 +74,4 @@ def cover_function(data: xr.Dataset, name: str) -> Rational | None:
     """The nominal or a weight, by name; None if the model does not have it."""
     if f"{name}_gain" not in data:
         return None
-    return restored_rational(data, f"{name}_")
+    return restored_rational(data, prefix=f"{name}_")

@@ -47,8 +47,8 @@ def magnitudes_figure(
             panel.plot(frequency, line, color="0.45", linewidth=0.5, label=label)
         panel.plot(frequency, lines[:, 0], color=figures.BLUE, label="nominal")
         x, y = "frequency [Hz]" if i == p - 1 else "", "magnitude" if j == 0 else ""
-        figures.label(panel, x, y, f"output {i + 1}, input {j + 1}", "xy")
-    figures.legend_below(figure, panels[0], 3)
+        figures.label(panel, x=x, y=y, title=f"output {i + 1}, input {j + 1}", log="xy")
+    figures.legend_below(figure, panels[0], columns=3)
     return figure
 
 
@@ -65,23 +65,23 @@ def loop_mu_figure(responses: MatrixResponses, mu: RealArray, least: RealArray) 
 def _beside_least(
     responses: MatrixResponses, found: RealArray, least: RealArray, text: str
 ) -> Figure:
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     frequency = responses.omega / (2 * np.pi)
     panel.plot(frequency, found, color=figures.BLUE, label="weights of the given orders")
     panel.plot(frequency, least, ":", color=figures.BLACK, label="least at each frequency")
-    figures.label(panel, "frequency [Hz]", text, log="xy")
+    figures.label(panel, x="frequency [Hz]", y=text, log="xy")
     figures.legend_below(figure, panel)
     return figure
 
 
 def deltas_figure(responses: MatrixResponses, norms: RealArray) -> Figure:
     """Norm of each plant's Delta; 1 is the boundary of the model."""
-    figure, (panel,) = figures.axes()
+    figure, (panel,) = figures.axes(1, 1)
     frequency = responses.omega / (2 * np.pi)
     for k, line in enumerate(norms.T[:MOST_DRAWN]):
         panel.plot(frequency, line, color="0.45", lw=0.6, label="plants" if k == 0 else None)
     panel.plot(frequency, norms.max(axis=1), color=figures.BLUE, label="largest")
     panel.axhline(1.0, color=figures.ORANGE, ls="--", label="boundary of the model")
-    figures.label(panel, "frequency [Hz]", "norm of $\\Delta$", log="x")
+    figures.label(panel, x="frequency [Hz]", y="norm of $\\Delta$", log="x")
     figures.legend_below(figure, panel)
     return figure

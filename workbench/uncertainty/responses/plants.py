@@ -327,7 +327,7 @@ class Responses:
         """Bode plot of the responses of all plants."""
         values = np.where(self.present, self.values, np.nan)
         curves = dict(zip(self.plants, values.T, strict=True))
-        return figures.bode_plot(self.frequency_hz, curves, self.unit, f"{len(curves)} plants")
+        return figures.bode_plot(self.frequency_hz, curves, self.unit, many=f"{len(curves)} plants")
 
     @property
     def known_plants(self) -> dict[str, Rational]:

@@ -273,7 +273,9 @@ class Ageing(Study):
                 value = upper.sel(plants=plants, judged=judged).values
                 panel.plot(across, value, "o-", color=color, markersize=4, label=name)
             figures.label(
-                panel, "suspension at the end of life [%]", title=f"{self.axis}, on {words[judged]}"
+                panel,
+                x="suspension at the end of life [%]",
+                title=f"{self.axis}, on {words[judged]}",
             )
         figures.label(panels[0], y="certified peak of mu [1]")
         figures.legend_below(drawn, panels[1])

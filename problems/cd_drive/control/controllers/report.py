@@ -32,7 +32,7 @@ def figure_6_4(axis: Axis, answer: Dataset, channel: str) -> Figure:
         panel.set_ylim(0.05, 10.0)
         figures.label(panel, title=f"{axis}, 1X, {model}")
     for panel in panels[2:]:
-        figures.label(panel, "frequency [Hz]")
+        figures.label(panel, x="frequency [Hz]")
     for panel in panels[::2]:
         figures.label(panel, y=f"$\\mu$, {SIGNALS[channel]}")
     figures.legend_below(figure, panels[-1], columns=5)

@@ -180,7 +180,7 @@ class CoverForControl(Study):
         for number, (one, *_) in enumerate(stages):
             for name in PARTS:
                 part = getattr(one, name)
-                data = data.assign(rational_variables(part, name, f"{name}{number}_"))
+                data = data.assign(rational_variables(part, name, prefix=f"{name}{number}_"))
         return data
 
     def _in_turn(
@@ -259,7 +259,7 @@ class CoverForControl(Study):
 
     def stage(self, answer: Dataset, number: int) -> tuple[UncertaintyModel, StateSpace]:
         """The model and controller of a stage."""
-        nominal, W_c, W_r = (restored_rational(answer, f"{name}{number}_") for name in PARTS)
+        nominal, W_c, W_r = (restored_rational(answer, prefix=f"{name}{number}_") for name in PARTS)
         return UncertaintyModel(nominal, W_c, W_r), restored_system(answer, f"controller{number}")
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:

@@ -24,7 +24,7 @@ def cover_figures(
         curve = answer["mu"].sel(stage=name, bound="upper")
         panel.loglog(answer["frequency"], curve, dash, color=colour, label=label)
     panel.axhline(1.0, color="0.4", linewidth=0.8)
-    figures.label(panel, "frequency [Hz]", "$\\mu$ of robust performance", f"{axis}, 1X")
+    figures.label(panel, x="frequency [Hz]", y="$\\mu$ of robust performance", title=f"{axis}, 1X")
     figures.legend_below(mu, panel, columns=1)
 
     size, panels = figures.axes(1, 2, size=(10.0, 4.4), sharex=True, sharey=True)
@@ -33,7 +33,7 @@ def cover_figures(
             dash, colour, _ = LOOKS[name]
             label = "narrowest" if name == "narrowest" else "for control"
             panel.loglog(answer["frequency"], one[which], dash, color=colour, label=label)
-        figures.label(panel, "frequency [Hz]", title=f"{axis}, {title}")
+        figures.label(panel, x="frequency [Hz]", title=f"{axis}, {title}")
     figures.label(panels[0], y="relative to the nominal")
     figures.legend_below(size, panels[0])
     return {"mu": mu, "weights": size}

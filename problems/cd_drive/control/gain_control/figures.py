@@ -23,14 +23,14 @@ def levels(answer: Dataset, axis: Axis) -> Figure:
             panel.plot(answer["time"].values, one, color=figures.BLUE, linewidth=0.8)
         panel.axhline(0.0, color=figures.BLACK, linewidth=0.8, linestyle="--")
         title = f"{axis}, {arm.replace('_', ' ')} disc" if arm != "scratch" else f"{axis}, scratch"
-        figures.label(panel, "time with the wobble [s]", title=title)
+        figures.label(panel, x="time with the wobble [s]", title=title)
     figures.label(panels[0], y="|L| at the wobble [dB]")
     return drawn
 
 
 def spreads(answer: Dataset, axis: Axis) -> Figure:
     """|L| at the wobble's frequency for every drive, before and after, on every disc."""
-    drawn, (panel,) = figures.axes(size=(7.0, 4.0))
+    drawn, (panel,) = figures.axes(1, 1, size=(7.0, 4.0))
     place, arms = np.arange(answer.sizes["drive"]), answer["arm"].values.tolist()
     panel.plot(place - 0.4, answer["before"], "x", color=figures.BLACK, label="before")
     for n, arm in enumerate(arms):
@@ -40,6 +40,6 @@ def spreads(answer: Dataset, axis: Axis) -> Figure:
         panel.plot(across, value.ravel(), ".", label=f"after, {arm.replace('_', ' ')}", **look)
     panel.axhline(0.0, color=figures.BLACK, linewidth=0.8, linestyle="--")
     panel.set_xticks(place, [str(name)[2:] for name in answer["drive"].values])
-    figures.label(panel, "drive CD...", "|L| at the wobble [dB]", f"{axis}, all draws")
+    figures.label(panel, x="drive CD...", y="|L| at the wobble [dB]", title=f"{axis}, all draws")
     figures.legend_below(drawn, panel, columns=3)
     return drawn

@@ -41,7 +41,7 @@ def figure_6_6(answer: Dataset, axis: Axis, accuracy: float) -> Figure:
         for panel in (upper, lower):
             panel.plot(frequency, permitted, "--", color=figures.BLACK, label="1/|W_p|")
         figures.label(upper, title=f"{axis}, {WORDS[scale]}", log="xy")
-        figures.label(lower, "frequency [Hz]", log="xy")
+        figures.label(lower, x="frequency [Hz]", log="xy")
     figures.label(panels[0], y="|S| simulated [1]")
     figures.label(panels[2], y="|S| measured [1]")
     panels[0].set_ylim(2e-4, 5.0)
@@ -73,7 +73,7 @@ def good_from(answer: Dataset, axis: Axis) -> Figure:
                 across = np.repeat(place + 0.3 * step - 0.15, value.shape[1])
                 panel.plot(across, value.ravel(), marker, color=color, label=told, **look)
         panel.set_xticks(place, [str(name)[2:] for name in names])
-        figures.label(panel, "drive CD...", title=f"{axis}, {WORDS[scale]}", log="y")
+        figures.label(panel, x="drive CD...", title=f"{axis}, {WORDS[scale]}", log="y")
     figures.label(panels[0], y="measured well from [Hz] on")
     figures.legend_below(drawn, panels[0], columns=2)
     return drawn

@@ -112,7 +112,7 @@ def _judged(bounds: DataArray) -> str:
 
 def mu_figure(axis: Axis, answer: Dataset) -> Figure:
     """Robust performance over frequency; dots mark the certified peaks."""
-    figure, (panel,) = figures.axes(size=(7.5, 5.2))
+    figure, (panel,) = figures.axes(1, 1, size=(7.5, 5.2))
     low, high = answer["frequency"].values[[0, -1]]
     for name in answer["design"].values.tolist():
         dash, colour = LOOKS[name]
@@ -125,19 +125,19 @@ def mu_figure(axis: Axis, answer: Dataset) -> Figure:
             panel.plot(at, top, "o", color=colour, markersize=4)
     panel.axhline(1.0, color="0.4", linewidth=0.8)
     title = f"{axis}, robust performance of $w_p$ to $(z_p, z_u)$"
-    figures.label(panel, "frequency [Hz]", "$\\mu$ [1]", title)
-    figures.legend_below(figure, panel, 3)
+    figures.label(panel, x="frequency [Hz]", y="$\\mu$ [1]", title=title)
+    figures.legend_below(figure, panel, columns=3)
     return figure
 
 
 def sensitivity_figure(axis: Axis, answer: Dataset) -> Figure:
-    figure, (panel,) = figures.axes(size=(7.5, 5.2))
+    figure, (panel,) = figures.axes(1, 1, size=(7.5, 5.2))
     for name in answer["design"].values.tolist():
         dash, colour = LOOKS[name]
         S = answer["S"].sel(design=name)
         panel.loglog(answer["frequency"], S, dash, color=colour, label=name)
     limit: dict[str, Any] = {"color": "0.6", "linewidth": 3, "zorder": 0}
     panel.loglog(answer["frequency"], answer["permitted"], **limit, label="$1/|W_p|$")
-    figures.label(panel, "frequency [Hz]", "$|S|$ [1]", f"{axis}, nominal sensitivity")
-    figures.legend_below(figure, panel, 3)
+    figures.label(panel, x="frequency [Hz]", y="$|S|$ [1]", title=f"{axis}, nominal sensitivity")
+    figures.legend_below(figure, panel, columns=3)
     return figure

@@ -100,7 +100,7 @@ def _mark_peak(panel: Axes, case: Dataset, channel: str, form: str, colour: str)
 
 def _limit(panel: Axes, y: str = "", title: str = "") -> None:
     panel.axhline(1.0, color="0.4", linewidth=0.8)
-    figures.label(panel, "frequency [Hz]", y, title)
+    figures.label(panel, x="frequency [Hz]", y=y, title=title)
 
 
 def conditions_table(answer: Dataset) -> Rows:

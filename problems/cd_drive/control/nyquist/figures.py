@@ -25,7 +25,7 @@ def planes(answer: Dataset, high: tuple[float, float]) -> Figure:
         up = "imaginary part [1]" if column == 0 else ""
         figures.label(whole, y=up, title=f"{form}s ({answer['kind'].values!s} sets)")
         band = f"{high[0]:g} to {high[1]:g} Hz"
-        figures.label(near, "real part of $L$ [1]", up, f"{form}s, {band}")
+        figures.label(near, x="real part of $L$ [1]", y=up, title=f"{form}s, {band}")
         whole.set_aspect("equal", adjustable="datalim")
         near.set(xlim=NEAR[0], ylim=NEAR[1], aspect="equal")
         whole.locator_params(axis="x", nbins=6)
@@ -69,7 +69,7 @@ def clearances(answer: Dataset, kinds: list[str]) -> Figure:
             panel.plot(one["frequency"], clear, style, color=shade, label=kind)
         panel.axhline(0.0, color=figures.BLACK, linewidth=0.8)
         panel.set_ylim(-1.5, 1.05)
-        figures.label(panel, "frequency [Hz]", title=f"{form}s", log="x")
+        figures.label(panel, x="frequency [Hz]", title=f"{form}s", log="x")
     figures.label(panels[0], y="distance of -1 / distance of the centre [1]")
     figures.legend_below(figure, panels[0])
     return figure

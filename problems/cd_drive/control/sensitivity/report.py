@@ -106,9 +106,9 @@ def sensitivity_figure(answer: Dataset, axis: Axis) -> Figure:
         panel.loglog(frequency, red_book, ":", color=figures.ORANGE, label="Red Book's own limit")
         figures.label(
             panel,
-            "frequency [Hz]" if loop == rows[-1] else "",
-            "$|S|$ [1]" if scale == "full" else "",
-            f"{axis}, {loop}, {WORDS[scale]}",
+            x="frequency [Hz]" if loop == rows[-1] else "",
+            y="$|S|$ [1]" if scale == "full" else "",
+            title=f"{axis}, {loop}, {WORDS[scale]}",
         )
         panel.set_ylim(1e-4, 10)
     figures.legend_below(figure, panels[0])
@@ -132,7 +132,7 @@ def margins_figure(answer: Dataset, axis: Axis) -> Figure:
     gains.invert_yaxis()
     gains.set_xlim(left=0)
     phases.set_xlim(0, 1.1 * float(answer["phase"].max()))
-    figures.label(gains, "gain margin, up or down [dB]", title=f"{axis}, gain")
-    figures.label(phases, "phase margin [deg]", title=f"{axis}, phase")
+    figures.label(gains, x="gain margin, up or down [dB]", title=f"{axis}, gain")
+    figures.label(phases, x="phase margin [deg]", title=f"{axis}, phase")
     figures.legend_below(figure, gains, columns=4)
     return figure

@@ -66,7 +66,7 @@ def _decibel(factor: DataArray) -> str:
 
 def front_figure(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
     """b over a: nominal and worst cases, the reference controller, and the region out of reach."""
-    figure, (panel,) = figures.axes(size=(7.5, 5.6))
+    figure, (panel,) = figures.axes(1, 1, size=(7.5, 5.6))
     nominal, worst = answer["nominal"].values, answer["worst"].sel(bound="upper").values
     reference = answer["reference_nominal"].values
     reference_worst = answer["reference_worst"].sel(bound="upper").values
@@ -89,8 +89,10 @@ def front_figure(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
     panel.set_xlim(left=left)
     panel.set_ylim(bottom=bottom)
     title = f"{axis}, disturbances against surface defects"
-    figures.label(panel, "$a$, largest $|W_p S|$ [1]", "$b$, largest $|W_{sd} T|$ [1]", title)
-    figures.legend_below(figure, panel, 3)
+    figures.label(
+        panel, x="$a$, largest $|W_p S|$ [1]", y="$b$, largest $|W_{sd} T|$ [1]", title=title
+    )
+    figures.legend_below(figure, panel, columns=3)
     return figure
 
 
@@ -120,10 +122,12 @@ def loops_figure(axis: Axis, answer: Dataset) -> Figure:
     T.set_ylim(bottom=1e-3)
     defect.plot(time, answer["false"], **limit)
     hertz, milliseconds = "frequency [Hz]", "time [ms]"
-    figures.label(S, hertz, "$|S|$ [1]", f"{axis}, sensitivity")
-    figures.label(T, hertz, "$|T|$ [1]", "complementary sensitivity")
-    figures.label(step, milliseconds, "error over the step [1]", "after a step of the disc")
+    figures.label(S, x=hertz, y="$|S|$ [1]", title=f"{axis}, sensitivity")
+    figures.label(T, x=hertz, y="$|T|$ [1]", title="complementary sensitivity")
+    figures.label(
+        step, x=milliseconds, y="error over the step [1]", title="after a step of the disc"
+    )
     passing = "while a surface defect passes, and after"
-    figures.label(defect, milliseconds, "error over the false displacement [1]", passing)
+    figures.label(defect, x=milliseconds, y="error over the false displacement [1]", title=passing)
     figures.legend_below(figure, S)
     return figure

@@ -43,7 +43,7 @@ def plane(answer: Dataset, detectors: Detectors) -> Figure:
         outline = ellipse(clean.mean(axis=0), np.cov(clean.T))
         panel.plot(*outline, "-.", color=figures.BLACK, label=f"clean, {CLEAN:.0%}")
         letter = "d" if detectors.axis == "focus" else "s"
-        label(panel, f"${letter}_{{1n}}$ [1]", f"${letter}_{{2n}}$ [1]", title)
+        label(panel, x=f"${letter}_{{1n}}$ [1]", y=f"${letter}_{{2n}}$ [1]", title=title)
         panel.set(aspect="equal", xlim=(-0.05, 1.05), ylim=(-0.05, 1.05))
     named = {
         text: handle
@@ -89,8 +89,8 @@ def over_time(answer: Dataset) -> Figure:
     binary: dict[str, Any] = {"linestyle": "--", "label": "binary, 1: no defect"}
     below.step(zoom, 1.0 - answer["zoom_binary"], where="post", color=figures.ORANGE, **binary)
     words = "one record, a scratch once a revolution; lowest values of every millisecond"
-    label(above, "time [s]", "sum, quality [1]", words)
-    label(below, "time in the second revolution's scratch [ms]", "sum, quality [1]")
+    label(above, x="time [s]", y="sum, quality [1]", title=words)
+    label(below, x="time in the second revolution's scratch [ms]", y="sum, quality [1]")
     for panel in (above, below):
         panel.set_ylim(-0.05, 1.2)
     legend_below(figure, below)
@@ -111,6 +111,6 @@ def clusters(answer: Dataset) -> Figure:
             covariance = (factor @ factor.T)[np.ix_([x, y], [x, y])]
             mean = answer["cluster_mean"].values[k][[x, y]]
             panel.plot(*ellipse(mean, covariance), color=COLOURS[k], lw=1.0)
-        label(panel, names[x], names[y], "held-out defects of one draw")
+        label(panel, x=names[x], y=names[y], title="held-out defects of one draw")
     legend_below(figure, panels[0])
     return figure

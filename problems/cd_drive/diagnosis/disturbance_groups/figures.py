@@ -24,7 +24,7 @@ def groups(answer: Dataset, axis: str) -> Figure:
 
 def by_force(answer: Dataset, axis: str, acceptable: float) -> Figure:
     """Force on the lens that causes the acceptable error, over its frequency."""
-    drawn, (panel,) = figures.axes(size=(7.2, 4.2))
+    drawn, (panel,) = figures.axes(1, 1, size=(7.2, 4.2))
     allowed = 1e3 * acceptable / answer["error_of_force"]
     for n, one in enumerate(allowed.transpose("drive", "frequency")):
         panel.plot(
@@ -33,6 +33,8 @@ def by_force(answer: Dataset, axis: str, acceptable: float) -> Figure:
     for rotation in (9.0, 100.0):
         panel.axvline(rotation, color="0.4", linestyle=":", linewidth=1.0)
     title = f"{axis}: amplitude that costs the acceptable error"
-    figures.label(panel, "frequency of the force [Hz]", "force on the lens [mN]", title, log="xy")
+    figures.label(
+        panel, x="frequency of the force [Hz]", y="force on the lens [mN]", title=title, log="xy"
+    )
     figures.legend_below(drawn, panel)
     return drawn

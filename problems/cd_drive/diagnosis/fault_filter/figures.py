@@ -61,7 +61,7 @@ def front(answer: Dataset) -> Figure:
     words = "largest relative error of the estimate above 1.5 kHz"
     share = float(answer["set_share"])
     title = "" if share >= 1.0 else f"for {share:.3g} of the set, which the loop itself bears"
-    label(panel, words, r"leakage + 3 rms of the noise [$\mu$m]", title, log="y")
+    label(panel, x=words, y=r"leakage + 3 rms of the noise [$\mu$m]", title=title, log="y")
     panel.set_ylim(bottom=2e5 * least)
     legend_below(figure, panel, columns=2)
     return figure
@@ -82,7 +82,7 @@ def filters(axis: Axis, full: StateSpace, discrete: StateSpace) -> Figure:
     place: Any = {"xytext": (4, 3), "textcoords": "offset points"}
     gain.annotate(r"$1 / K_{optn}$", (frequency[0], level), **place)
     label(gain, y="$|K_f|$ [dB re 1 m per unit]", log="x")
-    label(phase, "frequency [Hz]", r"$\arg K_f$ [deg]", log="x")
+    label(phase, x="frequency [Hz]", y=r"$\arg K_f$ [deg]", log="x")
     legend_below(figure, gain)
     return figure
 
@@ -105,7 +105,7 @@ def channel(loop: FaultLoop, K: StateSpace) -> Figure:
         for at in (SLOW, FAST):
             panel.axvline(at, color="0.6", linewidth=0.8)
     label(gain, y="gain, defect to estimate", log="xy")
-    label(error, "frequency [Hz]", "relative error", log="xy")
+    label(error, x="frequency [Hz]", y="relative error", log="xy")
     gain.set_ylim(1e-5, 4)
     error.set_ylim(0.02, 4)
     legend_below(figure, error, columns=2)
@@ -127,7 +127,7 @@ def defects(answer: Dataset) -> Figure:
         panel.set_title(f"{shape}, {NAMES[name]}", fontsize=9)
         label(
             panel,
-            "time [ms]" if shape == shapes[-1] else "",
-            r"defect [$\mu$m]" if name == names[0] else "",
+            x="time [ms]" if shape == shapes[-1] else "",
+            y=r"defect [$\mu$m]" if name == names[0] else "",
         )
     return figure

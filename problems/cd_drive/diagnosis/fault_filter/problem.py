@@ -121,7 +121,7 @@ def allowed_leakage(axis: Axis) -> float:
 def stadiums_of(covered: Run) -> UncertaintyModel:
     """The stadiums of `cd/<axis>/cover-for-control`."""
     nominal, W_c, W_r = (
-        restored_rational(covered.data, f"{name}{len(STAGES) - 1}_") for name in PARTS
+        restored_rational(covered.data, prefix=f"{name}{len(STAGES) - 1}_") for name in PARTS
     )
     return UncertaintyModel(nominal, W_c, W_r)
 

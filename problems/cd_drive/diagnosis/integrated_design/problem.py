@@ -283,11 +283,16 @@ class IntegratedDesign(Study):
         joint = answer["joint"].transpose("judged_by", ...).values
         left.plot(*joint, "x", color=figures.BLACK, label="one synthesis")
         figures.label(
-            left, "norm of control [1]", "norm of the estimate's error [1]", f"{self.axis}"
+            left,
+            x="norm of control [1]",
+            y="norm of the estimate's error [1]",
+            title=f"{self.axis}",
         )
         left.set_ylim(0.0, 1.2 * max(joint[1].max(), float(answer["carried"].max())))
         words = "least robust error over nominal [1]"
-        figures.label(right, "frequency [Hz]", words, "gains as uncertain as of twelve drives")
+        figures.label(
+            right, x="frequency [Hz]", y=words, title="gains as uncertain as of twelve drives"
+        )
         figures.legend_below(drawn, left, columns=5)
         return {"designs": drawn}
 

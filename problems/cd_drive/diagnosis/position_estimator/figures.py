@@ -40,7 +40,7 @@ def effort(answer: Dataset) -> Figure:
     middle = float(answer.sel(estimator="Kalman")["effort_zoomed"].mean())
     whole.set_ylim(-2.5 * swing, 2.5 * swing)
     zoom.set_ylim(middle - swing, middle + swing)
-    label(whole, "time [s]", "$u_p$ [V]", "one record")
+    label(whole, x="time [s]", y="$u_p$ [V]", title="one record")
     label(zoom, y="$u_p$ [V], one scratch")
     _quality(quality, answer)
     quality.sharex(zoom)
@@ -75,7 +75,7 @@ def error(answer: Dataset, axis: Axis) -> Figure:
 def _quality(panel: Axes, answer: Dataset) -> None:
     panel.plot(answer["zoomed"], answer["quality"], color=figures.BLACK)
     panel.set_ylim(-0.05, 1.05)
-    label(panel, "time from the start of the scratch [ms]", "$w_Q$ [1]")
+    label(panel, x="time from the start of the scratch [ms]", y="$w_Q$ [1]")
 
 
 def rotation(answer: Dataset) -> Figure:
@@ -91,7 +91,7 @@ def rotation(answer: Dataset) -> Figure:
         rms = draws_summary(1e6 * answer["error"].sel(estimator=name, phase="quiet", size="rms"))
         _bars(errors, np.arange(len(cases)) + (k - 0.5) * width, rms, width, color=look["color"])
     errors.set_xticks(range(len(cases)), [f"rotation\n{case}" for case in cases])
-    label(frequency, "time [s]", "rotation followed [Hz]", "one record")
+    label(frequency, x="time [s]", y="rotation followed [Hz]", title="one record")
     label(errors, y=r"rms error away from scratches [$\mu$m]", title="mean of the draws")
     legend_below(figure, frequency)
     return figure
@@ -127,13 +127,16 @@ def _bars(panel: Axes, places: Any, summary: Any, width: float, **look: Any) -> 
 
 def growth(answer: Dataset) -> Figure:
     """Growth of the slowest mode over a constant quality."""
-    figure, (panel,) = figures.axes(size=(7.0, 4.2))
+    figure, (panel,) = figures.axes(1, 1, size=(7.0, 4.2))
     for name in answer["fixed"].values.tolist():
         one = answer["growth"].sel(fixed=name)
         panel.plot(answer["quality_level"], one, label=name, **LOOKS[name])
     panel.axhline(0.0, color=figures.BLACK, linewidth=0.8)
     panel.set_yscale("symlog", linthresh=10.0)
-    words = "quality that scales the gain, and stays [1]", "growth of the slowest mode [1/s]"
-    label(panel, *words)
+    label(
+        panel,
+        x="quality that scales the gain, and stays [1]",
+        y="growth of the slowest mode [1/s]",
+    )
     legend_below(figure, panel)
     return figure

@@ -10,7 +10,7 @@ from workbench.types import Dataset, Figure
 
 def sums_of_kinds(answer: Dataset) -> Figure:
     """The sum in every kind of defect, over all draws, axes and drives."""
-    drawn, (panel,) = figures.axes(size=(7.2, 3.8))
+    drawn, (panel,) = figures.axes(1, 1, size=(7.2, 3.8))
     kinds = answer["kind"].values.tolist()
     values = [answer["raised"].sel(kind=kind).values.ravel() for kind in kinds]
     panel.boxplot(values, whis=(5, 95), showfliers=False, medianprops={"color": figures.ORANGE})
@@ -27,5 +27,5 @@ def one_jump(answer: Dataset) -> Figure:
     error.plot(time, 1e6 * answer["shown_error"])
     total.plot(time, answer["shown_sum"], color=figures.GREEN)
     figures.label(error, y=r"radial error [$\mu$m]", title="CD1, a shock that makes it jump")
-    figures.label(total, "time from the shock on [ms]", "focus sum / on the track")
+    figures.label(total, x="time from the shock on [ms]", y="focus sum / on the track")
     return drawn

@@ -43,10 +43,10 @@ def curves(answer: Dataset) -> Figure:
                 panel.plot(rate, mean, STYLES[name], color=colour, label=text)
             label(
                 panel,
-                "false alarms per window [1]" if row == len(noises) - 1 else "",
-                "detection rate [1]" if column == 0 else "",
-                f"{1e3 * length:g} mm, noise {1e6 * noise:g} $\\mu$m",
-                "x",
+                x="false alarms per window [1]" if row == len(noises) - 1 else "",
+                y="detection rate [1]" if column == 0 else "",
+                title=f"{1e3 * length:g} mm, noise {1e6 * noise:g} $\\mu$m",
+                log="x",
             )
     panels[0].set_ylim(-0.02, 1.02)
     figure.suptitle(
@@ -76,7 +76,7 @@ def areas(answer: Dataset) -> Figure:
                 panel.vlines(beside, low, high, color=line.get_color(), linewidth=1.0)
     for column, length in enumerate(lengths):
         label(panels[column], title=f"{1e3 * length:g} mm")
-        label(panels[len(lengths) + column], "light taken [%]", log="xy")
+        label(panels[len(lengths) + column], x="light taken [%]", log="xy")
         panels[column].set_xticks(depth, [f"{one:g}" for one in depth])
         panels[column].minorticks_off()
     label(panels[0], y="area under the ROC curve [1]")

@@ -26,7 +26,7 @@ def curves(answer: Dataset) -> Figure:
     raw.set_xlim(-40, 40)
     title = "Figure 2.8: focal lines 12 $\\mu$m apart, diodes twice as wide as the spot"
     figures.label(raw, y="difference / light", title=title)
-    figures.label(normalised, r"focus error [$\mu$m]", "difference / sum")
+    figures.label(normalised, x=r"focus error [$\mu$m]", y="difference / sum")
     figures.legend_below(drawn, raw)
     return drawn
 
@@ -42,7 +42,7 @@ def designs(answer: Dataset) -> Figure:
                 one = 1e6 * answer[name].sel(scheme=scheme, lines=lines)
                 label = rf"{scheme}, {1e6 * lines:g} $\mu$m"
                 panel.plot(answer["diode"], one, marker=mark, color=colour, label=label)
-        figures.label(panel, "width of the diodes / of the spot", title=title, log="y")
+        figures.label(panel, x="width of the diodes / of the spot", title=title, log="y")
     panels[0].set_ylabel(r"capture range [$\mu$m]")
     figures.legend_below(drawn, panels[0], columns=3)
     return drawn

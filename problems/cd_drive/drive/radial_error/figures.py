@@ -41,8 +41,8 @@ def against_depth(answer: Dataset, printed: float, with_offset: tuple[str, ...])
     for panel in (strength, offset):
         panel.axvline(printed, color="0.4", linestyle=":", linewidth=1.0)
     at = "depth of the pits [wavelengths in the disc]"
-    figures.label(strength, at, "strength over a mirror's light", "before normalising")
+    figures.label(strength, x=at, y="strength over a mirror's light", title="before normalising")
     title = "light lands 10 % beside the middle"
-    figures.label(offset, at, r"false error [$\mu$m]", title)
+    figures.label(offset, x=at, y=r"false error [$\mu$m]", title=title)
     figures.legend_below(drawn, strength)
     return drawn

@@ -31,7 +31,7 @@ def models_bode(answer: Dataset, title: str, limit: float) -> Figure:
     error.axhline(100 * limit, color=figures.BLACK, linestyle=":", linewidth=0.8)
     figures.label(magnitude, y="error over input [1/V]", title=title, log="xy")
     figures.label(phase, y="phase [deg]")
-    figures.label(error, "frequency [Hz]", "relative error [%]", log="xy")
+    figures.label(error, x="frequency [Hz]", y="relative error [%]", log="xy")
     error.set_ylim(0.1, None)
     figures.legend_below(drawn, magnitude, columns=3)
     return drawn

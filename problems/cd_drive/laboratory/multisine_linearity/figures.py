@@ -36,10 +36,16 @@ def linearity_tests(answer: Dataset, errors: Mapping[str, DataArray], title: str
         levels.plot(answer["size"], own, style, color=figures.ORANGE, markersize=3)
         mean = 100 * float(abs(answer["multisine_truth"].sel(kind=kind)).mean()) ** 0.5
         levels.plot([1.0], [mean], style[0], color=figures.BLUE, markersize=6)
-    figures.label(accuracy, "time [s]", r"rms error of the level's square [%$^2$]", title, "y")
-    figures.label(found, "time [s]", "draws that find it [%]", "at a p-value of 0.01")
     figures.label(
-        levels, "size over the largest", "level [%]", "without noise; dot: multisine", "y"
+        accuracy, x="time [s]", y=r"rms error of the level's square [%$^2$]", title=title, log="y"
+    )
+    figures.label(found, x="time [s]", y="draws that find it [%]", title="at a p-value of 0.01")
+    figures.label(
+        levels,
+        x="size over the largest",
+        y="level [%]",
+        title="without noise; dot: multisine",
+        log="y",
     )
     found.set_ylim(-3.0, 103.0)
     levels.set_ylim(1e-6, 10.0)

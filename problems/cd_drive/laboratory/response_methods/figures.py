@@ -37,7 +37,7 @@ def methods_bode(answer: Dataset, title: str) -> Figure:
             magnitude.errorbar(at, abs(response), radius, label=name.replace("_", " "), **look)
             phase.errorbar(at, np.degrees(np.angle(response)), lead, **look)
         figures.label(magnitude, title=f"{title}, {noise}")
-        figures.label(phase, "frequency [Hz]")
+        figures.label(phase, x="frequency [Hz]")
     figures.label(panels[0], y="$|v_r/u|$ [V/V]")
     figures.label(panels[2], y="phase [deg]")
     figures.legend_below(drawn, panels[0])
@@ -66,7 +66,7 @@ def error_curves(answer: Dataset, title: str) -> Figure:
             figures.label(panel, title=f"models, {excitation}, {noise}")
         figures.label(plain, y="relative error [%]", title=f"no model, {noise}", log="y")
     for panel in panels[-4:]:
-        figures.label(panel, "frequency [Hz]")
+        figures.label(panel, x="frequency [Hz]")
     handles, labels = panels[0].get_legend_handles_labels()
     more, names = panels[1].get_legend_handles_labels()
     drawn.legend(handles + more, labels + names, loc="outside lower center", ncols=5, frameon=False)

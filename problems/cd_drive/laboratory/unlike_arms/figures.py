@@ -42,7 +42,7 @@ def figure_4_5(answer: Dataset, title: str) -> Figure:
                 lower.plot(frequency, off, color=color)
         words = {"alike": "arms alike", "halves": "two unlike halves", "four": "four unlike arms"}
         figures.label(upper, title=f"{title}, {words[bench]}", log="x")
-        figures.label(lower, "frequency [Hz]", log="x")
+        figures.label(lower, x="frequency [Hz]", log="x")
         middle = abs(exact) * slope
         if n == 0:
             upper.set_ylim(0.3 * middle.min(), 2.2 * middle.max())
@@ -64,7 +64,7 @@ def figure_4_5(answer: Dataset, title: str) -> Figure:
 
 def shown_of(answer: Dataset, title: str) -> Figure:
     """Number of resonances that four random arms show, over the spread of their links."""
-    drawn, (panel,) = figures.axes(size=(6.0, 3.8))
+    drawn, (panel,) = figures.axes(1, 1, size=(6.0, 3.8))
     place, before = np.arange(answer.sizes["deviation"]), np.zeros(answer.sizes["deviation"])
     for n, count in enumerate(answer["count"].values.tolist()):
         share = answer["random_shown"].sel(count=count).values
@@ -73,6 +73,6 @@ def shown_of(answer: Dataset, title: str) -> Figure:
     names = [f"{one:.0%}" for one in answer["deviation"].values.tolist()]
     panel.set_xticks(place, names)
     words = "standard deviation of the arms' links"
-    figures.label(panel, words, "share of random arms", f"{title}: resonances that show")
+    figures.label(panel, x=words, y="share of random arms", title=f"{title}: resonances that show")
     figures.legend_below(drawn, panel)
     return drawn

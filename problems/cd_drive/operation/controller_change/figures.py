@@ -20,7 +20,7 @@ def one_change(answer: Dataset, axis: Axis) -> Figure:
         above.set_title(way)
         for panel in (above, below):
             panel.axvline(0.0, color="0.4", linewidth=0.8)
-        figures.label(below, "time from the change [ms]")
+        figures.label(below, x="time from the change [ms]")
     figures.label(panels[0], y=rf"true {axis} error [$\mu$m]")
     figures.label(panels[len(ways)], y="u [V]")
     return drawn
@@ -37,7 +37,7 @@ def after_change(answer: Dataset, axis: Axis, milliseconds: float) -> Figure:
             panel.fill_between(answer["angle"], low, high, color=figures.CYCLE[n], alpha=0.2)
             panel.plot(answer["angle"], middle, color=figures.CYCLE[n], label=str(way))
         panel.set_title(f"{share:g} of the Red Book's deviation")
-        figures.label(panel, "angle of the disc [revolutions]")
+        figures.label(panel, x="angle of the disc [revolutions]")
     steps = panels[-1]
     size = 1e6 * answer["stepped"]
     for name in answer["drive"].values:
@@ -46,7 +46,7 @@ def after_change(answer: Dataset, axis: Axis, milliseconds: float) -> Figure:
     steps.plot(answer["step"], linear, ":", color=figures.BLACK, label="linear loop")
     steps.set_xscale("log")
     steps.legend()
-    figures.label(steps, "step of the command [V]", title="step alone, 12 drives")
+    figures.label(steps, x="step of the command [V]", title="step alone, 12 drives")
     for panel in panels:
         panel.axhline(1e6 * CAPTURE[axis], color="0.4", linewidth=0.8, linestyle="--")
         panel.set_yscale("log")

@@ -24,7 +24,7 @@ def started(answer: Dataset) -> Figure:
     lens.axhline(0.0, color="0.4", linewidth=0.8, linestyle=":")
     figures.label(lens, y="lens, from the layer [mm]", title="CD1, 5 mm/s")
     panels[2].plot(answer["shown_time"], answer["whole_sum"], color=figures.ORANGE)
-    figures.label(panels[2], "time [s]", "sum over the layer's [1]")
+    figures.label(panels[2], x="time [s]", y="sum over the layer's [1]")
     time = 1e3 * answer["time"]
     zoom.plot(time, 1e6 * answer["zoom_error"], color=figures.BLUE, label="true error")
     zoom.axvline(0.0, color="0.4", linewidth=0.8)
@@ -33,7 +33,7 @@ def started(answer: Dataset) -> Figure:
     panels[3].plot(time, answer["zoom_u"], color=figures.ORANGE, label="control voltage [V]")
     panels[3].axvline(0.0, color="0.4", linewidth=0.8)
     panels[3].legend()
-    figures.label(panels[3], "time from the closing [ms]")
+    figures.label(panels[3], x="time from the closing [ms]")
     return drawn
 
 
@@ -64,15 +64,15 @@ def by_speed(answer: Dataset) -> Figure:
         panel.set_title(law)
     for panel in panels:
         panel.set_xticks(place, names)
-        figures.label(panel, "ramp [mm/s]")
+        figures.label(panel, x="ramp [mm/s]")
     panels[0].legend(loc="lower left", fontsize="x-small")
-    figures.legend_below(drawn, panels[1], len(OUTCOMES))
+    figures.legend_below(drawn, panels[1], columns=len(OUTCOMES))
     return drawn
 
 
 def by_relative_speed(answer: Dataset) -> Figure:
     """Largest error after closing over the relative speed, with both bounds."""
-    drawn, (panel,) = figures.axes(size=(7.0, 4.4))
+    drawn, (panel,) = figures.axes(1, 1, size=(7.0, 4.4))
     one = answer.sel(law=LAWS[0])
     speed, error = 1e3 * abs(one["relative"].values.ravel()), 1e6 * one["overshoot"].values.ravel()
     kinds = one["outcome"].values.ravel()
@@ -89,6 +89,8 @@ def by_relative_speed(answer: Dataset) -> Figure:
     panel.axhline(6.0, color="0.4", linewidth=0.8, linestyle="--")
     panel.set_xscale("log")
     panel.set_yscale("log")
-    figures.label(panel, "relative speed at the closing [mm/s]", r"largest error after it [$\mu$m]")
+    figures.label(
+        panel, x="relative speed at the closing [mm/s]", y=r"largest error after it [$\mu$m]"
+    )
     panel.legend(loc="upper left")
     return drawn

@@ -30,7 +30,7 @@ def one_jump(answer: Dataset, tracks: int, volts: float) -> Figure:
                 panel.axhline(tracks, color="0.4", linewidth=0.8, linestyle=":")
                 panel.set_title(f"{law}, {tracks} tracks, {volts:g} V")
             if n == len(rows) - 1:
-                figures.label(panel, "time [ms]")
+                figures.label(panel, x="time [ms]")
         figures.label(panels[n * len(laws)], y=text)
     return drawn
 
@@ -56,7 +56,7 @@ def by_tracks(answer: Dataset, countable: float) -> Figure:
         panel.set_xticks(place, [str(one) for one in tracks])
         panel.set_title(f"{volts:g} V, eccentricity {share:g} of the Red Book")
     for panel in panels[2:]:
-        figures.label(panel, "tracks; grey: half a track or more from sample to sample")
+        figures.label(panel, x="tracks; grey: half a track or more from sample to sample")
     for panel in panels[::2]:
         figures.label(panel, y="share that lands [%], 99 %")
     figures.legend_below(drawn, panels[0])

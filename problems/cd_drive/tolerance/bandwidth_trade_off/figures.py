@@ -26,7 +26,7 @@ def one_record(answer: Dataset, axis: Axis) -> Figure:
         above.plot(time, 1e6 * one["true"], color=figures.BLUE, label="true error")
         below.plot(time, one["u"], color=figures.ORANGE)
         above.set_title(f"{axis}, {law}, one record of one draw")
-        figures.label(below, "time from the scratch [ms]")
+        figures.label(below, x="time from the scratch [ms]")
     figures.label(panels[0], y=r"error [$\mu$m]")
     figures.label(panels[2], y="u [V]")
     figures.legend_below(drawn, panels[0])
@@ -46,7 +46,7 @@ def reactions(answer: Dataset, axis: Axis) -> Figure:
             panel.errorbar(share, mean, [mean - low, high - mean], label=law, **look)
         panel.axhline(1e6 * ACCEPTABLE_ERROR[axis], color="0.4", linewidth=0.8, linestyle=":")
         panel.set_yscale("log")
-        figures.label(panel, "deviation / Red Book [1]", title=title)
+        figures.label(panel, x="deviation / Red Book [1]", title=title)
     figures.label(panels[0], y=rf"largest {axis} error [$\mu$m]")
     figures.legend_below(drawn, panels[0])
     return drawn

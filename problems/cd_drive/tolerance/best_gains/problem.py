@@ -213,7 +213,7 @@ class BestGains(Study):
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:
         """Time out of spec of the best case of each use, by cause."""
-        drawn, (panel,) = figures.axes(size=(8.0, 4.4))
+        drawn, (panel,) = figures.axes(1, 1, size=(8.0, 4.4))
         place = np.arange(len(GROUPS))
         for n, number in enumerate(answer["best"].values.tolist()):
             share = 100 * answer["arm"].sel(half=HALVES[1]).isel(case=number).values
@@ -223,7 +223,7 @@ class BestGains(Study):
         panel.set_yscale("symlog", linthresh=0.1, linscale=0.4)
         panel.set_ylim(bottom=0.0)
         figures.label(panel, y="time out of spec [%]", title=f"{self.axis}, the best of each use")
-        figures.legend_below(drawn, panel, 6)
+        figures.legend_below(drawn, panel, columns=6)
         return {"best": drawn}
 
 

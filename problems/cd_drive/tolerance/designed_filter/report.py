@@ -90,7 +90,7 @@ def figure_8_10(answer: Dataset, axis: Axis) -> Figure:
     phase.axhline(-180.0, color="0.5", linewidth=0.8)
     title = f"{axis}, loop of K (1 - F), nominal drive, a sample late"
     figures.label(gain, y="gain [dB]", title=title, log="x")
-    figures.label(phase, "frequency [Hz]", "phase [deg]", log="x")
+    figures.label(phase, x="frequency [Hz]", y="phase [deg]", log="x")
     gain.set_ylim(-40.0, 60.0)
     figures.legend_below(drawn, gain)
     return drawn
@@ -112,16 +112,16 @@ def excursions(answer: Dataset, axis: Axis) -> Figure:
         look: Any = {"color": "0.4", "linestyle": "--", "linewidth": 0.9}
         panel.axhline(limit, label="allowed (Red Book)", **look)
         title = f"{axis}, scratch of {1e3 * length:.1f} mm: mean and 90 % of the draws"
-        figures.label(panel, "", r"excursion [$\mu$m]", title, log="y")
+        figures.label(panel, x="", y=r"excursion [$\mu$m]", title=title, log="y")
     panels[-1].set_xticks(range(answer.sizes["drive"]), answer["drive"].values)
-    figures.label(panels[-1], "drive")
-    figures.legend_below(drawn, panels[0], 5)
+    figures.label(panels[-1], x="drive")
+    figures.legend_below(drawn, panels[0], columns=5)
     return drawn
 
 
 def costs(answer: Dataset, axis: Axis) -> Figure:
     """Leakage and noise of the best filters over the error, for each sensitivity allowed."""
-    drawn, (panel,) = figures.axes(size=(7.0, 4.4))
+    drawn, (panel,) = figures.axes(1, 1, size=(7.0, 4.4))
     for n, peak in enumerate(answer["peak_allowed"].values.tolist()):
         one = answer["front"].sel(peak_allowed=peak)
         total = one.sel(quantity="leakage") + 3 * one.sel(quantity="noise")
@@ -129,6 +129,6 @@ def costs(answer: Dataset, axis: Axis) -> Figure:
         panel.plot(answer["point"], 1e6 * total, "o-", color=figures.CYCLE[n], label=label)
     words = "largest relative error of the estimate above 1.5 kHz"
     title = f"{axis}, every plant of the set"
-    figures.label(panel, words, r"leakage + 3 rms of the noise [$\mu$m]", title, log="y")
-    figures.legend_below(drawn, panel, 1)
+    figures.label(panel, x=words, y=r"leakage + 3 rms of the noise [$\mu$m]", title=title, log="y")
+    figures.legend_below(drawn, panel, columns=1)
     return drawn

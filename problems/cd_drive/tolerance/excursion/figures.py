@@ -43,11 +43,15 @@ def against_theory(answer: Dataset, axis: Axis) -> Figure:
         panel.axhline(capture, color=figures.PURPLE, lw=1.0, ls=":", label="capture")
     end = r"at the defect's end [$\mu$m]"
     figures.label(
-        panels[0], "length of the defect [mm]", f"|true error| {end}", "worst angle", log="y"
+        panels[0],
+        x="length of the defect [mm]",
+        y=f"|true error| {end}",
+        title="worst angle",
+        log="y",
     )
     longest = f"{1e3 * float(answer['length'][-1]):.1f} mm"
-    figures.label(panels[1], "middle of the defect [deg]", f"true error {end}", longest)
-    figures.legend_below(figure, panels[0], 3)
+    figures.label(panels[1], x="middle of the defect [deg]", y=f"true error {end}", title=longest)
+    figures.legend_below(figure, panels[0], columns=3)
     return figure
 
 

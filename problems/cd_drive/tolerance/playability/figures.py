@@ -51,7 +51,7 @@ def balloons(answer: Dataset) -> Figure:
         panel.set_rlabel_position(180.0 / len(known))
         panel.tick_params(axis="y", labelsize=7)
         panel.set_title(f"{axis}: share of time out of spec", pad=18)
-    figures.legend_below(figure, panels[0], 6)
+    figures.legend_below(figure, panels[0], columns=6)
     return figures.numbered(figure, "2.15")
 
 
@@ -95,7 +95,7 @@ def tuning(answer: Dataset, tuned: str) -> Figure:
             [n], [gained], [[gained - low], [high - gained]], fmt="o", color=colour, capsize=4
         )
     y = "balloon, training discs; above 1: $|S|$ > 2 [1]"
-    figures.label(panels[0], "trial", y, f"{titled(tuned)}: search")
+    figures.label(panels[0], x="trial", y=y, title=f"{titled(tuned)}: search")
     panels[0].locator_params(axis="x", integer=True)
     panels[1].axhline(0.0, color=figures.BLACK, lw=0.8)
     panels[1].set_xlim(-0.6, 1.6)

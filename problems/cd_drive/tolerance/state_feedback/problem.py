@@ -358,7 +358,7 @@ def _loops(answer: Dataset, axis: Axis) -> Figure:
         phase.plot(frequency, figures.phase(L), color=colour)
     gain.axhline(0.0, color="0.5", linewidth=0.8)
     figures.label(gain, y="gain [dB]", title=f"Open {axis} loops, nominal drive", log="x")
-    figures.label(phase, "frequency [Hz]", "phase [deg]", log="x")
+    figures.label(phase, x="frequency [Hz]", y="phase [deg]", log="x")
     figures.legend_below(drawn, gain)
     return drawn
 
@@ -375,8 +375,8 @@ def _excursions(answer: Dataset, axis: Axis) -> Figure:
         limit = 1e6 * ACCEPTABLE_ERROR[axis]
         panel.axhline(limit, color="0.4", linestyle="--", linewidth=0.9, label="allowed (Red Book)")
         title = f"{axis}, scratch of {1e3 * length:.1f} mm: mean and 90 % of the draws"
-        figures.label(panel, "", r"excursion [$\mu$m]", title, log="y")
+        figures.label(panel, x="", y=r"excursion [$\mu$m]", title=title, log="y")
     panels[-1].set_xticks(range(answer.sizes["drive"]), answer["drive"].values)
-    figures.label(panels[-1], "drive")
-    figures.legend_below(drawn, panels[0], 4)
+    figures.label(panels[-1], x="drive")
+    figures.legend_below(drawn, panels[0], columns=4)
     return drawn

@@ -40,7 +40,7 @@ def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
         for part, shade in ((time <= ENGAGED, COLOURS["reference"]), (time >= ENGAGED, colour)):
             panel.fill_between(time[part], low[part], high[part], color=shade, linewidth=0.4)
         panel.axvline(ENGAGED, color="0.5", linestyle="--", linewidth=0.9)
-        figures.label(panel, "time [s]", label)
+        figures.label(panel, x="time [s]", y=label)
     rows = (("f_en", 1.0, f"error {_seen(axis)} [1], mean taken out"), ("error", 1e6, _true(axis)))
     for row, (signal, unit, label) in enumerate(rows, start=1):
         pair = panels[2 * row : 2 * row + 2]
@@ -52,7 +52,7 @@ def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
             _shade(panel, one, stage)
             panel.plot(one["zoomed"], values, color=shade)
             title = "reference strategy" if stage == "before" else _title(name)
-            figures.label(panel, "time from the start of the scratch [ms]", label, title)
+            figures.label(panel, x="time from the start of the scratch [ms]", y=label, title=title)
         low = min(panel.get_ylim()[0] for panel in pair)
         high = max(panel.get_ylim()[1] for panel in pair)
         for panel in pair:
@@ -113,6 +113,6 @@ def _drives(answer: Dataset, axis: Axis) -> Figure:
     limit = 1e6 * ACCEPTABLE_ERROR[axis]
     panels[0].axhline(limit, color="0.4", linestyle="--", linewidth=0.9, label="allowed (Red Book)")
     panels[1].set_xticks(range(answer.sizes["drive"]), answer["drive"].values)
-    figures.label(panels[1], "drive", log="y")
+    figures.label(panels[1], x="drive", log="y")
     figures.legend_below(figure, panels[0], columns=6)
     return figure

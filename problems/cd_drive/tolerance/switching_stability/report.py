@@ -181,15 +181,15 @@ def _open_loops(axis: Axis, answer: Dataset) -> Figure:
     size.axhline(1.0, color="0.4", linewidth=0.8)
     phase.axhline(-180.0, color="0.4", linewidth=0.8)
     title = f"{axis}, nominal open loops sampled at 35 kHz"
-    figures.label(size, "frequency [Hz]", "$|L|$ [1]", log="xy")
-    figures.label(phase, "frequency [Hz]", r"$\arg L$ [deg]", title, log="x")
-    figures.label(nyquist, r"$\mathrm{Re}\,L$ [1]", r"$\mathrm{Im}\,L$ [1]")
+    figures.label(size, x="frequency [Hz]", y="$|L|$ [1]", log="xy")
+    figures.label(phase, x="frequency [Hz]", y=r"$\arg L$ [deg]", title=title, log="x")
+    figures.label(nyquist, x=r"$\mathrm{Re}\,L$ [1]", y=r"$\mathrm{Im}\,L$ [1]")
     figures.legend_below(figure, size)
     return figure
 
 
 def _dwell_figure(axis: Axis, answer: Dataset) -> Figure:
-    figure, (panel,) = figures.axes(size=(8.0, 4.6))
+    figure, (panel,) = figures.axes(1, 1, size=(8.0, 4.6))
     place = np.arange(answer.sizes["drive"])
     width = 0.26
     for i, strategy in enumerate(answer["strategy"].values.tolist()):
@@ -211,7 +211,7 @@ def _dwell_figure(axis: Axis, answer: Dataset) -> Figure:
     longest = f"{axis}, defects up to {MM * answer.sizes['length']:.1f} mm"
     title = f"{longest}: clean samples needed between them"
     figures.label(panel, y="distance [samples]", title=title, log="y")
-    figures.legend_below(figure, panel, 2)
+    figures.legend_below(figure, panel, columns=2)
     return figure
 
 
@@ -247,7 +247,7 @@ def _region(axis: Axis, answer: Dataset) -> Figure:
     for panel in panels[:: len(strategies)]:
         panel.set_ylabel("longest defect [mm]")
     for panel in panels[-len(strategies) :]:
-        figures.label(panel, "distance between defects [mm]", log="x")
+        figures.label(panel, x="distance between defects [mm]", log="x")
     assert handles is not None
     figures.legend_below(figure, handles)
     return figure

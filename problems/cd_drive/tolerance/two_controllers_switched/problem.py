@@ -247,7 +247,7 @@ class SwitchedPair(Study):
     @figure
     def out_of_spec(self, arm: DataArray, arm_interval: DataArray) -> dict[str, Figure]:
         """Time out of spec of each case, by cause."""
-        drawn, (panel,) = figures.axes(size=(8.0, 4.4))
+        drawn, (panel,) = figures.axes(1, 1, size=(8.0, 4.4))
         place = np.arange(len(GROUPS))
         for n, case in enumerate(CASES):
             share = 100 * arm.sel(case=case).values

@@ -175,7 +175,7 @@ class WrongRotation(Study):
     @figure
     def drawn(self, answer: Dataset) -> dict[str, Figure]:
         """Excursion over the error of the rotation frequency."""
-        drawn, (panel,) = figures.axes(size=(7.0, 4.4))
+        drawn, (panel,) = figures.axes(1, 1, size=(7.0, 4.4))
         off, axis = 100 * answer["wrong"].values, self.experiment.axis
         mean, low, high = (1e6 * draws_summary(answer["reference_excursion"])).values
         panel.axhspan(low, high, color="0.9")
@@ -191,6 +191,8 @@ class WrongRotation(Study):
         panel.set_xticks(off, [f"{one:g}" for one in off])
         panel.set_yscale("log")
         title = f"{axis}, {self.draws} draws: mean, and 90 % of them"
-        figures.label(panel, "error of the rotation told [%]", r"excursion [$\mu$m]", title)
+        figures.label(
+            panel, x="error of the rotation told [%]", y=r"excursion [$\mu$m]", title=title
+        )
         figures.legend_below(drawn, panel)
         return {"wrong-rotation": drawn}

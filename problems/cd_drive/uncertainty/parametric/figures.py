@@ -33,13 +33,13 @@ def deviation_figure(answer: Dataset) -> Figure:
         figures.label(panel, y="$|G_p / G - 1|$ [1]", title=titles[gain], log="xy")
         panel.set_ylim(1e-2, 8 * float(answer["deviation"].max()))  # room for the legend
         panel.legend(loc="upper right", frameon=False)
-    figures.label(panels[-1], "frequency [Hz]")
+    figures.label(panels[-1], x="frequency [Hz]")
     return drawn
 
 
 def bode_figure(answer: Dataset) -> Figure:
     """Magnitude of the nominal plant, with the band of each set."""
-    drawn, (panel,) = figures.axes()
+    drawn, (panel,) = figures.axes(1, 1)
     hertz = answer["frequency"].values
     for name, alpha in (("nine", 0.25), ("reduced", 0.45)):
         label, colour, _ = LOOKS[name]
@@ -47,6 +47,6 @@ def bode_figure(answer: Dataset) -> Figure:
         look: Any = {"color": colour, "alpha": alpha, "lw": 0, "label": label}
         panel.fill_between(hertz, one["least"], one["most"], **look)
     panel.plot(hertz, abs(answer["nominal"]), color=figures.BLACK, label="nominal (Table 5.2)")
-    figures.label(panel, "frequency [Hz]", "$|f_{en} / u|$ [units/V]", log="xy")
+    figures.label(panel, x="frequency [Hz]", y="$|f_{en} / u|$ [units/V]", log="xy")
     figures.legend_below(drawn, panel, columns=3)
     return drawn

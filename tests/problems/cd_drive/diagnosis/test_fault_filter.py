@@ -50,7 +50,7 @@ from workbench.uncertainty import UncertaintyModel
 def loops(reference):
     data = reference("cd/focus/cover-for-control").data
     model = UncertaintyModel(
-        *(restored_rational(data, f"{name}3_") for name in ("nominal", "W_c", "W_r"))
+        *(restored_rational(data, prefix=f"{name}3_") for name in ("nominal", "W_c", "W_r"))
     )
     K = control.ss(controller("focus"))
     return fault_loop("focus", model, K), fault_loop("focus", model, K, 1.0)
