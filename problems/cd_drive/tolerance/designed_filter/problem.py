@@ -18,7 +18,6 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, StateSpace
 from workbench.diagnosis import DemandReached, FaultLoop
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -42,7 +41,13 @@ from workbench.systems.storage import restored_system
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.loops import plants
-from ...diagnosis.fault_filter.demand import demand_check, demand_table, in_metrics, reached_of
+from ...diagnosis.fault_filter.demand import (
+    demand_check,
+    demand_table,
+    in_metrics,
+    reached_arrays,
+    reached_of,
+)
 from ...diagnosis.fault_filter.loop import fault_loop
 from ...diagnosis.fault_filter.problem import allowed_leakage, stadiums_of
 from ...diagnosis.scratch_draws import ScratchDraw
@@ -183,23 +188,8 @@ class DesignedFilter(Study):
 
     design = part(lambda self: self.made.best())
     reached = part(lambda design: design[0])
-    demand_factor = array(
-        dims=(), unit="1", meaning="limits reached over asked", value=lambda reached: reached.factor
-    )
-    set_share = array(
-        dims=(),
-        unit="1",
-        meaning="share of the set that is reached",
-        value=lambda reached: reached.share,
-    )
-    allowed = array(
-        dims=(),
-        unit="1",
-        meaning="error reached",
-        value=lambda self, reached: self.made.limits(reached)[0],
-    )
-    leakage_allowed = array(
-        dims=(), unit="m", meaning="", value=lambda self, reached: self.made.limits(reached)[1]
+    demand_factor, set_share, allowed, leakage_allowed = reached_arrays(
+        lambda self, reached: self.made.limits(reached)
     )
     designed = system(called="designed")(lambda design: bilinear_sampled(design[1].F, PERIOD))
 
@@ -272,7 +262,6 @@ class DesignedFilter(Study):
     @part
     def met(self, filters: Any, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (drives, draws, lengths, cases, 4)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [
             (str(name), int(one))
             for name, row in zip(seed["drive"].values, seed.values, strict=True)
