@@ -19,7 +19,6 @@ from workbench._core.tables import markdown
 from workbench.bench.declare import Ref
 from workbench.executor import Context
 from workbench.identification import IdentificationWarning
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -161,7 +160,6 @@ class ClosedLoop(Study):
     @part
     def heard(self, context: Context, seed: DataArray, told: list[Told]) -> Any:
         """The records of all draws, and the warnings that estimation gave for them."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = list(zip(seed.values.tolist(), told, strict=True))
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", IdentificationWarning)

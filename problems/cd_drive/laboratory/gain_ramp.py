@@ -18,7 +18,6 @@ from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench._core.tables import markdown
 from workbench.executor import Context
 from workbench.simulation import Cascade, Part, linear_controller, ramped_gain
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -165,7 +164,6 @@ class GainRamp(Study):
     @part
     def ended(self, context: Context, seed: DataArray) -> RealArray:
         """Endings (drives, draws, directions, 3)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def endings(place: tuple[int, ...]) -> list[Ending]:
             one = seed[place]

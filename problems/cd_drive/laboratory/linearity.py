@@ -19,7 +19,6 @@ from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import SteppedSine, sine_fit, total_harmonic_distortion
 from workbench.simulation import linear_controller
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -133,7 +132,6 @@ class Linearity(Study):
     @part
     def spectra(self, grids: list[RealArray], seed: DataArray, context: Context) -> Any:
         """Harmonics (draw, loop, channel, step, MOST_HARMONICS) of every record."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         trials = dict(zip(LOOPS, zip((open_loop, closed_loop), grids, strict=True), strict=True))
 
         def played(place: tuple[int, ...]) -> ComplexArray:

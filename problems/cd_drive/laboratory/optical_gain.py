@@ -19,7 +19,6 @@ from workbench import Check, figures, problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -117,7 +116,6 @@ class OpticalGain(Study):
     def scans(self, seed: DataArray, context: Context) -> list[list[Scan]]:
         """A scan of every drive in every draw, each with its own noise."""
         scan = focus_scan if self.axis == "focus" else radial_scan
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def scanned(place: tuple[int, ...]) -> Scan:
             one = seed[place]

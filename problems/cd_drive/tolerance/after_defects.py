@@ -16,7 +16,6 @@ from workbench import figures, problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -118,7 +117,6 @@ class AfterDefects(Study):
     @part
     def found(self, seed: DataArray, context: Context) -> Any:
         """Clean levels, times after the defects and losses, for every draw and loop."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [(loop, int(one)) for one in seed.values for loop in LOOPS]
         every = context.spread(lambda cell: self.one_draw(*cell), cells, "draws")
         return tuple(

@@ -16,7 +16,6 @@ from workbench import figures, problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -127,7 +126,6 @@ class FalseDetections(Study):
     @part
     def met(self, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (draws, strategies, cases, 3)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         axis = self.experiment.axis
         cells = [
             (name, ScratchDraw.drawn(axis, int(one))) for one in seed.values for name in STRATEGIES

@@ -16,7 +16,6 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -105,7 +104,6 @@ class GainControl(Study):
     @part
     def starts(self, context: Context, seed: DataArray, benches: list[Laboratory]) -> list[Start]:
         """Starts in the order of arm, drive, draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         arms = list(ARMS.values())
 
         def played(place: tuple[int, ...]) -> Start:

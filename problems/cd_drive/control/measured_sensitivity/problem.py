@@ -16,7 +16,6 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -131,7 +130,6 @@ class MeasuredSensitivity(Study):
     @part
     def records(self, context: Context, seed: DataArray, frequency: DataArray) -> list[Measurement]:
         """Measurements in the order of scale, disc, drive, draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         grid, sizes = frequency.values, list(SCALES.values())
         deviations, names = list(DISCS.values()), seed["drive"].values.tolist()
 

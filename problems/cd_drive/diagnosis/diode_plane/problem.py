@@ -19,7 +19,6 @@ from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
 from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -128,7 +127,6 @@ class DiodePlane(Study):
     @part
     def every(self, context: Context, seed: DataArray) -> list[list[OneDrive]]:
         """Findings of the detectors on every drive in each draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> OneDrive:
             one = seed[place]

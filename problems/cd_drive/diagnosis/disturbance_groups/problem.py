@@ -16,7 +16,6 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -103,7 +102,6 @@ class DisturbanceGroups(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> list[Superposed]:
         """Errors of every drive in every draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> Superposed:
             at = seed[place]

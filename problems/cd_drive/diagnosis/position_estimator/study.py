@@ -11,7 +11,6 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray
 from workbench.diagnosis import Estimator, KalmanEstimator, Rotation, estimate
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import Study, array, arrays, dim, independent_seeds, part
 
 from ...drive.tables import Axis, Values, drives, red_book
@@ -158,7 +157,6 @@ class EstimatorTrials(Study):
                 "position_error": abs(runs["Kalman", "known"].outputs[:, 2] - trial.record.x).max(),
             }
 
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         return context.spread(met, nominal_seed.values.tolist(), "draws, nominal drive")
 
     error = array(

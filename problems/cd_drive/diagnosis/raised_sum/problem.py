@@ -16,7 +16,6 @@ from workbench import Run, problem, ref
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -98,7 +97,6 @@ class RaisedSum(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """A defect of every kind, by draw, axis and drive."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         mirror = 1.0 / float(self.over_track[len(self.over_track) // 2])
 
         def one(place: tuple[int, ...]) -> Met:

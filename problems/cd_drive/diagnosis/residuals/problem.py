@@ -18,7 +18,6 @@ from workbench import Check, problem
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -129,7 +128,6 @@ class ResidualCurves(Study):
     @part
     def found(self, seed: DataArray, context: Context) -> dict[str, Any]:
         """Results of all draws and noises by name, (draw, noise, ...)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [(factor, seeds[:3]) for seeds in seed.values.tolist() for factor in FACTORS]
         every = context.spread(lambda cell: self.trials.trial(*cell), cells, "draws and noises")
         return {

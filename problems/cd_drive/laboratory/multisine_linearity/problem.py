@@ -18,7 +18,6 @@ from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import LineDistortion
 from workbench.simulation import bootstrap_weights, percentile_interval
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -115,7 +114,6 @@ class MultisineLinearity(Study):
         """Distortions of each draw: by the multisine, by the multisine without noise, and by the
         sines.
         """
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         self.tests.sweeps  # noqa: B018  (made once, before threads ask for it)
 
         def one(seeds: list[int]) -> tuple[Any, Any, Any]:

@@ -18,7 +18,6 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench.executor import Context
 from workbench.identification import IdentificationWarning
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -149,7 +148,6 @@ class UnlikeArms(Study):
         self, context: Context, experiments: list[LoopExperiment], seed: DataArray, told: list[Told]
     ) -> list[list[LoopRecord]]:
         """Records of every bench, by draw."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         seeds = seed.values.tolist()
 
         def measured(place: tuple[int, ...]) -> LoopRecord:

@@ -16,7 +16,6 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -108,7 +107,6 @@ class ControllerChange(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Changes (ways, shares, angles, drives, draws, 4)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Changed]:
             at = seed[place]

@@ -15,7 +15,6 @@ from workbench import problem
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -117,7 +116,6 @@ class StartUpStudy(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Attempts (laws, speeds, shares, drives, draws, 3)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def one(place: tuple[int, ...]) -> list[Attempt]:
             at = seed[place]

@@ -15,7 +15,6 @@ from workbench import Run, problem, ref
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -154,7 +153,6 @@ class TrackJump(Study):
         self, context: Context, seed: DataArray, pulse: DataArray, samples: DataArray
     ) -> RealArray:
         """Landings (laws, volts, tracks, shares, drives, draws, 4)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         jumps = [
             (Setting(self.contrast, share), Jump(n, volts, START), law)
             for law in LAWS

@@ -17,7 +17,6 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -106,7 +105,6 @@ class BandwidthTradeOff(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Reactions of every case and controller."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def reactions_in(place: tuple[int, ...]) -> list[Reaction]:
             one = seed[place]

@@ -16,7 +16,6 @@ from workbench import Run, problem, ref
 from workbench._core.heavy_types import DataArray, Dataset
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -138,7 +137,6 @@ class Excursion(Study):
     @array(dims=(angle, length, share, draw, strategy), unit="m")
     def peak(self, context: Context, seed: DataArray) -> Any:
         """Largest true error, defect and 5 ms after"""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
 
         def met(place: tuple[int, ...]) -> list[float]:
             one = seed[place]

@@ -18,7 +18,6 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.executor import Progress, Threads, spread
 from workbench.simulation import Cascade, discrete_system
 from workbench.simulation.ensemble_scores import error_scores
-from workbench.simulation.machine import compiled_loop
 
 from ...diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN
 from ...diagnosis.quality import diode_quality
@@ -137,7 +136,6 @@ def met(
     ``task`` returns (drives, designs, SCORES) for one circumstance. The compiled loop does not
     block other threads, and all threads share the compiled code.
     """
-    compiled_loop()  # otherwise threads that need it at the same time would each compile it
     with Threads(workers=workers) as pool:
         return np.transpose(
             spread(task, many, pool, progress=progress, description=what), (2, 1, 0, 3)

@@ -19,7 +19,6 @@ from workbench._core.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench._core.tables import markdown
 from workbench.executor import Context
 from workbench.simulation import discrete_system
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -223,7 +222,6 @@ class StateFeedbackStudy(Study):
     @part
     def met(self, law: StateFeedback, seed: DataArray, context: Context) -> RealArray:
         """Outcomes (drives, draws, lengths, cases, 4)."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cells = [
             (name, one)
             for name, row in zip(self.names, seed.values.tolist(), strict=True)

@@ -16,7 +16,6 @@ from workbench import Run, problem, ref
 from workbench._core.heavy_types import DataArray, StateSpace
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -185,7 +184,6 @@ class StrategiesStudy(Study):
         cells = [
             (drive, one) for drive, row in zip(self.names, scratches, strict=True) for one in row
         ]
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         found = context.spread(lambda cell: self.outcomes(*cell), cells, "drives and draws")
         return np.reshape(found, (-1, self.draws, len(STRATEGIES), 4))
 

@@ -16,7 +16,6 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench._core.tables import markdown
 from workbench.executor import Context
-from workbench.simulation.machine import compiled_loop
 from workbench.study import (
     Study,
     array,
@@ -97,7 +96,6 @@ class WrongRotation(Study):
     @part
     def met(self, context: Context, seed: DataArray) -> RealArray:
         """Outcomes (draws, 1 + strategies x errors, 4), those of the reference strategy first."""
-        compiled_loop()  # otherwise threads that need it at the same time would each compile it
         cases = [("reference", 0.0), *((name, wrong) for name in TOLD for wrong in WRONG)]
 
         def outcomes(place: int) -> list[StrategyOutcome]:
