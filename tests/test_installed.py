@@ -53,6 +53,15 @@ def test_doctor_finds_versions_and_says_what_is_missing(monkeypatch):
     assert not found["slycot"].well and "conda" in found["slycot"].advice
 
 
+def test_doctor_tells_of_a_release_of_numba_that_was_not_tested(monkeypatch):
+    found = {one.topic: one for one in doctor.examination(test=False)}["machine code"]
+    assert found.well and found.found == "releases of Numba and llvmlite that were tested"
+    monkeypatch.setattr("numba.__version__", "99.0")
+    found = {one.topic: one for one in doctor.examination(test=False)}["machine code"]
+    assert not found.well
+    assert "numba 99.0 was not tested" in found.found and "results stay the same" in found.advice
+
+
 def test_doctor_names_every_conic_solver_that_is_installed(monkeypatch):
     found = {one.topic: one for one in doctor.examination(test=False)}["conic solvers"]
     for name in doctor.SOLVERS:

@@ -14,6 +14,7 @@ import pytest
 from last_bits import shaken
 
 import workbench as wb
+from workbench.bench.project import registry
 from workbench.bench.results import Run, rebuilt
 from workbench.bench.verify import finished_folders
 from workbench.certify.mu_bound import certified_bound
@@ -138,7 +139,8 @@ def stored(problem):
 
     run = Run(min(finished_folders(REFERENCE / problem), key=seconds))
     data = run.data.load()
-    task = rebuilt(run).task.of_stored(data)  # as `verify` does: other processors compute others
+    # as `verify` does: other processors compute others
+    task = rebuilt(run, registry()).task.of_stored(data)
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
     return task, data, float(run.info["options"]["tolerance"]), optimal
 

@@ -25,7 +25,7 @@ LEFT = {
         bench/cells/answer.py: WARM_UP
         bench/cells/answer.py: CHECK_LIMIT
         bench/comparison/numbers.py: SHIFTS
-        _core/compiled.py: LONGEST_COMPILATION
+        _core/machine_code/kept.py: LONGEST_COMPILATION
         executor/cluster.py: ANSWER
         executor/local_cluster.py: START
         executor/workers.py: LOOK

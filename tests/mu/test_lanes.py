@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernels import called
 
+from workbench._core.machine_code.sums import LANES
+from workbench._core.machine_code.values import of_lanes, put, square_root, where_less
 from workbench.mu import MuUpperBound, upper_bound
 from workbench.mu.upper import multipliers
 from workbench.mu.upper.lanes import algebra, system
-from workbench.mu.upper.lanes.simd import LANES
 from workbench.mu.upper.lanes.state import Places
-from workbench.mu.upper.lanes.values import of_lanes, put, square_root, where_less
 from workbench.mu.upper.pattern import diagonal_places, pattern_of
 from workbench.structure import Complex, Full, Real, Structure
 

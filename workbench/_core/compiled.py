@@ -6,10 +6,18 @@ import inspect
 import re
 import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, suppress
-from functools import cache, partial
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+from workbench._core.machine_code.door import (
+    NO_WRAPPERS,
+    NOTHING_COUNTED,
+    check_releases,
+    reason_of,
+    tell_plain,
+)
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -25,7 +33,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     Cached code names its module. The registry imports problem files under a package of its own,
     which no other process can import by name; their code is cached under separate names.
     """
-    return _compile_and_cache(function, {})
+    return _compile_and_cache(function, {}, {})
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -46,7 +54,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     >>> limited(3.0, 2.0)
     2.0
     """
-    return _compile_and_cache(function, {"_nrt": False})
+    return _compile_and_cache(function, {}, NOTHING_COUNTED)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -56,7 +64,7 @@ def inlined(function: Callable[..., Any]) -> Any:
     them stay the same. Besides, Numba compiles a called function again with each caller, at every
     level of calls.
     """
-    return _compile_and_cache(function, {"_nrt": False, "inline": "always"})
+    return _compile_and_cache(function, {"inline": "always"}, NOTHING_COUNTED)
 
 
 def unchecked(function: Callable[..., Any]) -> Any:
@@ -64,7 +72,7 @@ def unchecked(function: Callable[..., Any]) -> Any:
 
     Without that test the compiler can vectorise a loop.
     """
-    return _compile_and_cache(function, {"error_model": "numpy"})
+    return _compile_and_cache(function, {"error_model": "numpy"}, {})
 
 
 def unchecked_kernel(function: Callable[..., Any]) -> Any:
@@ -73,10 +81,7 @@ def unchecked_kernel(function: Callable[..., Any]) -> Any:
     The wrapper through which Python would call it is left out: it takes up to half of the
     compilation time.
     """
-    options = {"_nrt": False, "error_model": "numpy"}
-    return _compile_and_cache(
-        function, {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    )
+    return _compile_and_cache(function, {"error_model": "numpy"}, NOTHING_COUNTED | NO_WRAPPERS)
 
 
 Watcher = Callable[[str, int, int], AbstractContextManager[None]]
@@ -84,8 +89,6 @@ Watcher = Callable[[str, int, int], AbstractContextManager[None]]
 been compiled, and how many there are.
 """
 _watchers: list[Watcher] = []
-LONGEST_COMPILATION = 600.0
-"""Time [s] to wait for another process that compiles the same function."""
 _IMPORT = re.compile(r"^from[ \t]+(\.*)([\w.]*)[ \t]+import\b", re.MULTILINE)
 """Pattern of a statement that imports names from a module: its leading dots and the
 module's name.
@@ -99,76 +102,71 @@ def watched_by(watcher: Watcher) -> None:
     _watchers.append(watcher)
 
 
+def compilations(
+    begin: Callable[[Any], None], end: Callable[[], None]
+) -> AbstractContextManager[None]:
+    """Call ``begin`` with each function whose compilation starts inside, and ``end`` after it.
+
+    In the plain way no compilation is reported.
+    """
+    try:
+        check_releases()
+        from workbench._core.machine_code.events import reported_compilations
+
+        return reported_compilations(begin, end)
+    except Exception as error:  # what has changed in Numba may raise any error
+        tell_plain("times without compilation", reason_of(error))
+        return nullcontext()
+
+
 @cache
 def _listen() -> None:
-    """Report Numba's compilations to the watchers; loading code from disk is not reported."""
-    from numba.core import event
+    """Report Numba's compilations to the watchers."""
+    from workbench._core.machine_code.events import report_compilations
 
-    class Listener(event.Listener):
-        """Follows Numba's compilations, which nest: a function's callees are compiled within it."""
+    entered: list[ExitStack] = []
+    compiled: dict[str, int] = {}
 
-        def __init__(self) -> None:
-            self._entered: list[ExitStack] = []
-            self._compiled: dict[str, int] = {}
+    def begin(function: Callable[..., Any]) -> None:
+        room = (function.__module__ or "").rpartition(".")[0]
+        entered.append(stack := ExitStack())
+        if room in _functions:
+            done = compiled[room] = compiled.get(room, 0) + 1
+            said = (f"{function.__module__}.{function.__name__}", done, _functions[room])
+            for watcher in _watchers:
+                stack.enter_context(watcher(*said))
 
-        def on_start(self, event: Any) -> None:
-            function = event.data["dispatcher"].py_func
-            room = (function.__module__ or "").rpartition(".")[0]
-            self._entered.append(stack := ExitStack())
-            if room in _functions:
-                done = self._compiled[room] = self._compiled.get(room, 0) + 1
-                said = (f"{function.__module__}.{function.__name__}", done, _functions[room])
-                for watcher in _watchers:
-                    stack.enter_context(watcher(*said))
-
-        def on_end(self, event: Any) -> None:
-            self._entered.pop().close()
-
-    events: Any = event  # Numba's event module has no annotations
-    events.register("numba:compile", Listener())
+    report_compilations(begin, lambda: entered.pop().close())
 
 
-def _compile_and_cache(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _compile_and_cache(
+    function: Callable[..., Any],
+    options: dict[str, Any],
+    private: dict[str, Any],
+) -> Any:
+    """Compile with Numba's documented options, and where the door is open with private ones too.
+
+    In the plain way, the code is compiled in every process: Numba's own cache would keep code that
+    is out of date.
+    """
     import numba
 
-    _listen()
     room = function.__module__.rpartition(".")[0]
     _functions[room] = _functions.get(room, 0) + 1
-    njit: Any = numba.njit  # njit's annotations lack its undocumented options
     try:
-        dispatcher = njit(cache=True, nogil=True, **options)(function)
-    except RuntimeError:  # no folder can hold the cache: compile in every process
+        check_releases()
+        from workbench._core.machine_code.kept import kept_compiled
+
+        _listen()
+        package = function.__module__.partition(".")[0]
+        prefix = f"{package}." if sys.modules[package].__spec__ is None else ""
+        file = Path(inspect.getfile(function))
+        stamp = _stamp(file, file.parents[function.__module__.count(".")], package)
+        return kept_compiled(function, {**options, **private}, prefix, stamp)
+    except Exception as error:  # what has changed in Numba may raise any error
+        tell_plain("compiled functions", reason_of(error))
+        njit: Any = numba.njit
         return njit(nogil=True, **options)(function)
-    kept = dispatcher._cache
-    name, package = kept._impl.filename_base, function.__module__.partition(".")[0]
-    if sys.modules[package].__spec__ is None:
-        name = f"{package}.{name}"
-    file = Path(inspect.getfile(function))
-    stamp = _stamp(file, file.parents[function.__module__.count(".")], package)
-    kept._cache_file = type(kept._cache_file)(kept._cache_path, name, stamp)
-    dispatcher.compile = partial(_compile_once, dispatcher, dispatcher.compile)
-    return dispatcher
-
-
-def _compile_once(dispatcher: Any, compile_: Callable[[Any], Any], signature: Any) -> Any:
-    """Compile a function, unless another process is compiling it: then wait and load its result.
-
-    No two processes can wait for each other: one thread of a process compiles at a time, and it
-    takes the locks in the order of calls, the caller's before those of the functions it calls.
-    Where locks are not available, two processes may compile the same function.
-    """
-    from filelock import FileLock
-    from numba.core.compiler_lock import global_compiler_lock
-
-    with global_compiler_lock, ExitStack() as held:
-        kept = dispatcher._cache
-        key = kept._index_key(signature, dispatcher.targetctx.codegen())
-        if key not in kept._cache_file._load_index():
-            # a read-only folder, no locks, or a `Timeout`
-            with suppress(OSError, NotImplementedError):
-                lock = FileLock(f"{kept._cache_file._index_path}.lock", timeout=LONGEST_COMPILATION)
-                held.enter_context(lock)
-        return compile_(signature)
 
 
 @cache

@@ -72,18 +72,20 @@ def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
     seen: set[Import] = set()
     while waiting:
         wanted: Import = waiting.pop()
-        if wanted in seen:
+        first = wanted[0].partition(".")[0]
+        if wanted in seen or first in packages:
             continue
         seen.add(wanted)
-        first = wanted[0].partition(".")[0]
-        if first not in followed and not _is_users(first):
-            packages.add(first)
-            continue
+        if first not in followed:
+            if not _is_users(first):
+                packages.add(first)
+                continue
+            followed.add(first)
         module = _defining(*wanted)
-        file = file_of(module)
-        if file is None:  # a notebook's cell, or a built-in module
+        if module in found:
             continue
-        if module not in found:
+        file = file_of(module)
+        if file is not None:  # not a notebook's cell, nor a built-in module
             found[module] = _facts(file, module)
             waiting += found[module].imports
     return found, packages
@@ -156,8 +158,17 @@ class Facts:
     bound: Mapping[str, Import]
 
 
+def _is_own(module: str) -> bool:
+    """Whether a module is the workbench's, whose files do not change while it runs."""
+    return module.partition(".")[0] == OWN and not f"{module}.".startswith(f"{OWN}.plants.")
+
+
 def _defining(module: str, name: str | None) -> str:
     """The module that defines a name which another module offers."""
+    return (_own_definition if _is_own(module) else _definition)(module, name)
+
+
+def _definition(module: str, name: str | None) -> str:
     for _ in range(20):  # chains of re-exports are followed to a limit
         if name is None:
             return module
@@ -174,16 +185,23 @@ def _defining(module: str, name: str | None) -> str:
     return module
 
 
+_own_definition = cache(_definition)
+
+
 def file_of(module: str) -> Path | None:
     """The source file of a module, located from its nearest imported parent package."""
+    return (_own_file if _is_own(module) else _file)(module)
+
+
+def _file(module: str) -> Path | None:
     parts = module.split(".")
     for count in range(len(parts), 0, -1):
         package = sys.modules.get(".".join(parts[:count]))
         if package is None:
             continue
-        folders = getattr(package, "__path__", None)
+        folders = vars(package).get("__path__")  # `getattr` would ask the package's own one
         if folders is None:
-            file = getattr(package, "__file__", None)
+            file = vars(package).get("__file__")
             return Path(file) if file and count == len(parts) and file.endswith(".py") else None
         for folder in folders:
             place = Path(folder, *parts[count:])
@@ -194,11 +212,15 @@ def file_of(module: str) -> Path | None:
     return None
 
 
+_own_file = cache(_file)
+
+
 def _facts(file: Path, module: str) -> Facts:
     """Facts of a file; a file of the workbench is read once, soon after it was imported."""
-    own = module.partition(".")[0] == OWN and not module.startswith(f"{OWN}.plants.")
+    if _is_own(module):
+        return _read(file, module, (0, 0))
     state = file.stat()
-    return _read(file, module, (0, 0) if own else (state.st_mtime_ns, state.st_size))
+    return _read(file, module, (state.st_mtime_ns, state.st_size))
 
 
 @cache

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import EntryPoint, entry_points
@@ -132,21 +132,16 @@ def registry() -> Registry:
     wrong = (*unfit, *_load_packages(), *_use_available_solvers(project.solvers))
     roots = _instead or [built_in(), *brought, *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
-    files = [file for root in unique for file in _sources(root)]
-    files += (str(file) for file in helper_files() if file.is_file())
-    state = tuple(sorted((file, os.lstat(file).st_mtime_ns) for file in files))
+    files = [str(file) for file in helper_files() if file.is_file()]
+    # The time of a folder tells of files that an axis may be made of.
+    for root in unique:
+        for folder, inner, names in os.walk(root):
+            if "__pycache__" in inner:
+                inner.remove("__pycache__")
+            files.append(folder)
+            files += [f"{folder}{os.sep}{name}" for name in names if name.endswith(".py")]
+    state = tuple([(file, os.lstat(file).st_mtime_ns) for file in sorted(files)])
     return _registry(unique, state, wrong)
-
-
-def _sources(root: Path) -> Iterator[str]:
-    """Python files and folders below a folder.
-
-    The time of a folder tells of files that an axis may be made of.
-    """
-    for folder, inner, files in os.walk(root):
-        inner[:] = [name for name in inner if name != "__pycache__"]
-        yield folder
-        yield from (f"{folder}{os.sep}{name}" for name in files if name.endswith(".py"))
 
 
 _named: list[str] = []

@@ -27,6 +27,7 @@ from workbench.bench.files import Picture, picture
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import CELL_DIGITS, plain
+from workbench.bench.registry import Registry
 from workbench.bench.store import CHECKSUMS, Store, damage
 from workbench.bench.sweep import SWEEP, ParameterSweep
 from workbench.bench.trust.information import run_information
@@ -157,7 +158,7 @@ class Run(Fed):
             Its problem is not registered here or has other parameters now, or results that it needs
             are missing.
         """
-        return rebuilt(self).task
+        return rebuilt(self, registry()).task
 
     @cached_property
     def answer(self) -> Any:
@@ -364,7 +365,7 @@ class Rebuilt:
     task: Task
 
 
-def rebuilt(run: Run) -> Rebuilt:
+def rebuilt(run: Run, problems: Registry) -> Rebuilt:
     """The problem of a run with the stored parameters; needed results must be stored.
 
     Raises
@@ -375,12 +376,12 @@ def rebuilt(run: Run) -> Rebuilt:
     info = run.info
     if run.problem in OWN_STUDIES:
         return Rebuilt(None, {}, OWN_STUDIES[run.problem].stored())
-    if run.problem not in registry().entries:
+    if run.problem not in problems.entries:
         raise ResultError(
             f"problem {run.problem!r} is not registered here; name its folder with --problems or "
             "workbench.add_problems"
         )
-    problem = registry().find(run.problem)
+    problem = problems.find(run.problem)
     parameters = problem.bind(given(run, problem))
     if plain(problem.to_json(parameters)) != info["parameters"]:
         raise ResultError(

@@ -9,7 +9,7 @@ import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from workbench.bench.notes import compared, log, went_on
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical, digest, plain
+from workbench.bench.registry import Registry
 from workbench.bench.results import Run
 from workbench.bench.store import Store, Writer, damage
 from workbench.bench.trust.information import FORMAT
@@ -48,7 +49,7 @@ class Bench:
     """Settings of runs: results folder, options, progress display, reuse of stored answers.
 
     ``stored_only``: results that a problem needs must be stored already; none is computed.
-    ``executor`` runs parts of the work.
+    ``executor`` runs parts of the work. ``problems`` are those of the project, found once.
     """
 
     store: Store
@@ -58,6 +59,7 @@ class Bench:
     fresh: bool = False
     stored_only: bool = False
     executor: Executor | None = None
+    problems: Registry = field(default_factory=registry)
 
     def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
         """A problem with its data bound; missing results that it needs are computed first."""
@@ -77,7 +79,7 @@ class Bench:
         return self._stored(question, bound.code(question.method))
 
     def _load(self, asked_for: Ref, path: tuple[str, ...]) -> Bound:
-        problem = registry().find(asked_for.name)
+        problem = self.problems.find(asked_for.name)
         parameters = problem.bind(asked_for.parameters)
         stored = problem.to_json(parameters)
         step = f"{problem.name} {stored}"

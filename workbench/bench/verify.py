@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from workbench.bench.formats import netcdf
+from workbench.bench.problem import Problem
 from workbench.bench.project import Project, add_problems, registry, results_root
 from workbench.bench.question import Question, plain
 from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, given, rebuilt
@@ -102,14 +103,15 @@ def verify_folder(
     answer = _Rechecked(None)
     try:
         found += _misplaced(run)
-        if run.problem not in (*OWN_STUDIES, *registry().entries):
+        problems = registry()
+        if run.problem not in OWN_STUDIES and run.problem not in problems.entries:
             notes.append(f"problem {run.problem!r} is not registered: checksums and key only")
             if not trust and _of_its_project(path):
                 notes.append("the project about the folder is not trusted; --trust imports it")
         else:
-            again = rebuilt(run)
+            again = rebuilt(run, problems)
             bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
-            notes += _other_code(run, bound) if bound.problem else []
+            notes += _other_code(run, bound, again.problem) if again.problem else []
             answer = _recheck(run, bound, deep)
             found += answer.wrong + answer.failures + cell_of(run)
             if run.problem == COMPARISON:
@@ -120,8 +122,8 @@ def verify_folder(
                 found, notes = found + wrong, notes + said
             if run.best_so_far:
                 notes.append(f"stopped by the clock: {run.info['message']}")
-            if rerun and bound.problem:
-                found += _rerun(run, notes)
+            if rerun and again.problem:
+                found += _rerun(run, again.problem, notes)
     except WorkbenchError as error:
         found.append(str(error))
     except (KeyError, TypeError, ValueError) as error:
@@ -177,7 +179,7 @@ def _misplaced(run: Run) -> list[str]:
     return found
 
 
-def _other_code(run: Run, bound: Bound) -> list[str]:
+def _other_code(run: Run, bound: Bound, problem: Problem) -> list[str]:
     notes = []
     if run.info["code"] != bound.code(run.method):
         notes.append("answered by other code than this")
@@ -187,7 +189,7 @@ def _other_code(run: Run, bound: Bound) -> list[str]:
         for name in sorted(stored.keys() | here.keys())
         if stored.get(name) != here.get(name)
     ]
-    hashes = registry().find(run.problem).data_hashes()
+    hashes = problem.data_hashes()
     if hashes != run.info["data"]:
         changed = [name for name in hashes if hashes[name] != run.info["data"].get(name)]
         raise ResultError(f"the problem's data has changed since: {', '.join(changed)}")
@@ -241,13 +243,12 @@ def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
     return _Rechecked(certificate, wrong, failures, dear)
 
 
-def _rerun(run: Run, notes: list[str]) -> list[str]:
+def _rerun(run: Run, problem: Problem, notes: list[str]) -> list[str]:
     """Run the problem again, outside the project's results, and compare the arrays."""
     import tempfile
 
     info = run.info
     options = Options(**info["options"])
-    problem = registry().find(run.problem)
     with tempfile.TemporaryDirectory() as folder:
         again = Bench(Store(folder), options).run(run.problem, run.method, given(run, problem))
         if again.path.name.endswith(FAILED):

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ import numpy as np
 from workbench._core.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
-from workbench.simulation.steps import address_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +137,7 @@ def alone(controller: Controller, measurements: int) -> Cascade:
 class Turn(NamedTuple):
     """What the call of a part needs.
 
-    step        the address of its step, or in a plain cascade the step itself;
+    step        its step;
     state       its state, a copy, which the loop changes;
     parameters  parameters of the step;
     wires       for each input its place in the row of signals; none if they are neighbours there;
@@ -174,27 +172,14 @@ def turns(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> lis
                     f"before it left {before.size}"
                 )
             state[: before.size] = before
-        step = law.step if cascade.plain else address_of(law.step, 4)
         wires = [names.index(name) for name in part.given]
         given, told = np.zeros(len(wires)), row[place : place + law.outputs]
         if wires and wires == list(range(wires[0], wires[0] + len(wires))):
             given, wires = row[wires[0] : wires[-1] + 1], []
         parameters = np.ascontiguousarray(law.parameters, float)
-        found.append(Turn(step, state, parameters, np.array(wires, np.int64), given, told))
+        found.append(Turn(law.step, state, parameters, np.array(wires, np.int64), given, told))
         place += law.outputs
     return found
-
-
-def turn_table(parts: Sequence[Turn]) -> IntegerArray:
-    """Rows of the address of the step, then address and size of each array; these must be kept."""
-    return np.array(
-        [[one.step, *chain(*(_place(array) for array in one[1:]))] for one in parts], np.int64
-    )
-
-
-def _place(array: RealArray | IntegerArray) -> tuple[int, int]:
-    """Address and size of an array."""
-    return array.__array_interface__["data"][0], array.size
 
 
 def carried(part: Part) -> int:

@@ -30,11 +30,10 @@ from numpy.typing import ArrayLike
 from workbench._core.arrays import IntegerArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.simulation.cascade import Cascade, Turn, alone, carried, turn_table, turns
+from workbench.simulation.cascade import Cascade, Turn, alone, carried, turns
 from workbench.simulation.controllers import Controller
-from workbench.simulation.machine import compiled_loop
 from workbench.simulation.plain import plain_loop
-from workbench.simulation.steps import address_of
+from workbench.simulation.road import SIMULATION
 from workbench.systems.sampling import hold, lowpass_weights, split_delay
 
 Schedule = Sequence[tuple[float, Cascade]]
@@ -269,13 +268,9 @@ class SampledLoop:
         names = cascade.signals
         rows, measured = np.empty((last - first, len(names))), row[: self.measurements]
         ends = self.sense_parameters, self.read_parameters
-        span = rows, first, last
-        sense, read = address_of(self.sense, 4), address_of(self.read, 3)
-        if cascade.plain:
-            stop = plain_loop(made, sense, read, ends, measured, row, rest, *span)
-        else:
-            loop = compiled_loop()[0]
-            stop = loop(turn_table(made), sense, read, ends, measured, row, *rest, *span)
+        road = None if cascade.plain else SIMULATION.taken()
+        run = plain_loop if road is None else road.fast_loop
+        stop = run(made, self.sense, self.read, ends, measured, row, rest, rows, first, last)
         if stop < last:
             name = names[int(np.flatnonzero(~np.isfinite(row))[0])]
             part = next((part.name for part in cascade.parts if name in part.signals), "reading")

@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench._core.arrays import RealArray
-from workbench._core.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
-from workbench.simulation.steps import address_of, call4
+from workbench.simulation.road import SIMULATION
 
 
 def play(controller: Controller, measurement: ArrayLike) -> RealArray:
@@ -42,22 +41,14 @@ def play(controller: Controller, measurement: ArrayLike) -> RealArray:
     output = np.zeros((len(record), controller.outputs))
     state = np.array(controller.state, float)
     parameters = np.array(controller.parameters, float)
-    if controller.plain:
+    road = None if controller.plain else SIMULATION.taken()
+    if road is None:
         for row, told in zip(record, output, strict=True):
             controller.step(state, parameters, row, told)
     else:
-        _play(address_of(controller.step, 4), state, parameters, record, output)
+        road.fast_play(controller.step, state, parameters, record, output)
     finite = np.isfinite(output).all(axis=1)
     if not finite.all():
         stop = int(np.argmin(finite))
         raise InputError(f"the output is not finite at sample {stop} of {len(record)}")
     return output
-
-
-@compiled
-def _play(
-    step: int, state: RealArray, parameters: RealArray, record: RealArray, output: RealArray
-) -> None:
-    """Fill the outputs."""
-    for k in range(len(record)):
-        call4(step, state, parameters, record[k], output[k])

@@ -19,7 +19,7 @@ from workbench.identification.record_tests.report import as_names
 from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import BENT, CONFIDENCE, FirstChoices, first_choices
-from workbench.starter.first_look import UNDISTORTED, first_look, oddities
+from workbench.starter.first_look import UNDISTORTED, FirstLook, first_look, oddities
 from workbench.starter.kept_weights import Structure, kept_weights
 from workbench.starter.rest import refuse_opposite_gains
 from workbench.synthesis.demands.demands import Demands
@@ -134,37 +134,113 @@ def write_study(
     >>> choices.unstable_poles, choices.peak < 1
     (0, True)
     """
-    need_choice(structure, Structure, "structure")
-    need_positive(bandwidth_hz, "bandwidth_hz", or_none=True)
-    need_positive(effort, "effort", or_none=True)
-    need_positive(step, "step", or_none=True)
-    asked: dict[str, Any] = {
+    demands: dict[str, Any] = {
         "overshoot": overshoot,
         "settling_time": settling_time,
         "recovery_time": recovery_time,
         "control_rms": control_rms,
     }
-    Demands(**asked, noise=1.0)  # raises for invalid numbers
-    need_positive(dt, "dt", or_none=True)
-    need_positive(record_dt, "record_dt", or_none=True)
+    Demands(**demands, noise=1.0)  # raises for invalid numbers
+    need_choice(structure, Structure, "structure")
+    positive = {"bandwidth_hz": bandwidth_hz, "effort": effort, "step": step, "dt": dt}
+    for name, number in (positive | {"record_dt": record_dt}).items():
+        need_positive(number, name, or_none=True)
     if not (is_real(delay_samples) and 0.0 <= delay_samples < math.inf):
         raise InputError(
             f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
         )
+    target, paths = _new_folder(folder), _distinct_files(data)
+    columns = record_columns(paths[0], input, output, time, record_dt)
+    look = first_look(paths, *columns, record_dt)
+    if control_rms is not None and not look.noise:
+        raise InputError("control_rms is demanded, but the records show no noise: leave it out")
+    period = look.period if dt is None else dt
+    held = look.limits if limits is None else limits
+    actuator(held, None, look.point, (1, 1), period)  # raises for invalid limits
+    stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
+    responses, notes = _responses(paths, columns, look, record_dt, excitation, assume, stated)
+
+    def choices(most: float) -> FirstChoices:
+        """Initial numbers of a design of at most this bandwidth [Hz], with those that are given."""
+        try:
+            found = first_choices(responses, period, delay_samples=delay_samples, at_most_hz=most)
+        except InputError as error:
+            raise InputError("; ".join([str(error), *notes])) from None
+        found = replace(found, columns=look.columns, notes=notes, tested=responses.tested)
+        given: dict[str, Any] = {"bandwidth_hz": bandwidth_hz, "effort": effort}
+        given = {name: number for name, number in given.items() if number is not None}
+        found.reasons.update(dict.fromkeys(given, "as given"))
+        return replace(found, **given)
+
+    chosen = choices(bandwidth_hz or np.inf)
+    chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
+
+    def lower(most: float) -> FirstChoices:
+        """The same with a lower bandwidth, on which only the effort depends."""
+        other = choices(most)
+        return replace(other, reasons={**chosen.reasons, "effort": other.reasons["effort"]})
+
+    named: dict[str, Any] = {} if excitation is None else {"excitation": excitation}
+    if assume:
+        named["assume"] = as_names(assume)
+    told: dict[str, Any] = {
+        **_plant_words(target.name, paths, columns, look),
+        "record_dt": record_dt,
+        "named": named,
+        "stated": {name: share for name, share in stated.items() if share is not None},
+        "period": period,
+        "delay_samples": delay_samples,
+        "limits": tuple(map(float, held)),
+        "limits_from": "of the records" if limits is None else "as given",
+        "demands": {**demands, "setpoint_step": step},
+        "structure": structure,
+        "confidence": CONFIDENCE,
+        "bent": BENT,
+        "read": responses.read,
+    }
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as place:
+        made = Path(place) / target.name
+        _write(made, paths, told, chosen)
+        design = made / "problems" / str(told["package"]) / "design.py"
+        chosen = kept_weights(design, chosen, None if bandwidth_hz else lower, structure)
+        _write(made, paths, told, chosen)
+        made.rename(target)
+    return chosen
+
+
+def _new_folder(folder: str | Path) -> Path:
+    """The folder, which must not exist yet, and whose name must be one of a plant."""
     target = Path(folder)
-    plant = target.name
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", plant):
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", target.name):
         raise InputError(
-            f"{plant!r} names the plant and its problems: letters, digits, - and _, a letter first"
+            f"{target.name!r} names the plant and its problems: letters, digits, - and _, a letter "
+            "first"
         )
     if target.exists():
         raise InputError(f"{target} exists already; name a new folder, or move it away")
+    return target
+
+
+def _distinct_files(data: str | Sequence[str]) -> list[Path]:
+    """The files of the records, which go into one folder."""
     paths = found_files(data)
-    u, y, t = record_columns(paths[0], input, output, time, record_dt)
-    look = first_look(paths, u, y, t, record_dt)
-    every = look.period if dt is None else dt
-    stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
-    held = look.limits if limits is None else limits
+    if len({path.name for path in paths}) < len(paths):
+        raise InputError("two files have one name; they would take each other's place: rename one")
+    return paths
+
+
+def _responses(
+    paths: list[Path],
+    columns: tuple[str, str, str | None],
+    look: FirstLook,
+    record_dt: float | None,
+    excitation: str | int | None,
+    assume: str | Sequence[str],
+    stated: dict[str, Any],
+) -> tuple[Responses, tuple[str, ...]]:
+    """Responses of the plants where they can be relied on, and what was noticed in the records."""
+    u, y, t = columns
     responses = Responses.from_files(
         paths,
         input=u,
@@ -175,9 +251,7 @@ def write_study(
         assume=assume,
         hold=True,
         **stated,
-    )
-    actuator(held, None, look.point, (1, 1), every)  # raises for invalid limits
-    responses = responses.within(0.0, UNDISTORTED / look.period)
+    ).within(0.0, UNDISTORTED / look.period)
     refuse_opposite_gains(responses, list(responses.plants))
     notes = tuple(filter(None, [responses.assumption])) + look.notes
     responses = responses.linear_within(BENT)
@@ -187,82 +261,37 @@ def write_study(
         for name, report in responses.reports.items()
         for finding in report.findings
     )
-    try:
-        chosen = first_choices(
-            responses, every, delay_samples=delay_samples, at_most_hz=bandwidth_hz or np.inf
-        )
-    except InputError as error:
-        raise InputError("; ".join([str(error), *notes])) from None
-    chosen = replace(chosen, columns=look.columns, notes=notes, tested=responses.tested)
-    if bandwidth_hz is not None:
-        chosen = replace(chosen, bandwidth_hz=bandwidth_hz)
-        chosen.reasons["bandwidth_hz"] = "as given"
-    if control_rms is not None and not look.noise:
-        raise InputError("control_rms is demanded, but the records show no noise: leave it out")
-    if effort is not None:
-        chosen = replace(chosen, effort=effort)
-        chosen.reasons["effort"] = "as given"
-    chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
-    named: dict[str, Any] = {"excitation": excitation} if excitation is not None else {}
-    if assume:
-        named["assume"] = as_names(assume)
-    package = plant.lower().replace("-", "_")
-    told: dict[str, Any] = {
+    return responses, notes
+
+
+def _plant_words(
+    plant: str, paths: list[Path], columns: tuple[str, str, str | None], look: FirstLook
+) -> dict[str, Any]:
+    """What the templates say of the plant and its records."""
+    u, y, t = columns
+    return {
         "plant": plant,
-        "package": package,
+        "package": plant.lower().replace("-", "_"),
         "names": [path.name for path in paths],
         "input": u,
         "output": y,
         "time": t,
-        "record_dt": record_dt,
-        "named": named,
-        "stated": {name: share for name, share in stated.items() if share is not None},
-        "period": every,
-        "delay_samples": delay_samples,
-        "chosen": chosen,
-        "limits": tuple(map(float, held)),
-        "limits_from": "of the records" if limits is None else "as given",
         "point": look.point,
         "noise": look.noise,
-        "demands": {**asked, "setpoint_step": step},
         "unit_of_u": _bracketed(look.point.u_unit),
         "unit_of_y": _bracketed(look.point.y_unit),
-        "structure": structure,
-        "reasons": chosen.reasons,
-        "confidence": CONFIDENCE,
-        "bent": BENT,
-        "read": responses.read,
     }
-    if len(set(told["names"])) < len(paths):
-        raise InputError("two files have one name; they would take each other's place: rename one")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{plant}-") as place:
-        made = Path(place) / plant
-        _write(made, paths, told)
-
-        def lower(most: float) -> FirstChoices:
-            other = first_choices(responses, every, delay_samples=delay_samples, at_most_hz=most)
-            reasons = {**chosen.reasons, "effort": other.reasons["effort"]}
-            if effort is not None:
-                other, reasons = replace(other, effort=effort), chosen.reasons
-            return replace(
-                other, columns=chosen.columns, notes=notes, tested=chosen.tested, reasons=reasons
-            )
-
-        design = made / "problems" / package / "design.py"
-        chosen = kept_weights(design, chosen, None if bandwidth_hz else lower, structure)
-        _write(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
-        made.rename(target)
-    return chosen
 
 
 def _bracketed(unit: str) -> str:
     return "" if unit in ("", "1") else f" [{unit}]"
 
 
-def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:
+def _write(folder: Path, paths: list[Path], told: dict[str, Any], chosen: FirstChoices) -> None:
     """Write every file of the study into a folder."""
     import jinja2
+
+    told = told | {"chosen": chosen, "reasons": chosen.reasons}
 
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("workbench.starter"),

@@ -30,8 +30,6 @@ WAIT = 0.1
 """Time [s] in which a lens that was drawn back comes to rest."""
 FOLLOWING = 5000.0
 """Rate [1/s] at which the controller follows the ramp's voltage, which still grows."""
-NEVER = 1e9
-"""Patience [samples] of a search that never starts again."""
 
 
 def volts_per_metre() -> float:
@@ -45,25 +43,22 @@ class Search:
     """A search for the focus, in voltages that suit the nominal drive.
 
     speed: speed of the advancing lens [m/s]. light: sum of the diodes [V] above which the focus is
-    near. patience: time [s] without light after which a closed loop is opened and the search starts
-    again; None: never.
+    near.
     """
 
     speed: float
     light: float
-    patience: float | None = None
 
     @property
     def law(self) -> Controller:
-        """Part that reads f_en, the sum and the last voltage; it returns w, which is 1 with the
-        loop closed, and the voltage of the ramp.
+        """Part that reads f_en and the sum; it returns w, which is 1 with the loop closed, and the
+        voltage of the ramp.
         """
         volts = volts_per_metre()
-        waited = NEVER if self.patience is None else self.patience / PERIOD
         steps = RETREAT * volts * PERIOD, self.speed * volts * PERIOD
         ends = BEGIN * volts, END * volts
-        parameters = np.array([*ends, *steps, WAIT / PERIOD, self.light, waited])
-        return Controller(_search, np.zeros(5), parameters, outputs=2, reads=3, dt=PERIOD)
+        parameters = np.array([*ends, *steps, WAIT / PERIOD, self.light])
+        return Controller(_search, np.zeros(5), parameters, outputs=2, reads=2, dt=PERIOD)
 
     @property
     def cascade(self) -> Cascade:
@@ -72,7 +67,7 @@ class Search:
         """
         follower = tracking_controller(controller("focus"), PERIOD, FOLLOWING)
         parts = [
-            Part("search", self.law, given=["f_en", "sum", "u_last"], tells=["closed", "ramp"]),
+            Part("search", self.law, given=["f_en", "sum"], tells=["closed", "ramp"]),
             Part("seen", blend(), given=["closed", "f_en"]),
             Part("K", follower, given=["seen", "closed", "u_last"], tells=["u_k"]),
             Part("u", blend(), given=["closed", "u_k", "ramp"]),
@@ -85,10 +80,9 @@ def _search(state: RealArray, parameters: RealArray, given: RealArray, told: Rea
     """Step of `Search`.
 
     The state holds the phase (0 drawing back, 1 waiting, 2 advancing, 3 closed), the voltage, the
-    number of samples of the phase (when closed: without light), the last error, and whether there
-    was light.
+    number of samples of waiting, the last error, and whether there was light.
     """
-    begin, end, back, forth, wait, light, patience = parameters
+    begin, end, back, forth, wait, light = parameters
     error, lit = given[0], given[1] > light
     phase, volts, count = state[0], state[1], state[2]
     if phase == 0.0:
@@ -102,13 +96,9 @@ def _search(state: RealArray, parameters: RealArray, given: RealArray, told: Rea
     elif phase == 2.0:
         volts += forth
         if lit and state[4] == 1.0 and error * state[3] <= 0.0:
-            phase, count = 3.0, 0.0
+            phase = 3.0
         elif volts >= end:
             phase = 0.0
-    else:
-        count = 0.0 if lit else count + 1.0
-        if count > patience:
-            phase, volts = 0.0, given[2]
     state[0], state[1], state[2], state[3] = phase, volts, count, error
     state[4] = 1.0 if lit else 0.0
     told[0] = 1.0 if phase == 3.0 else 0.0

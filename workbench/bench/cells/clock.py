@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
+from workbench._core.compiled import compilations
 from workbench.executor.worker import alarm
 
 
@@ -44,18 +44,9 @@ def running(limit: float | None, reason: str) -> Iterator[Clock]:
 
     The caller that waits for the process is told the reason.
     """
-    from numba.core import event
-
-    class Compiler(event.Listener):
-        def on_start(self, event: Any) -> None:
-            clock.stop()
-
-        def on_end(self, event: Any) -> None:
-            clock.go_on()
-
     clock = Clock(limit, reason)
     try:
-        with event.install_listener("numba:compile", Compiler()):
+        with compilations(lambda function: clock.stop(), clock.go_on):
             yield clock
     finally:
         alarm(None)

@@ -7,6 +7,7 @@ import platform
 import shutil
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -55,6 +56,7 @@ def examination(*, test: bool = True) -> Iterator[Examined]:
     yield _solvers()
     yield _threads()
     yield _cache()
+    yield from _roads(test)
     yield _compiler()
     yield Examined("problems", f"{len(registry().entries)} named", "; ".join(registry().unfit))
     yield Examined("results", str(results_root()))
@@ -134,6 +136,31 @@ def _cache() -> Examined:
         "it cannot be written, so that every start compiles: export NUMBA_CACHE_DIR=~/.cache/numba"
     )
     return Examined("cache of Numba", str(place), words, well=False)
+
+
+def _roads(test: bool) -> Iterator[Examined]:
+    """The fast roads through machine code; with ``test`` that of simulations makes its self-test.
+
+    That of mu would compile for half a minute the first time, so only its release is looked at.
+    """
+    from workbench._core.machine_code.door import check_releases
+    from workbench.simulation.road import SIMULATION
+
+    words = "results stay the same and take longer; install a release that was tested"
+    try:
+        check_releases()
+        reason = ""
+    except ImportError as error:
+        reason = str(error)
+    found = reason or "releases of Numba and llvmlite that were tested"
+    yield Examined("machine code", found, words if reason else "", not reason)
+    if test and not reason:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the line below says it
+            SIMULATION.taken()
+        reason = SIMULATION.reason
+        found = reason or "self-test passed"
+        yield Examined("machine code: simulations", found, words if reason else "", not reason)
 
 
 def _compiler() -> Examined:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from workbench._core.arrays import Array, ComplexArray, RealArray
+from workbench._core.machine_code.door import Road
 from workbench.certify.mu_bound import said_bound
 from workbench.mu.upper.alone import closed_form, is_alone
 from workbench.mu.upper.balance import balanced_batch
 from workbench.mu.upper.batch import solve_each
-from workbench.mu.upper.lanes.path import follow_paths
-from workbench.mu.upper.lanes.state import room_for
 from workbench.mu.upper.pattern import Pattern, diagonal_places
 from workbench.structure import Structure
 
@@ -20,6 +21,19 @@ it.
 """
 Solved = tuple[Array, Array, RealArray, Array]
 """Compact D and G (F, N, N), gaps (F,) of the square of the bound, and iterations (F,)."""
+
+
+def _eight_at_once() -> Any:
+    from workbench.mu.upper.lanes.known_answer import check_lanes
+    from workbench.mu.upper.lanes.path import follow_paths
+    from workbench.mu.upper.lanes.state import room_for
+
+    check_lanes()
+    return follow_paths, room_for
+
+
+LANES = Road("bounds of mu", _eight_at_once)
+"""The functions `follow_paths` and `room_for`, for diagonal multipliers."""
 
 
 def path_multipliers(
@@ -39,21 +53,22 @@ def path_multipliers(
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
     gaps, iterations = np.full(count, np.inf), np.zeros(count, int)
     places = diagonal_places(pattern)
-    if places is not None:
+    lanes = None if places is None else LANES.taken()
+    if lanes is not None:
+        follow_paths, room_for = lanes
         scaled, E, scale = balanced_batch(M, pattern)
         d, g = np.empty((count, pattern.size)), np.empty((count, np.count_nonzero(pattern.skew)))
         nothing = scale == 0  # balancing has left nothing of the matrix: the balancing itself is D
         every, real = np.arange(pattern.size), pattern.row[pattern.skew]
         with np.errstate(all="ignore"):  # multipliers that are not finite prove nothing
             enough = np.where(nothing, 0.0, level / scale) ** 2
-            c, r = M.shape[1:]
-            room = room_for(c, r, pattern.size, g.shape[1])
+            room = room_for(*M.shape[1:], pattern.size, g.shape[1])
             follow_paths(scaled, places, room, accuracy, enough, d, g, gaps, iterations)
             d[nothing], g[nothing] = 1.0, 0.0
             D[:, every, every] = d * E * E
             G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]
         gaps[nothing] = 0.0
-    alone = places is None and is_alone(structure)
+    alone = lanes is None and is_alone(structure)
     if alone:
         first_D, first_G, mu = closed_form(M, structure)
         first = said_bound(M, structure, first_D, first_D, first_G)

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from workbench import Check
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.diagnosis import DemandReached
+from workbench.study import array
 from workbench.types import Dataset
 
 LIMITS_AGREE = 1e-12
 """Rounding error allowed when stored limits are compared with the factor times the asked ones."""
+
+
+def reached_arrays(limits: Callable[[Any, DemandReached], Sequence[float]]) -> tuple[Any, ...]:
+    """The reached part as arrays of a study, whose part ``reached`` it is: factor, share, limits.
+
+    ``limits`` returns the limits of the relative error and of the leakage [m] from study and part.
+    """
+    kinds = (
+        ("1", "limits reached over those asked", lambda reached: reached.factor),
+        ("1", "share of the set that is reached", lambda reached: reached.share),
+        ("1", "relative error reached", lambda self, reached: limits(self, reached)[0]),
+        ("m", "leakage reached", lambda self, reached: limits(self, reached)[1]),
+    )
+    return tuple(
+        array(dims=(), unit=unit, meaning=meaning, value=value) for unit, meaning, value in kinds
+    )
 
 
 def reached_of(answer: Dataset) -> DemandReached:

@@ -43,7 +43,7 @@ from ...laboratory.bench_setup import PERIOD
 from . import figures
 from .checks import filter_checks
 from .defect_estimates import SHAPES, estimates, sampled_defect
-from .demand import demand_check, demand_table, in_metrics, reached_of
+from .demand import demand_check, demand_table, in_metrics, reached_arrays, reached_of
 from .figures import NAMES, shape_errors, total
 from .loop import BOUND_CORNER, LAGUERRE_POLE, fault_loop, fine_grid, grid
 from .peers import peer_filters
@@ -212,29 +212,8 @@ class FaultFilterStudy(Study):
 
     reached = part(lambda chosen: chosen[0])
     designs = part(lambda chosen: chosen[1])
-    demand_factor = array(
-        dims=(),
-        unit="1",
-        meaning="limits reached over those asked",
-        value=lambda reached: reached.factor,
-    )
-    set_share = array(
-        dims=(),
-        unit="1",
-        meaning="share of the set that is reached",
-        value=lambda reached: reached.share,
-    )
-    allowed = array(
-        dims=(),
-        unit="1",
-        meaning="relative error reached",
-        value=lambda self, reached: self.limits(reached)[0],
-    )
-    leakage_allowed = array(
-        dims=(),
-        unit="m",
-        meaning="leakage reached",
-        value=lambda self, reached: self.limits(reached)[1],
+    demand_factor, set_share, allowed, leakage_allowed = reached_arrays(
+        lambda self, reached: self.limits(reached)
     )
 
     # --- the front -----------------------------------------------------------------------------

@@ -38,7 +38,13 @@ from workbench.types import DataArray, Dataset, RealArray, StateSpace
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.loops import plants
-from ...diagnosis.fault_filter.demand import demand_check, demand_table, in_metrics, reached_of
+from ...diagnosis.fault_filter.demand import (
+    demand_check,
+    demand_table,
+    in_metrics,
+    reached_arrays,
+    reached_of,
+)
 from ...diagnosis.fault_filter.loop import fault_loop
 from ...diagnosis.fault_filter.problem import allowed_leakage, stadiums_of
 from ...diagnosis.scratch_draws import ScratchDraw
@@ -179,23 +185,8 @@ class DesignedFilter(Study):
 
     design = part(lambda self: self.made.best())
     reached = part(lambda design: design[0])
-    demand_factor = array(
-        dims=(), unit="1", meaning="limits reached over asked", value=lambda reached: reached.factor
-    )
-    set_share = array(
-        dims=(),
-        unit="1",
-        meaning="share of the set that is reached",
-        value=lambda reached: reached.share,
-    )
-    allowed = array(
-        dims=(),
-        unit="1",
-        meaning="error reached",
-        value=lambda self, reached: self.made.limits(reached)[0],
-    )
-    leakage_allowed = array(
-        dims=(), unit="m", meaning="", value=lambda self, reached: self.made.limits(reached)[1]
+    demand_factor, set_share, allowed, leakage_allowed = reached_arrays(
+        lambda self, reached: self.made.limits(reached)
     )
     designed = system(called="designed")(lambda design: bilinear_sampled(design[1].F, PERIOD))
 

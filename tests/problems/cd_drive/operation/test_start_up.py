@@ -51,9 +51,9 @@ def test_sum_of_a_lens_that_passes_the_surface_and_the_layer():
 def test_the_search_closes_where_there_is_light_and_the_error_changes_its_sign():
     """Drawn back, waited, advancing; then a crossing in the dark, and one with light."""
     search = Search(speed=5e-3, light=1.0)
-    dark, lit = [0.3, 0.1, 0.0], [0.3, 2.0, 0.0]
+    dark, lit = [0.3, 0.1], [0.3, 2.0]
     begun = [dark] * 6200
-    told = play(search.law, [*begun, [-0.3, 0.1, 0.0], lit, lit, [-0.1, 2.0, 0.0], dark])
+    told = play(search.law, [*begun, [-0.3, 0.1], lit, lit, [-0.1, 2.0], dark])
     closed = told[6200:, 0]
     assert not told[:6200, 0].any() and closed.tolist() == [0.0, 0.0, 0.0, 1.0, 1.0]
     assert told[-1, 1] == told[-2, 1]  # the ramp stands still
@@ -61,7 +61,7 @@ def test_the_search_closes_where_there_is_light_and_the_error_changes_its_sign()
 
 def test_a_search_that_finds_nothing_begins_anew():
     search = Search(speed=40e-3, light=1.0)
-    ramp = play(search.law, [[0.0, 0.0, 0.0]] * 35000)[:, 1] / volts_per_metre()
+    ramp = play(search.law, [[0.0, 0.0]] * 35000)[:, 1] / volts_per_metre()
     assert ramp.max() == pytest.approx(END, rel=1e-2)
     assert (np.diff(ramp) < 0.0)[9000:].any()
 

@@ -1,7 +1,7 @@
 """Small dense matrices in lanes: products, Cholesky factors, inverses, solutions.
 
-Matrices are flat arrays of lanes (see `workbench.mu.upper.lanes.simd`), entry (i, j) of n columns
-at number i n + j.
+Matrices are flat arrays of lanes, entry (i, j) of n columns at number i n + j; see
+`workbench._core.machine_code.sums`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.compiled import unchecked_kernel
-from workbench.mu.upper.lanes.simd import (
+from workbench._core.machine_code.sums import (
     TILE,
     Lane,
     add_product_right,
@@ -27,7 +27,7 @@ from workbench.mu.upper.lanes.simd import (
     take_real_tile,
     take_tile_right,
 )
-from workbench.mu.upper.lanes.values import of_lanes, put, square_root, where_less
+from workbench._core.machine_code.values import of_lanes, put, square_root, where_less
 
 UNSEEN_PIVOT = 1e100
 """Pivot used for an unknown without influence on H; its step then becomes zero."""

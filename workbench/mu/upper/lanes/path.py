@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench._core.addresses import address
 from workbench._core.compiled import unchecked, unchecked_kernel
+from workbench._core.machine_code.addresses import address
+from workbench._core.machine_code.sums import LANES, Lane, set_real_product, set_sum
+from workbench._core.machine_code.values import of_lanes, put, where_less
 from workbench.mu.upper.lanes.algebra import (
     cholesky,
     inverse_of_factored,
@@ -18,7 +20,6 @@ from workbench.mu.upper.lanes.algebra import (
     real_cholesky_solve,
     twice_hermitian_part,
 )
-from workbench.mu.upper.lanes.simd import LANES, Lane, set_real_product, set_sum
 from workbench.mu.upper.lanes.state import (
     Fates,
     Lanes,
@@ -38,7 +39,6 @@ from workbench.mu.upper.lanes.system import (
     inequality_adjoint,
     newton_matrix,
 )
-from workbench.mu.upper.lanes.values import of_lanes, put, where_less
 
 NEGLIGIBLE_T = 1e-16
 """t below this share of its first value counts as zero."""

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench._core.addresses import addresses
-from workbench.mu.upper.lanes.simd import LANES, Lane
+from workbench._core.machine_code.addresses import addresses
+from workbench._core.machine_code.sums import LANES, Lane
 
 
 class Places(NamedTuple):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from workbench._core.compiled import unchecked_kernel
-from workbench.mu.upper.lanes.algebra import fill_upper_half, hermitian_product, product
-from workbench.mu.upper.lanes.simd import (
+from workbench._core.machine_code.sums import (
     TILE,
     Lane,
     set_real_product,
@@ -12,8 +11,9 @@ from workbench.mu.upper.lanes.simd import (
     take_product_left,
     take_tile_left,
 )
+from workbench._core.machine_code.values import Values, of_lanes, put
+from workbench.mu.upper.lanes.algebra import fill_upper_half, hermitian_product, product
 from workbench.mu.upper.lanes.state import Lanes, Places
-from workbench.mu.upper.lanes.values import Values, of_lanes, put
 
 
 @unchecked_kernel

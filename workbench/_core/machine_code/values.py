@@ -1,7 +1,7 @@
 """Eight real values, one for each lane, as one number type of compiled code.
 
 They are added, subtracted, multiplied and divided by each other and by floats, as vector
-instructions; see `workbench.mu.upper.lanes.simd` for sums of many products.
+instructions; see `workbench._core.machine_code.sums` for sums of many products.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from llvmlite import ir
 from numba.core import extending as _extending
 from numba.core.typing import templates as _templates
 
-from workbench._core.addresses import cgutils, start_of, types
-from workbench.mu.upper.lanes.simd import EIGHT, LANES, load_eight, store_eight
+from workbench._core.machine_code.addresses import cgutils, start_of, types
+from workbench._core.machine_code.sums import EIGHT, LANES, load_eight, store_eight
 
 _extend: Any = _extending  # these have no annotations
 _typing: Any = _templates

@@ -13,7 +13,7 @@ from typing import Any
 from llvmlite import ir
 from numba.core.extending import intrinsic
 
-from workbench._core.addresses import cgutils, start_of, types
+from workbench._core.machine_code.addresses import cgutils, start_of, types
 
 LANES = 8
 """Number of matrices that are worked on at once."""

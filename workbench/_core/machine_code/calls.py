@@ -11,7 +11,7 @@ from typing import Any
 
 from numba.core.extending import intrinsic
 
-from workbench._core.addresses import cgutils, types
+from workbench._core.machine_code.addresses import cgutils, types
 
 VECTOR = types.Array(types.float64, 1, "C")
 
