@@ -23,6 +23,7 @@ PROMPT = re.compile(r"^(?:>>>|\.\.\.) ?", re.MULTILINE)
 INNER_PARTS = {
     "docs/benchmarks.py": "draws a page of the bench from the bench's own layout",
     "docs/study.py": "draws a page of the bench from the bench's own layout",
+    "docs/explained/machine-code.md": "times machine code beside the plain way",
     "problems/bench/cd_arm.py": "compares every use and candidate of a fit with a peer's",
     "problems/bench/covers.py": "measures a step of a cover by itself",
     "problems/bench/matrix_sets.py": "measures a step of a cover by itself",
