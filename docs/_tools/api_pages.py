@@ -65,7 +65,8 @@ def kind_of(found: Any) -> str:
     """Which directive documents an object."""
     if inspect.ismodule(found):
         return "module"
-    if get_origin(found) is not None:  # the name of a type, such as Callable[[int], None]
+    # the name of a type, such as Callable[[int], None], or of one from a library not yet imported
+    if get_origin(found) is not None or found is Any:
         return "data"
     if inspect.isclass(found):
         return "class"

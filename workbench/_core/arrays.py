@@ -30,7 +30,7 @@ def single_precision_bounds(bounds: Any) -> NDArray[np.float32]:
     >>> import numpy as np
     >>> from workbench.study import single_precision_bounds
     >>> lower, upper = single_precision_bounds([[0.1], [0.1]])
-    >>> bool(lower[0] < 0.1 < upper[0]), lower.dtype.name
+    >>> float(lower[0]) < 0.1 < float(upper[0]), lower.dtype.name
     (True, 'float32')
     """
     exact = np.asarray(bounds, float)

@@ -40,6 +40,16 @@ class MarginsOfPlants(NamedTuple):
 
     Each array is (controllers, SAMPLINGS, plants). Margins are NaN where the loop is unstable, that
     is, where its growth rate is not negative.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import SAMPLINGS, SingleLoops
+    >>> K, G = control.ss([], [], [], [[1.0]]), control.ss(0.0, 40.0, 1.0, 0.0)
+    >>> sampled = {"gain": control.ss([], [], [], [[1.0]], 0.001)}
+    >>> found = SingleLoops({"gain": K}, sampled, {"tank": G}, 0.0).margins()
+    >>> dict(zip(SAMPLINGS, found.growth[0, :, 0].round(1).tolist()))
+    {'continuous': -40.0, 'sampled': -40.8, 'delayed': -40.8}
     """
 
     gain_db: RealArray

@@ -167,7 +167,22 @@ def reaching_known(
 
 
 def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
-    """Check that the known plants of responses lie in a model's sets at every frequency."""
+    """Check that the known plants of responses lie in a model's sets at every frequency.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.uncertainty import CircleCover, Responses, containment_check
+    >>> omega = np.geomspace(0.1, 10.0, 20)
+    >>> known = [control.tf([gain], [1.0, 1.0]) for gain in (0.9, 1.0, 1.2)]
+    >>> values = np.array([plant(1j * omega) for plant in known]).T
+    >>> responses = Responses(omega=omega, values=values, known=known)
+    >>> model = wb.solve(CircleCover(responses, order=1)).answer.model
+    >>> containment_check(model, responses).holds
+    True
+    """
     plants = responses.known_plants
     parts = (list(plants.values()), model.nominal, model.W_c, model.W_r)
     excess = largest_excess(*parts, multiplicative=model.form == "multiplicative")

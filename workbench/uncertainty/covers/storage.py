@@ -66,12 +66,41 @@ def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
 
 
 def cover_sets(data: xr.Dataset, name: str) -> Stadium:
-    """The sets of the step of a given name."""
+    """The sets that a cover's dataset holds under the name of a step, such as "first".
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.uncertainty import CircleCover, Responses, cover_sets
+    >>> omega = np.geomspace(0.1, 10.0, 20)
+    >>> known = [control.tf([gain], [1.0, 1.0]) for gain in (0.9, 1.0, 1.2)]
+    >>> values = np.array([plant(1j * omega) for plant in known]).T
+    >>> cover = CircleCover(Responses(omega=omega, values=values, known=known), order=1)
+    >>> cover_sets(cover.to_dataset(wb.solve(cover).answer), "first").radius.shape
+    (20,)
+    """
     return Stadium(*(data[f"{name}_{part}"].values for part in PARTS))
 
 
 def cover_function(data: xr.Dataset, name: str) -> Rational | None:
-    """The nominal or a weight, by name; None if the model does not have it."""
+    """The nominal or a weight, by its name in a cover's dataset; None if it does not have it.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.uncertainty import CircleCover, Responses, cover_function
+    >>> omega = np.geomspace(0.1, 10.0, 20)
+    >>> known = [control.tf([gain], [1.0, 1.0]) for gain in (0.9, 1.0, 1.2)]
+    >>> values = np.array([plant(1j * omega) for plant in known]).T
+    >>> cover = CircleCover(Responses(omega=omega, values=values, known=known), order=1)
+    >>> data = cover.to_dataset(wb.solve(cover).answer)
+    >>> cover_function(data, "nominal").zeros.size, cover_function(data, "W_r") is None
+    (0, True)
+    """
     if f"{name}_gain" not in data:
         return None
     return restored_rational(data, prefix=f"{name}_")

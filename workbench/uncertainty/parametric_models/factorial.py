@@ -33,6 +33,15 @@ def factorial_response(model: ParametricModel, omega: ArrayLike, deltas: ArrayLi
         (L, ..., L, F, outputs, inputs), with P axes in the order of the parameters; flattened, the
         combinations are in the order of `levels`. Values are infinite or NaN where the model is not
         well posed.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import Parameter, factorial_response, parametric_lft
+    >>> def lag(gain):
+    ...     return [[-1.0]], [[gain]], [[1.0]], [[0.0]]
+    >>> model = parametric_lft(lag, [Parameter("gain", 2.0, 0.5)], inputs="u", outputs="y")
+    >>> factorial_response(model, [0.0], [-1.0, 1.0]).real.ravel().round(6).tolist()
+    [1.0, 3.0]
     """
     system, points = model.system, 1j * np.atleast_1d(np.asarray(omega, dtype=float))
     M = frequency_response(
