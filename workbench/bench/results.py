@@ -388,14 +388,14 @@ def rebuilt(run: Run, problems: Registry) -> Rebuilt:
             f"the problem takes other parameters now: {problem.to_json(parameters)} "
             f"instead of {info['parameters']}"
         )
-    store = Store(root_of(run))
+    stores = Store(root_of(run)).searched
     fed: dict[str, Any] = {}
     for name, need in problem.needs(parameters).items():
         keys = info["needs"][name]
         fed[name] = (
-            [_upstream(store, one.name, key) for one, key in zip(need, keys, strict=True)]
+            [_upstream(stores, one.name, key) for one, key in zip(need, keys, strict=True)]
             if isinstance(need, list)
-            else _upstream(store, need.name, keys)
+            else _upstream(stores, need.name, keys)
         )
     return Rebuilt(problem, fed, problem.task(parameters, fed))
 
@@ -413,9 +413,10 @@ def root_of(run: Run) -> Path:
     return parents[depth] if len(parents) > depth else results_root()
 
 
-def _upstream(store: Store, problem: str, key: str) -> Run:
-    folder = store.folder(problem, key)
-    if not folder.exists():
+def _upstream(stores: tuple[Store, ...], problem: str, key: str) -> Run:
+    folders = [store.folder(problem, key) for store in stores]
+    folder = next((one for one in folders if one.exists()), None)
+    if folder is None:
         raise ResultError(f"its need {problem}/{key} is not here: run {problem} first")
     wrong = damage(folder)
     if wrong:

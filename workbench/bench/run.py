@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import inspect
 import platform
+import shutil
 import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +31,7 @@ from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical, digest, plain
 from workbench.bench.registry import Registry
 from workbench.bench.results import Run
-from workbench.bench.store import Store, Writer, damage
+from workbench.bench.store import FAILED, Store, Writer, damage
 from workbench.bench.trust.information import FORMAT
 from workbench.certificate import Certificate, Check
 from workbench.errors import InputError, RegistryError, ResultError
@@ -50,6 +51,10 @@ class Bench:
 
     ``stored_only``: results that a problem needs must be stored already; none is computed.
     ``executor`` runs parts of the work. ``problems`` are those of the project, found once.
+
+    A new answer to a need replaces an earlier one only when the run that needs it has ended, as
+    earlier results rest on the earlier one. Until then it lies beside; ``beside`` names the problem
+    and the key of each. An interrupted run finds there what it had finished.
     """
 
     store: Store
@@ -60,14 +65,31 @@ class Bench:
     stored_only: bool = False
     executor: Executor | None = None
     problems: Registry = field(default_factory=registry)
+    beside: dict[tuple[str, str], None] = field(default_factory=dict)
 
     def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
         """A problem with its data bound; missing results that it needs are computed first."""
-        return self._load(Ref(name, None, parameters), ())
+        bound = self._load(Ref(name, None, parameters), ())
+        if self.beside and not self.stored_only:
+            self._move_in()
+            bound = self._load(Ref(name, None, parameters), ())
+        return bound
 
     def run(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run:
         """The run that answers a question, computed or stored."""
-        return self._run(Ref(name, method, parameters), ())
+        run = self._run(Ref(name, method, parameters), ())
+        if not _failed(run):
+            self._move_in()
+        return run
+
+    def _move_in(self) -> None:
+        """Move the new answers to needs to their places."""
+        for problem, key in self.beside:
+            made = self.store.beside.folder(problem, key)
+            with self.store.writing(problem, key) as writer:
+                if made.exists():  # another process may have moved it
+                    writer.take(made)
+        self.beside.clear()
 
     def found(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run | None:
         """The stored answer of a question, if it may be reused; nothing is computed."""
@@ -121,13 +143,43 @@ class Bench:
             raise ResultError(f"{question.problem}/{question.key} is not stored")
         with self.store.writing(question.problem, question.key) as writer:
             # While this process waited for the lock, another one may have answered.
-            return self._stored(question, code) or self.answer(bound, question, code, writer)
+            run = self._stored(question, code)
+            if run is None and path and (writer.final.exists() or self._rests_beside(bound)):
+                with self.store.beside.writing(question.problem, question.key) as aside:
+                    run = self.answer(bound, question, code, aside)
+                if not _failed(run):
+                    return self._beside(run)
+                run = Run(writer.take(run.path), note=run.note)
+            return run or self.answer(bound, question, code, writer)
+
+    def _rests_beside(self, bound: Bound) -> bool:
+        """Whether a result that the problem needs lies beside."""
+        return any((run.problem, run.key) in self.beside for run in bound.fed)
+
+    def _beside(self, run: Run) -> Run:
+        """Remember a run that lies beside; it is read now, as it will be moved."""
+        self.beside[run.problem, run.key] = None
+        _ = run.certificate, run.metrics, run.data
+        return run
 
     def _stored(self, question: Question, code: str) -> Run | None:
-        """The stored answer, if it may be reused: undamaged, and by the same code."""
-        run = earlier_run(self.store.folder(question.problem, question.key), question)
-        same = run is not None and run.info["code"] == code and not self.fresh
-        return replace(run, reused=True) if run is not None and same else None
+        """The stored answer, if it may be reused: undamaged, and by the same code.
+
+        One that lies beside was finished before a run was interrupted.
+        """
+        if self.fresh:
+            return None
+        place = self.store.folder(question.problem, question.key)
+        aside = self.store.beside.folder(question.problem, question.key)
+        run = earlier_run(place, question)
+        if run is not None and run.info["code"] == code:
+            if aside.exists() and not self.stored_only:  # other code made it
+                shutil.rmtree(aside, ignore_errors=True)
+            return replace(run, reused=True)
+        run = earlier_run(aside, question)
+        if run is not None and run.info["code"] == code:
+            return self._beside(replace(run, reused=True))
+        return None
 
     def answer(
         self,
@@ -137,7 +189,7 @@ class Bench:
         writer: Writer,
     ) -> Run:
         """Answer a question, certify the answer and publish the folder."""
-        earlier = earlier_run(writer.final, question)
+        earlier = earlier_run(self.store.folder(question.problem, question.key), question)
         started, clock = now(), time.perf_counter()
         checkpoint = self._checkpoint(question, code, writer)
         context = Context(
@@ -170,6 +222,11 @@ class Bench:
         if self.fresh:
             checkpoint.drop()
         return checkpoint
+
+
+def _failed(run: Run) -> bool:
+    """Whether a run is stored as a failure, which replaces no result."""
+    return run.path.name.endswith(FAILED)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ under its lock.
     <root>/.partial/<slug>/old       an earlier result while it is being replaced
     <root>/.partial/<slug>/failure   an earlier failure, to be dropped
     <root>/.partial/<slug>.npz       where an iteration was stopped
+    <root>/.partial/beside           new answers to needs, until the run that needs them has ended
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from workbench.errors import ResultError
 CHECKSUMS = "SHA256SUMS"
 FAILED = ".failed"
 PARTIAL = ".partial"
+BESIDE = "beside"
 REFERENCE = "reference"
 """Name of the committed reference results: they are listed and verified only if asked for by path,
 and never written.
@@ -57,6 +59,18 @@ class Store:
         """The folders for a question's answer, and for its failure."""
         folder = self.folder(problem, key)
         return folder, folder.with_name(folder.name + FAILED)
+
+    @property
+    def beside(self) -> Store:
+        """The store of answers that will replace earlier ones once the run that needs them ends."""
+        return Store(self.root / PARTIAL / BESIDE)
+
+    @property
+    def searched(self) -> tuple[Store, ...]:
+        """The stores that may hold the needs of a run that lies in this one, the nearest first."""
+        if self.root.parts[-2:] == (PARTIAL, BESIDE):
+            return self, Store(self.root.parents[1])
+        return (self,)
 
     def checkpoint(self, problem: str, key: str) -> Path:
         """The file in which an iteration stores its state between rounds."""
@@ -172,6 +186,15 @@ class Writer:
     def publish(self, *, failed: bool = False) -> Path:
         """Seal the new folder and move it to its place; a failure has a place of its own."""
         seal(self.new)
+        return self._put_in_place(failed)
+
+    def take(self, folder: Path) -> Path:
+        """Move a finished answer or failure here from another folder."""
+        self.space.mkdir(parents=True)
+        folder.rename(self.new)
+        return self._put_in_place(folder.name.endswith(FAILED))
+
+    def _put_in_place(self, failed: bool) -> Path:
         final = self.failure if failed else self.final
         final.parent.mkdir(parents=True, exist_ok=True)
         if self.failure.exists():  # an earlier failure, now repeated or answered

@@ -1,23 +1,92 @@
-"""A sweep as a Study: the results of its points, and how many of them hold."""
+"""A sweep: one problem over a grid of its parameters, as labelled arrays, tables and a figure.
+
+The dimensions of its dataset are the parameters, its variables the results of the runs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from workbench._core.heavy_types import DataArray, Dataset, Figure
 from workbench._core.tables import markdown_table
-from workbench.bench.sweep.dataset import OWN, proven
 from workbench.certificate import Check
 from workbench.errors import ResultError
-from workbench.executor import Context
+from workbench.executor import WALL_TIME, Context
+from workbench.solvers import Outcome
 from workbench.study import Study
+
+SWEEP = "sweep"
+"""The name under which results of sweeps are stored."""
+OWN = ("outcome", "message", "key", "holds", "seconds")
+"""Variables that are not metrics of the runs."""
 
 MOST_LINES = 8
 """Most lines with different colours; more are drawn as a heat map, or share colours."""
+
+
+@dataclass(frozen=True)
+class SweptPoint:
+    """The result of one point; a point that could not run has only an outcome and a message."""
+
+    outcome: str
+    message: str = ""
+    key: str = ""
+    holds: bool = False
+    seconds: float = np.nan
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    headline: str = ""
+
+
+def sweep_dataset(
+    axes: Mapping[str, Sequence[Any]], points: Mapping[tuple[int, ...], SweptPoint], problem: str
+) -> Dataset:
+    """The points of a sweep as arrays over its axes.
+
+    Every metric of any run is a variable, NaN for runs without it. A metric with a name in `OWN`
+    gets the prefix ``metric_``.
+    """
+    import xarray as xr
+
+    dims = tuple(axes)
+    shape = tuple(map(len, axes.values()))
+
+    def filled(value: Any, dtype: Any, name: str) -> np.ndarray:
+        values = np.full(shape, value, dtype=dtype)
+        for place, point in points.items():
+            values[place] = getattr(point, name)
+        return values
+
+    found: dict[str, Any] = {
+        name: (dims, filled("", object, name).astype(str)) for name in ("outcome", "message", "key")
+    }
+    found["holds"] = (dims, filled(0, "int8", "holds"))
+    found["seconds"] = (dims, filled(np.nan, float, "seconds"), {"units": "s"} | WALL_TIME)
+    for name in dict.fromkeys(name for point in points.values() for name in point.metrics):
+        values = np.full(shape, np.nan)
+        for place, point in points.items():
+            values[place] = point.metrics.get(name, np.nan)
+        found[f"metric_{name}" if name in OWN or name in dims else name] = (dims, values)
+    headlines = {point.headline for point in points.values() if point.headline}
+    coords = {name: (name, _axis(values)) for name, values in axes.items()}
+    attrs = {"problem": problem, "headline": headlines.pop() if len(headlines) == 1 else ""}
+    return xr.Dataset(found, coords=coords, attrs=attrs)
+
+
+def _axis(values: Sequence[Any]) -> np.ndarray:
+    """Values of a parameter as a coordinate: numbers, or texts."""
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        return np.array(values)
+    return np.array([str(value) for value in values])
+
+
+def _proven(data: Dataset) -> np.ndarray:
+    """Points with a proven outcome: an answer, or the proof that there is none."""
+    words = [str(one) for one in Outcome if one.proven]
+    return np.asarray(np.isin(data["outcome"].values, words) & (data["holds"].values == 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +114,11 @@ class ParameterSweep(Study):
         return self.points(context)
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        missed = int((~proven(answer)).sum())
+        missed = int((~_proven(answer)).sum())
         return [Check("points", "points whose certificate does not hold", missed, 0)]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
-        found = proven(answer)
+        found = _proven(answer)
         return {"certified_share": float(found.mean()), "points": float(found.size)}
 
     def tables(self, answer: Dataset) -> dict[str, str]:
@@ -61,7 +130,7 @@ class ParameterSweep(Study):
             one = answer.isel(at)
             labels = [_short(one[str(name)].item()) for name in answer["outcome"].dims]
             reason = str(one["outcome"].item())
-            if not proven(one) and str(one["message"].item()):
+            if not _proven(one) and str(one["message"].item()):
                 reason += f": {str(one['message'].item())[:120]}"
             rows.append([*labels, reason, *(_short(one[name].item()) for name in shown)])
         return {"points": markdown_table(heads, rows)}
@@ -71,7 +140,7 @@ class ParameterSweep(Study):
         if name not in answer or not answer[name].notnull().any():
             return {}
         return {
-            "metric": _line_plot(answer[name].where(proven(answer)), str(answer.attrs["problem"]))
+            "metric": _line_plot(answer[name].where(_proven(answer)), str(answer.attrs["problem"]))
         }
 
 
