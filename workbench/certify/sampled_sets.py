@@ -117,7 +117,7 @@ def mu_at(T: StateSpace, W_c: Roots, W_r: Roots | None, omega: RealArray) -> Rea
 class Form(NamedTuple):
     """A realisation of T in coordinates in which its resolvent is small.
 
-    Unlike a `StateSpace`, it is in complex modal coordinates, with a bound of its error.
+    Unlike a `StateSpace`, it may be complex, in modal coordinates, and has a bound of its error.
 
     ``error`` bounds the distance of its response from that of T.
     """
