@@ -14,6 +14,7 @@ MEANINGS = (
     "A structure of an uncertainty",
     "A controller",
     "A closed loop",
+    "A peak over frequency",
     "Margins of a loop",
 )
 

@@ -56,7 +56,10 @@ class Roots(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SetPeak:
-    """Bounds of the supremum of mu, and the frequency [rad/s] of the lower bound."""
+    """Bounds of the supremum of mu, and the frequency [rad/s] of the lower bound.
+
+    Unlike a `Peak`, it is of a sampled loop whose weights are in continuous time.
+    """
 
     lower: float
     upper: float
