@@ -36,7 +36,6 @@ from workbench.synthesis import (
     replacement_modes,
     unswitched_modes,
 )
-from workbench.synthesis.switching.loops import Modes
 from workbench.systems.realisation import modal_form
 
 from ..diagnosis.stand_in import low_pass
@@ -72,7 +71,9 @@ def lens_model(
     return SampledPlant(P.A, P.B, P.C[:1], P.C[1:], K_optn * MICRO, PERIOD, filtered)
 
 
-def regulators(K: StateSpace, strategy: Strategy, lower: StateSpace | None = None) -> Modes:
+def regulators(
+    K: StateSpace, strategy: Strategy, lower: StateSpace | None = None
+) -> tuple[StateSpace, StateSpace]:
     """Controllers in clean parts and during defects, from continuous K and, for "lower", K'.
 
     Raises InputError for an unknown strategy, a missing K', and a K' with another slow pole than K.

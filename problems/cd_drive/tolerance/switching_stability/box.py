@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from workbench._core.arrays import RealArray
+from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.synthesis import SampledPlant, SwitchedBox
-from workbench.synthesis.switching.loops import Modes, mode_transition
+from workbench.synthesis.switching.loops import mode_transition
 
 from ...control.control_problem import optical_gain
 from ...drive.actuator import SERIES_RESISTANCE
@@ -36,7 +37,9 @@ UNITS = np.array([1 / MICRO, 1 / MICRO, PERIOD / MICRO, PERIOD / MICRO, 1.0, 1.0
 """Units of the states (positions, speeds, filter and command) over SI units."""
 
 
-def parametric_box(axis: Axis, modes: Modes, share: float = 1.0) -> SwitchedBox:
+def parametric_box(
+    axis: Axis, modes: tuple[StateSpace, StateSpace], share: float = 1.0
+) -> SwitchedBox:
     """Smallest box of g [1/ohm], k1 and k2 [N/m] that contains a multiple of an axis' set.
 
     Raises InputError for a share that is not positive, or at which a spring would have no
