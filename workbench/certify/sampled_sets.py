@@ -56,7 +56,10 @@ class Roots(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SetPeak:
-    """Bounds of the supremum of mu, and the frequency [rad/s] of the lower bound."""
+    """Bounds of the supremum of mu, and the frequency [rad/s] of the lower bound.
+
+    Unlike a `Peak`, it is of a sampled loop whose weights are in continuous time.
+    """
 
     lower: float
     upper: float
@@ -117,7 +120,7 @@ def mu_at(T: StateSpace, W_c: Roots, W_r: Roots | None, omega: RealArray) -> Rea
 class Form(NamedTuple):
     """A realisation of T in coordinates in which its resolvent is small.
 
-    Unlike a `StateSpace`, it is in complex modal coordinates, with a bound of its error.
+    Unlike a `StateSpace`, it may be complex, in modal coordinates, and has a bound of its error.
 
     ``error`` bounds the distance of its response from that of T.
     """

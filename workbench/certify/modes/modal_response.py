@@ -42,8 +42,7 @@ ENTRIES_AT_ONCE = 500_000
 class ModalResponse:
     """A realisation A (n, n), B (n, r), C (c, n) with the eigenvalues and eigenvectors of A.
 
-    Unlike a `StateSpace`, it keeps its eigenvectors, for enclosures of the response at many
-    frequencies.
+    Unlike a `StateSpace`, it keeps its eigenvectors, for accurate responses at many points.
     """
 
     A: RealArray

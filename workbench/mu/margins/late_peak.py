@@ -20,6 +20,8 @@ TRIED_ROUNDING = 1e-6
 class LatePeak(Answer):
     """Bounds of 1 over the least |delta| that breaks a loop with dead time, at ``omega`` [rad/s].
 
+    Unlike a `Peak`, it is of one factor and an exact dead time, so it needs no scalings.
+
     ``omega`` is infinite if the upper bound is only approached at infinite frequency.
     """
 

@@ -38,6 +38,8 @@ decides.
 class SkewedPeak(Answer):
     """Bounds of the supremum of the skewed mu over all frequencies.
 
+    Unlike a `Peak`, it scales only some of the blocks; the others keep their size of 1.
+
     ``Delta`` (r, c) makes I - M(j omega) Delta singular at ``omega`` [rad/s], up to rounding, and
     proves the lower bound: its fixed blocks are at most 1, the others at most 1 / lower. If lower
     is infinite, the fixed blocks alone make it singular. Delta is NaN where lower is 0. ``upper``
