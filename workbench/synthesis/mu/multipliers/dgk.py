@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.stability import stability_of
@@ -31,6 +30,7 @@ from workbench.structure import Full, Structure
 from workbench.synthesis.mu.biquads import FrequencyRange
 from workbench.synthesis.mu.dk import (
     MOST_ROUNDS,
+    NOTHING_ACTS,
     PATIENCE,
     SETTLED_FALL,
     TARGET_REACHED,
@@ -38,12 +38,19 @@ from workbench.synthesis.mu.dk import (
 )
 from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.mu_controller import MuController
-from workbench.synthesis.mu.multipliers.d_step import ExtendedLoopResponse, dg_step
+from workbench.synthesis.mu.multipliers.dg_step import (
+    FittedMultipliers,
+    dg_step,
+    extended_loop,
+    without_G,
+)
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 
+ENDS = TARGET_REACHED, NOTHING_ACTS
+"""Messages of D-K iteration after which there is nothing to improve."""
 EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)
 """Multiples of the last change of the multipliers, tried as a further change in the same
 direction.
@@ -77,7 +84,7 @@ def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None
         return iterated_with_multipliers(program, context, structure, now, finish)
     begun = iterated(program, context, 0.0)
     answer, _, said = begun
-    if answer is None or structure is None or said == TARGET_REACHED or context.stopped:
+    if answer is None or structure is None or said in ENDS or context.stopped:
         return begun
     finish.sure = answer
     now = DGKState(list(answer.history))
@@ -96,8 +103,8 @@ class DGKState:
     history: list[Iterate]
     first: int = 0
     within: FrequencyRange | None = None
-    before: tuple[Multipliers, RealArray] | None = None
-    used: tuple[Multipliers, RealArray] | None = None
+    before: FittedMultipliers | None = None
+    used: FittedMultipliers | None = None
     tried: int = field(default=0)
 
     def __post_init__(self) -> None:
@@ -122,7 +129,7 @@ class DGKState:
         """The state that `arrays` gave."""
         blocks = Structure(structure.blocks[:-1])
 
-        def pair(x: str, biquads: str) -> tuple[Multipliers, RealArray] | None:
+        def pair(x: str, biquads: str) -> FittedMultipliers | None:
             return (Multipliers(blocks, int(arrays[biquads])), arrays[x]) if x in arrays else None
 
         low, high = arrays["within"].tolist()
@@ -161,9 +168,8 @@ def _rounds(
 
     The first round starts with the best controller so far.
     """
-    K: StateSpace | None = None
-    if now.used is None:
-        K = min(now.history, key=lambda each: each.peak).K
+    begun = min(now.history, key=lambda each: each.peak)
+    K = begun.K if now.used is None else None
     level = np.nan
     for tried in context.rounds(MOST_ROUNDS, "multipliers", first=now.tried):
         if K is None:
@@ -175,12 +181,10 @@ def _rounds(
         system = program.plant.close(K)
         if not stability_of(system).holds:
             return "rounding made a loop unstable"
-        loop = ExtendedLoopResponse.of(system)
+        loop, corners = extended_loop(system)
         peak = float(upper_bound(loop.M, program.closed).value.max())
-        now.within = now.within or loop.corners
-        start = now.used
-        if start is None:  # fit D first, as the start of D and G
-            start = dg_step(structure.complexified(), loop, now.within, None)[0]
+        now.within = now.within or corners
+        start = now.used or without_G(structure, loop, begun.scalings["D"])
         now.before = now.used
         now.used, missed = dg_step(structure, loop, now.within, start)
         fit = float(np.expm1(missed))
@@ -212,10 +216,10 @@ def _has_settled(peaks: Sequence[float]) -> bool:
 
 def _best_step(
     program: MuSynthesis,
-    before: tuple[Multipliers, RealArray] | None,
-    now: tuple[Multipliers, RealArray],
+    before: FittedMultipliers | None,
+    now: FittedMultipliers,
     near: float,
-) -> tuple[StateSpace, float, tuple[Multipliers, RealArray]]:
+) -> tuple[StateSpace, float, FittedMultipliers]:
     """The controller with the least bound, this bound, and its multipliers.
 
     Multipliers are tried as they are, and moved farther in the direction of their last change.

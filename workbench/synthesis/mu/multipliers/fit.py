@@ -84,7 +84,7 @@ def fit_multipliers(
 
 def _bounds(multipliers: Multipliers, within: FrequencyRange) -> list[tuple[float, float]]:
     """Lower and upper limits of all parameters."""
-    row = multipliers.functions.bounds(within)
+    row = [(low, high) for low, high in multipliers.functions.bounds(within).tolist()]
     no_gain = [(0.0, 0.0), *row[1:]]
     entry = triangles.parameter_bounds(multipliers.functions.size, within)
     counts = (
