@@ -102,7 +102,7 @@ def _members(axis: Axis, loop: FaultLoop, F: StateSpace) -> dict[str, float]:
     model = loop.model
     real = 0 * omega if model.W_r is None else model.W_r.response(omega)
     circular = model.W_c.response(omega)
-    K, G = (response(part, omega)[:, 0, 0] for part in (loop.controller, loop.plant))
+    K, G = (response(part, omega)[:, 0, 0] for part in (loop.controller, loop.nominal))
     filter_ = response(F, omega)[:, 0, 0]
     worst = {"error": 0.0, "leakage": 0.0, "gain": 0.0}
     for _ in range(MEMBERS):
