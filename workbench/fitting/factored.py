@@ -20,7 +20,7 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench.fitting.factored_values import factored_values
 from workbench.fitting.quadratic_factor import QuadraticFactor, factors_with, roots_of
 from workbench.fitting.rational import Rational
-from workbench.fitting.sections import Sections
+from workbench.fitting.sections import PolynomialSections
 
 Pair = tuple[Any, Any]
 """Real and imaginary part, as numbers, arrays or expressions of CasADi."""
@@ -112,7 +112,7 @@ class FactoredRational:
             if i >= count:
                 size = u * u + v * v
                 u, v = u / size, -v / size
-            real, imaginary = product((real, imaginary), (u, v))
+            real, imaginary = complex_product((real, imaginary), (u, v))
         return real, imaginary
 
     @cached_property
@@ -168,7 +168,7 @@ class FactoredRational:
         assert positive.all()
         parts = zip(self.parts, self._split(vector), strict=True)
         c0, c1, c2 = np.reshape([part.at(moved) for part, moved in parts], (-1, 3)).T[..., None]
-        sections = Sections.at(omega / level[:, None], c0, c1, c2)
+        sections = PolynomialSections.at(omega / level[:, None], c0, c1, c2)
         signs = np.where(np.arange(len(level)) < count, 1.0, -1.0)
         first, second = sections.magnitude_shares
         slopes = np.stack([1 - first - second, first, second], axis=1) * signs[:, None, None]
@@ -192,6 +192,6 @@ class FactoredRational:
         )
 
 
-def product(a: Pair, b: Pair) -> Pair:
+def complex_product(a: Pair, b: Pair) -> Pair:
     """Product of complex numbers given by real and imaginary part."""
     return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]

@@ -28,7 +28,7 @@ Shares = tuple[RealArray, RealArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Sections:
+class PolynomialSections:
     """Sections at s = j omega: their ``even`` real parts and ``odd`` imaginary ones (..., F).
 
     ``constant`` is c0, and ``size`` the square of the magnitudes.
@@ -40,8 +40,10 @@ class Sections:
     size: RealArray
 
     @classmethod
-    def at(cls, omega: RealArray, c0: Coefficients, c1: Coefficients, c2: Coefficients) -> Sections:
-        """Sections at omega, with coefficients; they broadcast to one shape (..., F)."""
+    def at(
+        cls, omega: RealArray, c0: Coefficients, c1: Coefficients, c2: Coefficients
+    ) -> PolynomialSections:
+        """PolynomialSections at omega, with coefficients; they broadcast to one shape (..., F)."""
         even, odd = c0 - c2 * omega**2, c1 * omega
         return cls(c0, even, odd, even**2 + odd**2)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.fitting.factored import FactoredRational, Pair, product
+from workbench.fitting.factored import FactoredRational, Pair, complex_product
 from workbench.fitting.rational import Rational
 from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.structure import LEAST_DAMPING, LEAST_RATE
@@ -120,17 +120,17 @@ class _SectionProgram:
         known = self.denominator.products(self.denominator.start, parts)
         now = self.denominator.products(self._coefficients(values), tuple(map(ca.DM, parts)))
         known = 1 / (known[0] + 1j * known[1])
-        ratio = product(now, (known.real, known.imag))  # D0 / D
+        ratio = complex_product(now, (known.real, known.imag))  # D0 / D
         place, errors = point.poles.size, {}
         for (i, j), share in point.each_share():
             basis = point.basis.values[:, : share.size] * point.turn[:, i, j, None]
             own = values[place : place + share.size]
             place += share.size
             part = (ca.mtimes(ca.DM(basis.real), own), ca.mtimes(ca.DM(basis.imag), own))
-            part = product(part, ratio)
+            part = complex_product(part, ratio)
             if structure.free_delay:
                 angle = -ca.DM(data.omega) * (values[-1] - point.delay)
-                part = product(part, (ca.cos(angle), ca.sin(angle)))
+                part = complex_product(part, (ca.cos(angle), ca.sin(angle)))
             given = data.response[:, i, j]
             errors[i, j] = (part[0] - given.real, part[1] - given.imag)
         return ca.vertcat(*self._whitened(ca, errors))
@@ -154,7 +154,7 @@ class _SectionProgram:
         for a in range(len(errors)):
             total: Pair = (0.0, 0.0)
             for root, pair in zip(roots, errors.values(), strict=True):
-                part = product(pair, (root[:, a].real, root[:, a].imag))
+                part = complex_product(pair, (root[:, a].real, root[:, a].imag))
                 total = (total[0] + part[0], total[1] + part[1])
             columns += total
         return columns

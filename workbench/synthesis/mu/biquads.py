@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench.certify.proofs.scaled_system import ScalingFunctions
-from workbench.fitting.sections import Sections, Shares
+from workbench.fitting.sections import PolynomialSections, Shares
 from workbench.systems.realisation import Matrices
 
 FrequencyRange = tuple[float, float]
@@ -61,10 +61,10 @@ class Biquads:
 
     # --- values and derivatives -----------------------------------------------------------------
 
-    def sections(self, x: RealArray, omega: RealArray) -> Sections:
+    def sections(self, x: RealArray, omega: RealArray) -> PolynomialSections:
         """The quadratic factors (rows, corners, F) at frequencies (F,) [rad/s]."""
         ratio = omega * np.exp(-x[:, 1::2, None])
-        return Sections.at(ratio, 1.0, 2 * np.exp(x[:, 2::2, None]), 1.0)
+        return PolynomialSections.at(ratio, 1.0, 2 * np.exp(x[:, 2::2, None]), 1.0)
 
     def log_magnitude(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
         """log|d| (rows, F) at frequencies (F,) [rad/s], and its derivatives (rows, P, F)."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.fitting.sections import Sections
+from workbench.fitting.sections import PolynomialSections
 from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, FrequencyRange
 from workbench.systems.realisation import Matrices, in_series, side_by_side
 
@@ -59,7 +59,7 @@ def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
     slope[:, 0] = 1.0
     log_p, log_b, e, f = (x[:, first::4, None] for first in range(1, 5))
     ratio = omega * np.exp(-log_p)
-    sections = Sections.at(ratio, 1.0, 2 * np.exp(log_b), 1.0)
+    sections = PolynomialSections.at(ratio, 1.0, 2 * np.exp(log_b), 1.0)
     one = 1 / sections.values
     s = 1j * ratio * one
     parts = zip(sections.magnitude_shares, sections.phase_shares, strict=True)
