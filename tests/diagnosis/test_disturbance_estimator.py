@@ -194,8 +194,8 @@ def test_estimators_that_are_none():
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"frequency_hz": 0.0}, "rotation frequency_hz is 0"),
-        ({"frequency_hz": np.nan}, "rotation frequency_hz is nan"),
+        ({"frequency_hz": 0.0}, "rotation frequency is 0"),
+        ({"frequency_hz": np.nan}, "rotation frequency is nan"),
         ({"frequency_hz": 5.0, "harmonics": ()}, "harmonics"),
         ({"frequency_hz": 5.0, "harmonics": (1, 1)}, "harmonics"),
         ({"frequency_hz": 5.0, "harmonics": (1.5,)}, "harmonics"),

@@ -84,3 +84,15 @@ def test_errors_that_are_multiples_of_each_other():
     assert np.linalg.norm(W.T @ covariance @ W, 2) < 1 + 1e-6
     regular = np.array([[2.0, 0.5], [0.5, 1.0]])
     assert np.allclose(whitening(regular) @ whitening(regular).T, np.linalg.inv(regular))
+
+
+def test_noise_of_repeated_records_is_not_the_input():
+    """Inputs of one seed had deviations 3 times as large as those of others: that of the noise."""
+
+    def deviation(seed):
+        u, v = np.random.default_rng(seed).standard_normal((2, 1000))
+        told = as_experiments(u, lfilter([0.0, 0.5], [1.0, -0.5], u) + lfilter([0.1], [1, -0.5], v))
+        return response_deviations(arx(told, order=1), told, [0.2]).item()
+
+    found = [deviation(seed) for seed in range(8)]
+    assert max(found) < 1.5 * min(found)

@@ -59,7 +59,7 @@ class Rotation:
         need_numbers(frequency_hz=self.frequency_hz, adaptation=self.adaptation, floor=self.floor)
         if not (math.isfinite(self.frequency_hz) and self.frequency_hz > 0.0):
             raise InputError(
-                f"rotation frequency_hz is {self.frequency_hz} Hz; it must be positive and finite"
+                f"rotation frequency is {self.frequency_hz} Hz; it must be positive and finite"
             )
         h = self.harmonics
         whole = isinstance(h, tuple | list) and all(is_real(one) and one % 1 == 0 for one in h)

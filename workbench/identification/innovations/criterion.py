@@ -251,7 +251,18 @@ def whitening(covariance: RealArray) -> RealArray:
     Errors that are multiples of each other have a correlation that is singular to rounding; its
     eigenvalues count as at least that rounding.
     """
-    scale = np.sqrt(np.diag(covariance))
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    least = len(scale) * np.finfo(float).eps
-    return np.asarray(vectors / np.sqrt(np.maximum(values, least)) / scale[:, None])
+    values, vectors = scaled_eigen(covariance)
+    least = len(values) * np.finfo(float).eps
+    return np.asarray(vectors / np.sqrt(np.maximum(values, least)))
+
+
+def scaled_eigen(matrix: RealArray) -> tuple[RealArray, RealArray]:
+    """Eigenvalues (n,) of a positive semidefinite matrix (n, n) that is scaled to a diagonal of 1,
+    and its eigenvectors (n, n) in the scale of the matrix' inverse.
+
+    A diagonal entry of zero is not scaled.
+    """
+    scale = np.sqrt(np.diag(matrix))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return values, vectors / scale[:, None]

@@ -22,7 +22,11 @@ from scipy.signal import lfilter
 from workbench._core.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.autoregression import chosen_autoregression
-from workbench.identification.innovations.criterion import Criterion, whitening
+from workbench.identification.innovations.criterion import (
+    Criterion,
+    scaled_eigen,
+    whitening,
+)
 from workbench.identification.innovations.gain_surface import GainSurface
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
@@ -35,8 +39,10 @@ OPEN = 1e-3
 One that only changes the basis of states changes no pole and no response."""
 KNOWN_ROUNDING = 1e-7
 """The same over the value itself: what is known exactly has no deviation."""
-REPEATED, REPEATED_SEED = 30, 0
-"""Number of records that a model makes to tell the scatter of its estimates, and their seed."""
+REPEATED, REPEATED_SEED = 30, 141421356237
+"""Number of records that a model makes to tell the scatter of its estimates, and their seed.
+
+No seed that a user takes: noise drawn as the input was would be a multiple of the input."""
 Change = Callable[[Criterion, RealArray, RealArray], RealArray]
 """Change of values by a small step of the parameters: of a criterion, its parameters, the step."""
 
@@ -189,9 +195,6 @@ def _curved(hessian: RealArray) -> tuple[RealArray, RealArray]:
 
     The latter have the length of a standard deviation of the parameters, one by one.
     """
-    scale = np.sqrt(np.diag(hessian))
-    scale[scale == 0] = 1.0
-    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    values, vectors = scaled_eigen(hessian)
     kept = values > HESSIAN_ROUNDING * values[-1]
-    vectors = vectors / scale[:, None]
     return vectors[:, kept] / np.sqrt(values[kept]), vectors[:, ~kept]

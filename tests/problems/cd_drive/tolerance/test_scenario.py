@@ -142,7 +142,7 @@ def test_scripts_that_are_none(changed, message):
 def test_strategies_that_need_a_rotation():
     for name in "AB":
         still = Scenario(stages=(Stage(name),), duration=0.1)
-        with pytest.raises(InputError, match=r"rotation frequency(_hz)? is 0\.0 Hz"):
+        with pytest.raises(InputError, match=r"rotation frequency is 0\.0 Hz"):
             still.run()
     assert np.isfinite(replace(still, rotation=5.5, shocks=(Shock(0.05, 1.0),)).run().x).all()
     with pytest.raises(InputError, match="stages start at"):
