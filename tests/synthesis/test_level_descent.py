@@ -31,7 +31,7 @@ def start(plant, biquads, seed):
 
 
 def normal_of(plant, used):
-    return normalised_plant(standard_plant(scaled_plant.scaled_plant(plant, used)))
+    return normalised_plant(standard_plant(scaled_plant.scaled_plant(plant, used.parameters)))
 
 
 @pytest.mark.cases(1)

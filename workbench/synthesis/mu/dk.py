@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -114,7 +115,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float, reduces: bool
     meanwhile."""
     kept = context.checkpoint.load()
     now = DKState(blend) if kept is None else DKState.restored(kept)
-    finish = Finish(program, context, reduces=reduces)
+    finish = Finish(program, context, partial(scaled_plant, program.plant) if reduces else None)
     try:
         finish.resume(now.history)
         ended = _rounds(program, context, now, finish, program.start if kept is None else None)
@@ -153,18 +154,19 @@ def _rounds(
             continue
         mixed = upper_bound(loop.M, program.closed)
         peak = float(mixed.value.max())
-        reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
+        here = Iterate(peak, level, math.nan, K, scalings=now.used.parameters if now.used else {})
+        reached = program.reaching(K, peak, (*now.history, here))
         if reached is not None:
             return reached
-        finish.offer(K, peak)
+        finish.offer(here)
         if peak == 0.0:  # the bound is zero, so there is nothing to fit
-            now.history.append(Iterate(peak, level, math.nan, K))
+            now.history.append(here)
             return NOTHING_ACTS
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used
         fit = float(np.expm1(missed))
-        now.history.append(Iterate(peak, level, fit, K, scalings=now.used.parameters))
+        now.history.append(replace(here, fit=fit, scalings=now.used.parameters))
         context.record(now.history[-1].row(len(now.history)))
         K = None
         peaks = np.minimum.accumulate([each.peak for each in now.history])
@@ -222,7 +224,7 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
     """
     import control
 
-    plant = program.plant if used is None else scaled_plant(program.plant, used)
+    plant = scaled_plant(program.plant, {} if used is None else used.parameters)
     if used is None or math.isnan(used.level):
         made = on_regular(plant, lambda normal: central_of(normal, LEVEL_TOLERANCE))
     else:

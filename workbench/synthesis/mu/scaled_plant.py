@@ -81,21 +81,25 @@ class Round:
         return cls((Biquads.of(D), D), gamma, at, target, float(level), curvature)
 
 
-def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
+def scaled_plant(plant: GeneralisedPlant, parameters: Mapping[str, RealArray]) -> GeneralisedPlant:
     """The plant with D at the perturbation outputs, D^-1 at the perturbation inputs, and gamma.
 
-    Gamma multiplies all outputs except the measurements.
+    Gamma multiplies all outputs except the measurements. The ``parameters`` are those of a
+    `Round`; without D the plant stays as it is.
     """
+    if "D" not in parameters:
+        return plant
     assert plant.structure is not None
-    scalings, x = used.D
+    x = parameters["D"]
+    scalings = Biquads.of(x)
     system, rest = plant.system, plant.measurements
     pairs = zip(plant.structure, scalings.realised(x), strict=True)
     inverses = zip(plant.structure, scalings.realised(scalings.inverse(x)), strict=True)
     out = [d for block, d in pairs for _ in range(block.columns)]
     into = [d for block, d in inverses for _ in range(block.rows)]
     found = with_scalings(plant, into, out)
-    if used.gamma.any():
-        gamma = GAMMA_FUNCTION.realised(used.gamma) * (system.noutputs - rest)
+    if "gamma" in parameters:
+        gamma = GAMMA_FUNCTION.realised(parameters["gamma"]) * (system.noutputs - rest)
         found = in_series(found, side_by_side(gamma, system.noutputs))
     return replace(plant, system=realisation(found, 0.0))
 
@@ -189,9 +193,8 @@ def _slope(
     scalings, x = used.D
     D, omega = flat.reshape(x.shape), np.exp(used.at)
     try:
-        normal = normalised_plant(
-            standard_plant(scaled_plant(plant, replace(used, D=(scalings, D))))
-        )
+        scaled = scaled_plant(plant, used.parameters | {"D": D})
+        normal = normalised_plant(standard_plant(scaled))
         if math.isnan(guess):
             guess = least_level(normal.plant, DESCENT_START_TOLERANCE)[1].gamma
     except (InputError, SolverError):

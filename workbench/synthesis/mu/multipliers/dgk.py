@@ -11,13 +11,15 @@ cell it has no controller for the CD drives, and elsewhere none below that of D-
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.stability import stability_of
@@ -27,7 +29,7 @@ from workbench.mu import upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Full, Structure
-from workbench.synthesis.mu.biquads import FrequencyRange
+from workbench.synthesis.mu.biquads import Biquads, FrequencyRange
 from workbench.synthesis.mu.dk import (
     MOST_ROUNDS,
     NOTHING_ACTS,
@@ -46,8 +48,12 @@ from workbench.synthesis.mu.multipliers.dg_step import (
 )
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
+from workbench.synthesis.mu.multipliers.scaled_plant import scaled_by_D
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+from workbench.synthesis.mu.scaled_plant import scaled_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import realisation
 
 ENDS = TARGET_REACHED, NOTHING_ACTS
 """Messages of D-K iteration after which there is nothing to improve."""
@@ -78,7 +84,7 @@ def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None
     If the structure is None, the second part is left out.
     """
     kept = context.checkpoint.load()
-    finish = Finish(program, context)
+    finish = Finish(program, context, partial(_scaled, program.plant, structure))
     if structure is not None and kept is not None and "multipliers" in kept:
         now = DGKState.restored(structure, kept)
         return iterated_with_multipliers(program, context, structure, now, finish)
@@ -89,6 +95,17 @@ def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None
     finish.sure = answer
     now = DGKState(list(answer.history))
     return iterated_with_multipliers(program, context, structure, now, finish)
+
+
+def _scaled(
+    plant: GeneralisedPlant, structure: Structure | None, parameters: Mapping[str, RealArray]
+) -> GeneralisedPlant:
+    """The plant with D of a round at its perturbation channels, without G."""
+    x = parameters.get("multipliers")
+    if x is None or structure is None:
+        return scaled_plant(plant, parameters)
+    multipliers = Multipliers(Structure(structure.blocks[:-1]), Biquads.of(x).biquads)
+    return replace(plant, system=realisation(scaled_by_D(plant, multipliers, x), 0.0))
 
 
 @dataclass(eq=False)
@@ -192,7 +209,7 @@ def _rounds(
         reached = program.reaching(K, peak, (*now.history, last))
         if reached is not None:
             return reached
-        finish.offer(K, peak)
+        finish.offer(last)
         now.history.append(last)
         context.record(last.row(len(now.history)))
         K = None
