@@ -2,7 +2,7 @@
 
 In the coefficients of its sections c_0 + c_1 x + x^2, a denominator is stable if linear
 inequalities hold, in continuous time and in the z-plane; and two real poles become a complex pair
-smoothly.
+smoothly. The sections are those of `FactoredRational`; only the program around them is here.
 """
 
 from __future__ import annotations

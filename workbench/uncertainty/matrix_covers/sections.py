@@ -1,4 +1,8 @@
-"""Logarithms of the diagonal weights of one side, which are stable with stable inverses."""
+"""Logarithms of the diagonal weights of one side, which are stable with stable inverses.
+
+Each weight is a `FactoredRational`. This side differs from it in that it stacks the parameters of
+all its weights in one vector and leaves their gains out.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,9 @@
 
 Multipliers at a frequency are not unique, and they are arbitrary where mu is small. The parameters
 are therefore not fitted to values of multipliers: the fit minimises the largest ratio, over
-frequency, of the bound that the multipliers prove to a reference.
+frequency, of the bound that the multipliers prove to a reference. `ScalingFit` of D-K iteration
+does the same without G and with one function for each block, where second derivatives are cheap:
+its Newton method needs a tenth of the steps.
 """
 
 from __future__ import annotations
