@@ -88,6 +88,24 @@ def test_no_state_is_left_out_that_the_peak_needs():
     assert with_few_states(program, K, 0.0) is K
 
 
+def test_the_controller_of_a_plant_without_states_loses_those_that_it_does_not_need():
+    plant = generalised_plant(
+        [(control.tf([0.5], [1.0]), "v", "y"), (control.tf([0.2], [1.0]), "u", "z")],
+        {"v": "u + d", "e": "r - y"},
+        perturbation=[(Complex(1), "z", "d")],
+        exogenous=["r"],
+        performance=["e"],
+        control=["u"],
+        measurement="e",
+    )
+    program = MuSynthesis(plant)
+    gain = control.ss([], [], [], [[1.0]])
+    most = 1.001 * program.certified(gain).upper
+    lag = control.ss(-1.0, 1e-6, 1.0, 0.0)
+    assert with_few_states(program, gain + lag, most).nstates == 0
+    assert with_few_states(program, gain + lag, 0.1 * most).nstates == 1
+
+
 @pytest.mark.cases(0)
 def test_the_loop_with_the_scalings_of_the_design_tells_which_states_matter():
     program = MuSynthesis(unstable_first_order())

@@ -138,7 +138,7 @@ def with_few_states(
 
     # With all states K has better coordinates at least, in which its certificate needs less time.
     fewest, low, high = K, 0, int(K.nstates) + 1
-    order = program.plant.system.nstates  # small loops cost little
+    order = max(1, program.plant.system.nstates)  # small loops cost little
     while low < high:
         order = min(order, high - 1)
         trial = suitable(order)
