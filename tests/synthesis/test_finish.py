@@ -138,7 +138,7 @@ def test_one_truncation_is_enough(monkeypatch):
     def no_gramians(*_):
         raise InputError("the Gramians do not exist")
 
-    for name in ("balanced_truncation", "weighted_by_loop"):
+    for name in ("balanced_truncation", "loop_weighted_truncation"):
         with monkeypatch.context() as patch:
             patch.setattr(finish, name, no_gramians)
             few = with_few_states(program, larger, 1.01 * program.certified(K).upper)

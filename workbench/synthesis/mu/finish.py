@@ -20,7 +20,11 @@ from workbench.synthesis.mu.mu_controller import MuController
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate
 from workbench.synthesis.reduction.kept_part import kept_and_stable
-from workbench.synthesis.reduction.truncation import Reducer, balanced_truncation, weighted_by_loop
+from workbench.synthesis.reduction.truncation import (
+    Reducer,
+    balanced_truncation,
+    loop_weighted_truncation,
+)
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import Matrices, matrices_of, realisation
@@ -156,7 +160,7 @@ def _truncations(K: Matrices, loop: Matrices) -> list[tuple[int, Reducer]]:
     One whose Gramians do not exist in doubles is left out.
     """
     ways: list[Callable[[], tuple[int, Reducer]]] = [
-        lambda: (0, weighted_by_loop(K, loop)),
+        lambda: (0, loop_weighted_truncation(K, loop)),
         lambda: balanced_truncation(kept_and_stable(K)),
     ]
     found = []

@@ -182,7 +182,7 @@ def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
 
 
 def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak | None) -> Reducer:
-    """Balanced truncation weighted by the closed loop (see `weighted_by_loop`).
+    """Balanced truncation weighted by the closed loop (see `loop_weighted_truncation`).
 
     The signals of N are scaled by the D scalings of mu at its peak, so that perturbation and
     performance have equal weight (P. Wortelboer, Frequency-weighted balanced reduction of
@@ -199,10 +199,10 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak | 
     if peak is not None:
         output, entering = _multipliers(plant, peak)
         B, C = B @ entering, output @ C
-    return weighted_by_loop(K, (A, B, C, D))
+    return loop_weighted_truncation(K, (A, B, C, D))
 
 
-def weighted_by_loop(K: Matrices, loop: Matrices) -> Reducer:
+def loop_weighted_truncation(K: Matrices, loop: Matrices) -> Reducer:
     """Balanced truncation weighted by a closed loop N, whose last states are those of K.
 
     A small change of K changes N by W_o dK W_i with W_o = P12 (1 - K P22)^-1 and W_i = (1 - P22
