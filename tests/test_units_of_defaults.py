@@ -45,7 +45,7 @@ LEFT = {
     "how units are written": """
         synthesis/mu/member_figures.py: LONGEST_IN_MS""",
     "a multiple of the highest frequency given": """
-        fitting/factored.py: MISSING_ZERO_FACTOR""",
+        fitting/quadratic_factor.py: MISSING_ZERO_FACTOR""",
     "what doubles and their squares hold, in any unit": """
         systems/equations/riccati.py: FAR
         uncertainty/algebra/delays.py: LONGEST_DELAY

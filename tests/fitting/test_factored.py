@@ -86,3 +86,32 @@ def test_zeros_pass_through_infinity():
         vector[0] = leading
         signs.append(np.sign(made.rational(vector).zeros.real).tolist())
     assert signs == [[-1], [], [1]]
+
+
+@pytest.mark.parametrize("monic", [False, True])
+@pytest.mark.parametrize("zeros", [[], [-3.0], [-50 + 900j, -50 - 900j, -7.0]])
+def test_log_magnitudes_are_those_of_the_values(zeros, monic):
+    start = Rational(zeros, POLES, -2.0)
+    made = FactoredRational.of(start, len(zeros), BAND, True, True, monic=monic)
+    values, slopes = made.values(made.start, OMEGA)
+    logs, by_parameter = made.log_magnitude(made.start, OMEGA)
+    np.testing.assert_allclose(logs, np.log(np.abs(values)), rtol=1e-10)
+    relative = (slopes / values[:, None]).real
+    np.testing.assert_allclose(by_parameter, relative, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("monic", [False, True])
+def test_a_monic_function_has_its_gain_at_infinite_frequency(monic):
+    start = Rational([-3.0, -700.0], [-1.0, -20.0], 5.0)
+    made = FactoredRational.of(start, 2, BAND, True, True, monic=monic)
+    moved = made.start.copy()
+    moved[:-1] += 1.0
+    assert (made.rational(moved).gain == pytest.approx(5.0)) == monic
+
+
+def test_products_are_the_values_at_any_points():
+    start = Rational([-50 + 900j, -50 - 900j, -7.0], POLES, 2.0)
+    made = factored(start, 3)
+    s = np.random.default_rng(4).normal(size=(2, 20)) * 1e3
+    real, imaginary = made.products(made.start, (s[0], s[1]))
+    np.testing.assert_allclose(real + 1j * imaginary, start(s[0] + 1j * s[1]), rtol=1e-8)

@@ -10,9 +10,13 @@ import workbench as wb
 from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import MuSynthesis
+from workbench.synthesis.mu.biquads import Biquads
+from workbench.synthesis.mu.d_step import LoopResponse
+from workbench.synthesis.mu.multipliers.dg_step import without_G
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
 from workbench.synthesis.mu.multipliers.scaled_plant import Multiplied
+from workbench.synthesis.mu.scaling_fit import diagonals
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 OMEGA = np.geomspace(0.1, 10, 5)
@@ -60,6 +64,39 @@ def test_what_multipliers_prove_is_never_below_the_least_bound(blocks, seed):
     assert (proven >= least * (1 - 1e-6)).all()
 
 
+@pytest.mark.parametrize("blocks", STRUCTURES)
+def test_the_first_multipliers_prove_what_the_scalings_of_d_k_iteration_prove(blocks):
+    structure = Structure(blocks)
+    whole = structure.with_performance(2, 1)
+    functions, rng = Biquads(len(structure), 2), np.random.default_rng(7)
+    D = 0.5 * rng.normal(size=(len(structure), functions.size))
+    size = len(OMEGA), whole.columns, whole.rows
+    loop = LoopResponse(OMEGA, rng.normal(size=size) + 1j * rng.normal(size=size))
+    multipliers, x = without_G(whole, loop, D)
+    proven = ScaledLoop.of(multipliers, loop.M, OMEGA, x).log_beta
+    if all(block.rows == 1 or isinstance(block, Full) for block in structure):
+        rows, columns = diagonals(whole, functions.log_magnitude(D, OMEGA)[0])
+        scaled = np.exp(rows)[:, :, None] * loop.M * np.exp(-columns)[:, None, :]
+        expected = np.log(np.linalg.norm(scaled, 2, axis=(1, 2)))
+        np.testing.assert_allclose(proven, expected, rtol=1e-9)
+    with_G = Multipliers(structure, 2)
+    same = ScaledLoop.of(with_G, loop.M, OMEGA, with_G.carried(multipliers, x, 0.0)).log_beta
+    np.testing.assert_allclose(same, proven, rtol=1e-9)
+
+
+def test_the_first_full_d_is_the_optimal_one_at_the_peak():
+    structure = Structure([Complex(2)]).with_performance(2, 1)
+    rng = np.random.default_rng(7)
+    size = len(OMEGA), structure.columns, structure.rows
+    loop = LoopResponse(OMEGA, rng.normal(size=size) + 0j)  # its best D is real
+    D = 0.5 * rng.normal(size=(1, Biquads(1, 2).size))
+    multipliers, x = without_G(structure, loop, D)
+    bound = upper_bound(loop.M, structure)
+    worst = int(np.argmax(bound.value))
+    proven = np.exp(ScaledLoop.of(multipliers, loop.M, OMEGA, x).log_beta)
+    assert proven[worst] == pytest.approx(bound.value[worst], rel=1e-6)
+
+
 def test_a_controller_of_norm_one_for_the_scaled_plant_holds_the_bound_of_the_loop():
     from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
 
@@ -76,6 +113,15 @@ def test_a_controller_of_norm_one_for_the_scaled_plant_holds_the_bound_of_the_lo
     assert found is not None  # it stabilises the plant itself
     assert found.upper <= beta * 1.001
     assert Multiplied.of(plant, scalings, x).plant(beta).states > plant.system.nstates
+
+
+def test_where_nothing_acts_on_the_performance_there_is_nothing_to_fit():
+    B, C = np.zeros((1, 3)), np.zeros((3, 1))
+    B[0, 2] = C[2, 0] = 1.0
+    system = control.ss([[-1.0]], B, C, np.zeros((3, 3)))
+    plant = GeneralisedPlant(system, Structure([Real(1)]), 1, 1)
+    solution = wb.solve(MuSynthesis(plant), method="dgk")
+    assert solution.certificate.holds and solution.answer.upper == 0.0
 
 
 @pytest.mark.slow

@@ -1,19 +1,31 @@
 """An iteration ends on time, with an answer, and with few states."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
+from workbench.plants.textbook.distillation import distillation_column
 from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from workbench.errors import TimeLimitError
+from workbench._core.arrays import EPS
+from workbench.certify.stability import stability_check
+from workbench.errors import InputError, TimeLimitError
 from workbench.executor import Context
 from workbench.executor.clock import proving
+from workbench.mu import upper_bound
 from workbench.solvers import Options, Outcome
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import MuSynthesis, hinf
 from workbench.synthesis.mu import finish, scaling_fit
 from workbench.synthesis.mu.finish import with_few_states
+from workbench.synthesis.mu.scaled_plant import scaled_plant
+from workbench.synthesis.reduction.kept_part import kept_and_stable
+from workbench.synthesis.reduction.truncation import balanced_truncation
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import response
+from workbench.systems.realisation import matrices_of, realisation
 from workbench.uncertainty import GeneralisedPlant, generalised_plant, real, tf
 
 
@@ -74,6 +86,80 @@ def test_no_state_is_left_out_that_the_peak_needs():
     program = MuSynthesis(unstable_first_order())
     K = wb.solve(program, method="dk").answer.K
     assert with_few_states(program, K, 0.0) is K
+
+
+def test_the_controller_of_a_plant_without_states_loses_those_that_it_does_not_need():
+    plant = generalised_plant(
+        [(control.tf([0.5], [1.0]), "v", "y"), (control.tf([0.2], [1.0]), "u", "z")],
+        {"v": "u + d", "e": "r - y"},
+        perturbation=[(Complex(1), "z", "d")],
+        exogenous=["r"],
+        performance=["e"],
+        control=["u"],
+        measurement="e",
+    )
+    program = MuSynthesis(plant)
+    gain = control.ss([], [], [], [[1.0]])
+    most = 1.001 * program.certified(gain).upper
+    lag = control.ss(-1.0, 1e-6, 1.0, 0.0)
+    assert with_few_states(program, gain + lag, most).nstates == 0
+    assert with_few_states(program, gain + lag, 0.1 * most).nstates == 1
+
+
+@pytest.mark.cases(0)
+def test_the_loop_with_the_scalings_of_the_design_tells_which_states_matter():
+    program = MuSynthesis(unstable_first_order())
+    answer = wb.solve(replace(program, target=0.69), method="dk").answer
+    most = 1.001 * answer.upper
+    alone = balanced_truncation(kept_and_stable(matrices_of(answer.K)))[1]
+    fewest = next(
+        order
+        for order in range(answer.K.nstates + 1)
+        if peak_on_grid(program, realisation(alone(order), 0.0)) <= most
+    )
+    scaled = scaled_plant(program.plant, answer.history[-1].scalings)
+    assert with_few_states(program, answer.K, most, scaled).nstates < fewest
+
+
+def peak_on_grid(program, K):
+    """Largest bound on mu at frequencies of the loop; infinite if it is not stable."""
+    loop = program.plant.close(K)
+    if not stability_check(loop).holds:
+        return np.inf
+    return upper_bound(response(loop, frequencies_of(loop)), program.closed).value.max()
+
+
+@pytest.mark.cases(0)
+def test_one_truncation_is_enough(monkeypatch):
+    program = MuSynthesis(unstable_first_order())
+    K = wb.solve(program, method="dk").answer.K
+    larger = control.append(K, control.ss(-3.0, 1.0, 1.0, 0.0))[0, 0]
+
+    def no_gramians(*_):
+        raise InputError("the Gramians do not exist")
+
+    for name in ("balanced_truncation", "loop_weighted_truncation"):
+        with monkeypatch.context() as patch:
+            patch.setattr(finish, name, no_gramians)
+            few = with_few_states(program, larger, 1.01 * program.certified(K).upper)
+        assert few.nstates <= K.nstates
+    monkeypatch.setattr(finish, "_truncations", lambda *_: [])
+    assert with_few_states(program, K, np.inf) is K
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(11))
+def test_last_bits_of_the_plant_do_not_decide_the_order(seed):
+    """Its weights have poles at -1e-6 rad/s, which last bits turn into integrators."""
+    rng = np.random.default_rng([6, seed])
+    plant = distillation_column()
+    matrices = [
+        part * (1 + EPS * rng.choice([-1, 0, 1], part.shape)) for part in matrices_of(plant.system)
+    ]
+    program = MuSynthesis(replace(plant, system=realisation(matrices, 0.0)))
+    answer = wb.solve(program, method="dk").answer
+    assert answer.K.nstates <= 24  # 38 before the reduction
+    assert answer.upper <= 0.937
 
 
 def late_in(context, monkeypatch, after):

@@ -13,9 +13,9 @@ from workbench.synthesis.h_infinity.levels import least_level, level_at, level_f
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.worst_signals import worst_densities
 from workbench.synthesis.mu import scaled_plant
+from workbench.synthesis.mu.biquads import Biquads
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.scaled_plant import Round, level_descent
-from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.standard_plant import standard_plant
 
 OMEGA = np.geomspace(1e-5, 1e5, 600)
@@ -23,7 +23,7 @@ OMEGA = np.geomspace(1e-5, 1e5, 600)
 
 def start(plant, biquads, seed):
     rng = np.random.default_rng(seed)
-    scalings = Scalings(len(plant.structure), biquads)
+    scalings = Biquads(len(plant.structure), biquads)
     x = scalings.guess(rng.normal(size=scalings.rows), 0.0, 0.6)
     x += 0.2 * rng.normal(size=x.shape)
     at = np.log(OMEGA)
@@ -31,7 +31,7 @@ def start(plant, biquads, seed):
 
 
 def normal_of(plant, used):
-    return normalised_plant(standard_plant(scaled_plant.scaled_plant(plant, used)))
+    return normalised_plant(standard_plant(scaled_plant.scaled_plant(plant, used.parameters)))
 
 
 @pytest.mark.cases(1)

@@ -21,9 +21,9 @@ from workbench.bench.formats import netcdf
 from workbench.executor import Checkpoint, Context
 from workbench.solvers import Options, Outcome
 from workbench.synthesis import Iterate, MuSynthesis, hinf
-from workbench.synthesis.mu import dk
+from workbench.synthesis.mu import d_step, dk
+from workbench.synthesis.mu.biquads import Biquads
 from workbench.synthesis.mu.rounds import packed, unpacked
-from workbench.synthesis.mu.scalings import Scalings
 from workbench.synthesis.mu.structured import fixed
 from workbench.uncertainty import generalised_plant, real, tf
 
@@ -204,17 +204,17 @@ def test_every_round_is_stored_with_its_controller_and_scalings(program, whole_o
 def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, whole_of):
     """The bound of the scaled loop is the one that `fit` says it misses."""
     from workbench.mu import upper_bound
-    from workbench.synthesis.mu.scalings import diagonals
+    from workbench.synthesis.mu.scaling_fit import diagonals
 
     for each in whole_of("dk").answer.history:
-        loop = dk.LoopResponse.of(program.plant.close(each.K))
+        loop = d_step.LoopResponse.of(program.plant.close(each.K))
         x = each.scalings["D"]
-        value, _ = Scalings.of(x).log_magnitude(x, loop.omega)
+        value, _ = Biquads.of(x).log_magnitude(x, loop.omega)
         rows, columns = diagonals(program.closed, value)
         scaled = np.exp(rows)[:, :, None] * loop.M * np.exp(-columns)[:, None, :]
         bound = upper_bound(loop.M, program.closed).value
         ratio = np.linalg.norm(scaled, 2, axis=(1, 2)) / np.maximum(
-            bound, dk.REFERENCE_FLOOR * bound.max()
+            bound, d_step.REFERENCE_FLOOR * bound.max()
         )
         assert ratio.max() == pytest.approx(1.0 + each.fit, rel=1e-9)
 

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Structure
-from workbench.synthesis.mu.scaling_fit import ScalingFit, worth
-from workbench.synthesis.mu.scalings import Scalings, diagonals
+from workbench.synthesis.mu.biquads import Biquads
+from workbench.synthesis.mu.scaling_fit import ScalingFit, diagonals, worth
+from workbench.systems.realisation import realisation
 
 OMEGA = np.geomspace(0.01, 100.0, 60)
 
@@ -16,11 +17,12 @@ OMEGA = np.geomspace(0.01, 100.0, 60)
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 2), st.integers(0, 3))
 def test_systems_have_the_magnitudes_and_inverses(seed, blocks, biquads):
-    scalings = Scalings(blocks, biquads)
+    scalings = Biquads(blocks, biquads)
     x = np.random.default_rng(seed).normal(size=(blocks, scalings.size))
     value, _ = scalings.log_magnitude(x, OMEGA)
-    pairs = zip(scalings.systems(x), scalings.systems(scalings.inverse(x)), value, strict=True)
-    for d, inverse, log in pairs:
+    pairs = zip(scalings.realised(x), scalings.realised(scalings.inverse(x)), value, strict=True)
+    for matrices, of_inverse, log in pairs:
+        d, inverse = realisation(matrices, 0.0), realisation(of_inverse, 0.0)
         np.testing.assert_allclose(np.abs(d(1j * OMEGA)), np.exp(log), rtol=1e-6)
         np.testing.assert_allclose(np.abs(inverse(1j * OMEGA)), np.exp(-log), rtol=1e-6)
         assert (d.poles().real < 0).all()
@@ -28,7 +30,7 @@ def test_systems_have_the_magnitudes_and_inverses(seed, blocks, biquads):
 
 
 def test_slopes_are_those_of_the_magnitudes():
-    scalings, step = Scalings(2, 2), 1e-6
+    scalings, step = Biquads(2, 2), 1e-6
     x = np.random.default_rng(0).normal(size=(2, scalings.size))
     value, slope = scalings.log_magnitude(x, OMEGA)
     for k in range(scalings.size):
@@ -42,7 +44,7 @@ def test_a_fit_undoes_a_scaling_that_it_can_express():
     """M is small but for D that hides it."""
     rng = np.random.default_rng(3)
     structure = Structure([Complex(1), Full(1, 2), Full(1, 1)])
-    hidden = Scalings(2, 1)
+    hidden = Biquads(2, 1)
     x = hidden.guess(np.array([1.0, -2.0]), 0.0, 1.0)
     x[:, 1] += [1.0, -1.0]
     rows, columns = diagonals(structure, -hidden.log_magnitude(x, OMEGA)[0])
@@ -50,7 +52,7 @@ def test_a_fit_undoes_a_scaling_that_it_can_express():
     M = np.exp(rows)[:, :, None] * M * np.exp(-columns)[:, None, :]
     bound = upper_bound(M, structure).value
     fit = ScalingFit.of(structure, OMEGA, M, bound)
-    found, missed = worth(fit, (Scalings(2, 0), np.zeros((2, 1))))
+    found, missed = worth(fit, (Biquads(2, 0), np.zeros((2, 1))))
     assert missed == pytest.approx(0.0, abs=1e-3)
     log = found[0].log_magnitude(found[1], OMEGA)[0]
     rows, columns = diagonals(structure, log)
@@ -63,7 +65,7 @@ def test_a_fit_undoes_a_scaling_that_it_can_express():
 def test_slopes_and_curvature_of_the_smoothed_worst(seed, sharpness):
     rng = np.random.default_rng(seed)
     structure = Structure([Complex(1), Full(2, 1), Full(1, 2)])
-    scalings = Scalings(2, 1)
+    scalings = Biquads(2, 1)
     M = rng.normal(size=(4, 4, 4)) + 1j * rng.normal(size=(4, 4, 4))
     fit = ScalingFit.of(structure, np.array([0.1, 1.0, 2.0, 10.0]), M, rng.uniform(1, 3, 4))
     x = 0.3 * rng.normal(size=(2 * scalings.size))
@@ -85,7 +87,7 @@ def test_frequencies_that_tell_nothing_are_left_out():
 
 
 def test_a_biquad_more_and_a_biquad_less():
-    scalings = Scalings(2, 1)
+    scalings = Biquads(2, 1)
     x = np.random.default_rng(1).normal(size=(2, 5))
     larger, y = scalings.grown(x, 3.0, np.array([0.3, -0.3]))
     same, back = larger.without(y, 1)

@@ -164,9 +164,9 @@ def in_parallel(*systems: Matrices) -> Matrices:
 
 
 def side_by_side(systems: Sequence[Matrices], signals: int) -> Matrices:
-    """Systems of one input and output side by side; further signals pass unchanged."""
+    """Square systems side by side; further signals pass unchanged."""
     A, B, C, D = (block_diag(*parts) for parts in zip(*systems, strict=True))
-    rest = signals - len(systems)
+    rest = signals - len(D)
     return (
         A,
         np.hstack([B, np.zeros((len(A), rest))]),

@@ -55,7 +55,7 @@ def refined_fit(program: ResponseFit, start: Rational, context: Context) -> Clai
         vector = ca.DM(origin) + ca.DM(units) @ step
         real, imaginary = form.products(
             ca.vertsplit(vector),
-            ca.DM(data.omega),
+            (0.0, ca.DM(data.omega)),
             lambda value: ca.exp(ca.fmax(ca.fmin(value, LARGEST_LOGARITHM), -LARGEST_LOGARITHM)),
         )
         weight = ca.DM(data.weight / unit)

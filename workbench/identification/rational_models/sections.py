@@ -1,7 +1,8 @@
 """The fit as a nonlinear program in second-order sections of the denominator, by IPOPT.
 
-In the coefficients of its sections x^2 + a_1 x + a_0, a denominator is stable if linear
-inequalities hold; and two real poles become a complex pair smoothly.
+In the coefficients of its sections c_0 + c_1 x + x^2, a denominator is stable if linear
+inequalities hold, in continuous time and in the z-plane; and two real poles become a complex pair
+smoothly. The sections are those of `FactoredRational`; only the program around them is here.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.fitting.rational import conjugate_pairs
+from workbench.fitting.factored import FactoredRational, Pair, complex_product
+from workbench.fitting.rational import Rational
 from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.structure import LEAST_DAMPING, LEAST_RATE
 from workbench.solvers import ipopt
@@ -23,9 +25,6 @@ SETTLED = 1e-3
 """The passes end when the unknowns, in those units, change by less than this."""
 PROXIMAL_CURVATURE = 1e-6
 """Curvature added to the cost in those units, for directions that the data do not determine."""
-
-Pair = tuple[Any, Any]
-"""Real and imaginary part of a column as CasADi expressions."""
 
 
 def section_descent(point: FitPoint, context: Context) -> FitPoint:
@@ -49,16 +48,17 @@ class _SectionProgram:
         import casadi as ca
 
         self.point, self.structure = point, point.structure
-        n = point.poles.size
-        self.coefficients = _sections(point.poles)
+        # x has a unit already, so the sections need no level of their own
+        start = Rational(np.zeros(0, complex), point.poles, 1.0)
+        self.denominator = FactoredRational.of(start, 0, (1.0, 1.0), False, False)
         self.shares = np.concatenate([share for _, share in point.each_share()])
         extra = [point.delay] if self.structure.free_delay else []
-        self.start: RealArray = np.concatenate([self.coefficients, self.shares, extra])
+        self.start: RealArray = np.concatenate([self.denominator.start[:-1], self.shares, extra])
         count = self.start.size
         with context.stating():
             values = ca.MX.sym("values", count)
-            residual = self._residual(ca, values, n)
-            limits = self._limits(ca, values, n)
+            residual = self._residual(ca, values)
+            limits = self._limits(ca, values)
             self.residuals = ca.Function("residuals", [values], [residual])
             self.slope = self.residuals.jacobian()
             x, origin, unit = (ca.MX.sym(name, count) for name in ("x", "origin", "unit"))
@@ -105,38 +105,32 @@ class _SectionProgram:
 
     def read(self, values: RealArray) -> tuple[ComplexArray, float]:
         """Poles, in units of the structure, and delay [s], from the unknowns."""
-        n = self.point.poles.size
         delay = float(values[-1]) if self.structure.free_delay else self.point.delay
-        return _roots(values[:n]), delay
+        return self.denominator.rational(np.array(self._coefficients(values))).poles, delay
 
-    def _residual(self, ca: Any, values: Any, n: int) -> Any:
+    def _coefficients(self, values: Any) -> list[Any]:
+        """Parameters of the denominator among the unknowns, with the gain 1."""
+        return [*(values[k] for k in range(self.point.poles.size)), 1.0]
+
+    def _residual(self, ca: Any, values: Any) -> Any:
         """Whitened residuals, real parts above imaginary ones."""
         structure, point = self.structure, self.point
         data = structure.data
-        ratio: Pair = (ca.DM.ones(data.omega.size), ca.DM.zeros(data.omega.size))
-        for k, polynomial in enumerate(_polynomials(point.poles)):
-            known = np.polyval(polynomial, structure.x)
-            x = structure.x
-            if len(polynomial) == 3:
-                a1, a0 = values[2 * k], values[2 * k + 1]
-                square = x**2
-                ours = (square.real + a1 * x.real + a0, square.imag + a1 * x.imag)
-            else:
-                ours = (x.real + values[n - 1], ca.DM(x.imag))
-            # D0 / D = known conj(ours) / |ours|^2
-            size = ours[0] ** 2 + ours[1] ** 2
-            ratio = _product(ratio, (known.real, known.imag))
-            ratio = _product(ratio, (ours[0] / size, -ours[1] / size))
-        place, errors = n, {}
+        parts = structure.x.real, structure.x.imag
+        known = self.denominator.products(self.denominator.start, parts)
+        now = self.denominator.products(self._coefficients(values), tuple(map(ca.DM, parts)))
+        known = 1 / (known[0] + 1j * known[1])
+        ratio = complex_product(now, (known.real, known.imag))  # D0 / D
+        place, errors = point.poles.size, {}
         for (i, j), share in point.each_share():
             basis = point.basis.values[:, : share.size] * point.turn[:, i, j, None]
             own = values[place : place + share.size]
             place += share.size
             part = (ca.mtimes(ca.DM(basis.real), own), ca.mtimes(ca.DM(basis.imag), own))
-            part = _product(part, ratio)
+            part = complex_product(part, ratio)
             if structure.free_delay:
                 angle = -ca.DM(data.omega) * (values[-1] - point.delay)
-                part = _product(part, (ca.cos(angle), ca.sin(angle)))
+                part = complex_product(part, (ca.cos(angle), ca.sin(angle)))
             given = data.response[:, i, j]
             errors[i, j] = (part[0] - given.real, part[1] - given.imag)
         return ca.vertcat(*self._whitened(ca, errors))
@@ -160,59 +154,31 @@ class _SectionProgram:
         for a in range(len(errors)):
             total: Pair = (0.0, 0.0)
             for root, pair in zip(roots, errors.values(), strict=True):
-                part = _product(pair, (root[:, a].real, root[:, a].imag))
+                part = complex_product(pair, (root[:, a].real, root[:, a].imag))
                 total = (total[0] + part[0], total[1] + part[1])
             columns += total
         return columns
 
-    def _limits(self, ca: Any, values: Any, n: int) -> Any:
+    def _limits(self, ca: Any, values: Any) -> Any:
         """Expressions that are nonnegative if the denominator is stable; None if poles are free."""
         structure = self.structure
         if not structure.stable:
             return None
-        found = []
-        for k in range(n // 2):
-            a1, a0 = values[2 * k], values[2 * k + 1]
-            if structure.sample_time is None:
-                rate = LEAST_RATE * float(structure.data.omega[0]) / structure.unit
-                size = float(np.sqrt(abs(self.coefficients[2 * k + 1])))
-                found += [a1 - 2 * max(rate, LEAST_DAMPING * size), a0 - rate**2]
+        edge = 1 - LEAST_DAMPING
+        rate = LEAST_RATE * float(structure.data.omega[0]) / structure.unit
+        found, place = [], 0
+        for part in self.denominator.denominators:
+            order = len(part.moving)
+            c0, c1, _ = part.at([values[place + k] for k in range(order)])
+            place += order
+            if structure.sample_time is not None:
+                if order == 2:
+                    found += [edge**2 - c0, edge**2 + edge * c1 + c0, edge**2 - edge * c1 + c0]
+                else:
+                    found += [edge - c0, edge + c0]
+            elif order == 2:
+                size = float(np.sqrt(abs(part.coefficients[0])))
+                found += [c1 - 2 * max(rate, LEAST_DAMPING * size), c0 - rate**2]
             else:
-                edge = 1 - LEAST_DAMPING
-                found += [edge**2 - a0, edge**2 + edge * a1 + a0, edge**2 - edge * a1 + a0]
-        if n % 2:
-            a0 = values[n - 1]
-            if structure.sample_time is None:
-                found.append(a0 - LEAST_RATE * float(structure.data.omega[0]) / structure.unit)
-            else:
-                found += [1 - LEAST_DAMPING - a0, 1 - LEAST_DAMPING + a0]
+                found.append(c0 - rate)
         return ca.vertcat(*found)
-
-
-def _polynomials(poles: ComplexArray) -> list[RealArray]:
-    """Second-order sections, with real poles in pairs, and one of first order if n is odd."""
-    real = np.sort(poles[poles.imag == 0].real)
-    found: list[RealArray] = [
-        np.array([1.0, -2.0 * p.real, abs(p) ** 2]) for p in poles[poles.imag > 0]
-    ]
-    found += [np.asarray(np.poly(real[k : k + 2]), float) for k in range(0, real.size, 2)]
-    return found
-
-
-def _sections(poles: ComplexArray) -> RealArray:
-    """Coefficients (n,) of the sections, without their leading ones."""
-    return np.concatenate([each[1:] for each in _polynomials(poles)])
-
-
-def _roots(coefficients: RealArray) -> ComplexArray:
-    """Poles of sections with these coefficients (n,)."""
-    n = coefficients.size
-    parts = [np.roots([1.0, *coefficients[k : k + 2]]) for k in range(0, n - n % 2, 2)]
-    if n % 2:
-        parts.append(-coefficients[-1:])
-    return conjugate_pairs(np.concatenate(parts))
-
-
-def _product(a: Pair, b: Pair) -> Pair:
-    """Product of complex columns in parts."""
-    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]

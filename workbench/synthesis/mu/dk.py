@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.stability import stability_check
@@ -26,19 +26,17 @@ from workbench.executor import Context
 from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
-from workbench.structure import Structure
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.riccati import central_above, central_of
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
+from workbench.synthesis.mu.d_step import LoopResponse, d_step
 from workbench.synthesis.mu.finish import Finish
+from workbench.synthesis.mu.gamma import GAMMA_FUNCTION, fitted_gamma, gaussian_mean
 from workbench.synthesis.mu.mu_controller import MuController
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
-from workbench.synthesis.mu.scaled_plant import GAMMA_FUNCTION, Round, level_descent, scaled_plant
-from workbench.synthesis.mu.scaling_fit import COARSE, FINE, Fineness, ScalingFit, worth
-from workbench.synthesis.mu.scalings import Scalings
-from workbench.systems.frequency_grid import frequencies_of
-from workbench.systems.generalised_plant import response
+from workbench.synthesis.mu.scaled_plant import Round, level_descent, scaled_plant
+from workbench.synthesis.mu.scaling_fit import COARSE, FINE
 from workbench.systems.standard_plant import standard_plant
 
 MOST_ROUNDS = 30
@@ -59,31 +57,12 @@ ENOUGH_SHARE = 0.99
 """A descent of the level ends at this share of the target, since the peak of the loop is close to
 the level.
 """
-SMOOTHING_WIDTH = 0.1
-"""Standard deviation, in log frequency, of the weights that smooth the wanted gamma."""
 LEAST_GAMMA, LEAST_WEIGHT = 0.05, 0.05
 """Least wanted gamma, and least weight of a frequency in the fit of gamma."""
 TARGET_REACHED = "reached the target"
 """Message of an iteration that ends at its target."""
-REFERENCE_FLOOR = 0.5
-"""Scalings need not follow the bound at frequencies where it is below this share of its peak."""
-
-
-@dataclass(frozen=True, eq=False)
-class LoopResponse:
-    """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles.
-
-    Unlike `FrequencyResponseData`, it chooses its frequencies from the poles of the loop.
-    """
-
-    omega: RealArray
-    M: NDArray[Any]
-
-    @classmethod
-    def of(cls, system: StateSpace) -> LoopResponse:
-        """The response of a stable closed loop."""
-        omega = frequencies_of(system)
-        return cls(omega, response(system, omega))
+NOTHING_ACTS = "nothing acts on the performance"
+"""Message of an iteration that ends with a bound of zero, to which no scalings can be fitted."""
 
 
 @dataclass(eq=False)
@@ -136,7 +115,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float, reduces: bool
     meanwhile."""
     kept = context.checkpoint.load()
     now = DKState(blend) if kept is None else DKState.restored(kept)
-    finish = Finish(program, context, reduces=reduces)
+    finish = Finish(program, context, partial(scaled_plant, program.plant) if reduces else None)
     try:
         finish.resume(now.history)
         ended = _rounds(program, context, now, finish, program.start if kept is None else None)
@@ -175,18 +154,19 @@ def _rounds(
             continue
         mixed = upper_bound(loop.M, program.closed)
         peak = float(mixed.value.max())
-        reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
+        here = Iterate(peak, level, math.nan, K, scalings=now.used.parameters if now.used else {})
+        reached = program.reaching(K, peak, (*now.history, here))
         if reached is not None:
             return reached
-        finish.offer(K, peak)
+        finish.offer(here)
         if peak == 0.0:  # the bound is zero, so there is nothing to fit
-            now.history.append(Iterate(peak, level, math.nan, K))
-            return "nothing acts on the performance"
+            now.history.append(here)
+            return NOTHING_ACTS
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used
         fit = float(np.expm1(missed))
-        now.history.append(Iterate(peak, level, fit, K, scalings=now.used.parameters))
+        now.history.append(replace(here, fit=fit, scalings=now.used.parameters))
         context.record(now.history[-1].row(len(now.history)))
         K = None
         peaks = np.minimum.accumulate([each.peak for each in now.history])
@@ -244,7 +224,7 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
     """
     import control
 
-    plant = program.plant if used is None else scaled_plant(program.plant, used)
+    plant = scaled_plant(program.plant, {} if used is None else used.parameters)
     if used is None or math.isnan(used.level):
         made = on_regular(plant, lambda normal: central_of(normal, LEVEL_TOLERANCE))
     else:
@@ -264,11 +244,11 @@ def _scalings(
     gamma, target = np.zeros((1, GAMMA_FUNCTION.size)), np.zeros(len(at))
     bound = mixed if structure == program.closed else upper_bound(loop.M, structure)
     if blend:
-        wanted = _gaussian_mean(at, np.log(np.maximum(mixed.value / bound.value, LEAST_GAMMA)))
+        wanted = gaussian_mean(at, np.log(np.maximum(mixed.value / bound.value, LEAST_GAMMA)))
         old = np.interp(at, before.at, before.target) if before else target
         target = (1 - blend) * old + blend * wanted
         weight = np.maximum(mixed.value / mixed.value.max(), LEAST_WEIGHT)
-        gamma = GAMMA_FUNCTION.follow(target[None], loop.omega, weight)
+        gamma = fitted_gamma(target, loop.omega, weight)
         size = np.exp(GAMMA_FUNCTION.log_magnitude(gamma, loop.omega)[0][0])
         loop = LoopResponse(loop.omega, size[:, None, None] * loop.M)
         bound = upper_bound(loop.M, structure)
@@ -281,38 +261,3 @@ def _scalings(
     )
     level = fit.peak * math.exp(missed)  # that of the loop
     return Round(D, gamma, at, target, level, fit.curvature(*D)), missed
-
-
-def _gaussian_mean(at: RealArray, values: RealArray) -> RealArray:
-    """Mean of values with Gaussian weights of width `SMOOTHING_WIDTH` over the log frequencies
-    `at`.
-    """
-    weight = np.exp(-(((at[:, None] - at) / SMOOTHING_WIDTH) ** 2) / 2)
-    mean: RealArray = weight @ values / weight.sum(axis=1)
-    return mean
-
-
-def d_step(
-    structure: Structure,
-    loop: LoopResponse,
-    found: UpperBound,
-    blocks: int,
-    before: tuple[Scalings, RealArray] | None,
-    fineness: Fineness,
-) -> tuple[ScalingFit, tuple[Scalings, RealArray], float]:
-    """Scalings of the first `blocks` blocks with as few biquads as needed, their miss, and the
-    data.
-
-    ``found`` are the upper bounds of the loop. The miss is the logarithm of the worst ratio of
-    sigma_max(D M D^-1) to the bound, or to `REFERENCE_FLOOR` times the peak of the bound where this
-    is larger. The data to which the scalings are fitted are returned first.
-    """
-    bound, D = found.value, found.D_left
-    reference = np.maximum(bound, REFERENCE_FLOOR * bound.max())
-    first = [row.start for row in structure.column_slices]
-    logs = np.log(np.diagonal(D, axis1=1, axis2=2).real[:, first]) / 2
-    high = bound > 0.8 * bound.max()
-    gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
-    start = before or (Scalings(blocks, 0), gains[:, None])
-    fit = ScalingFit.of(structure, loop.omega, loop.M, reference, fineness)
-    return fit, *worth(fit, start)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset, StateSpace
-from workbench.synthesis.mu.scalings import PARAMETERS
+from workbench.synthesis.mu.biquads import PARAMETERS
 from workbench.systems.realisation import realisation
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Iterate:
     scalings prove for all frequencies. ``level`` is the level gamma of its H-infinity controller
     (NaN if there is none). ``fit`` is the largest relative miss of the fitted scalings (NaN if
     there are none). ``K`` is the controller. ``scalings`` are the parameters (blocks, P), by name,
-    of the scalings fitted to its loop, as in `Scalings`.
+    of the scalings fitted to its loop, as in `Biquads`.
 
     Examples
     --------

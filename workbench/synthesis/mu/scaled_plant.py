@@ -14,14 +14,19 @@ from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.synthesis.h_infinity.levels import EVEN_STEEPNESS, least_level, level_from
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.worst_signals import worst_densities
+from workbench.synthesis.mu.biquads import Biquads
+from workbench.synthesis.mu.gamma import GAMMA_FUNCTION
 from workbench.synthesis.mu.quasi_newton import updated_hessian
-from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import in_series, realisation, side_by_side
+from workbench.systems.realisation import (
+    Matrices,
+    in_series,
+    matrices_of,
+    realisation,
+    side_by_side,
+)
 from workbench.systems.standard_plant import standard_plant
 
-GAMMA_FUNCTION = Scalings(1, 2)
-"""Form of the function gamma in the (mu, D)-K iteration: a gain and two biquads."""
 DESCENT_LEVEL_TOLERANCE = 1e-6
 """Relative tolerance of levels that a descent compares."""
 DESCENT_START_TOLERANCE = 1e-3
@@ -48,7 +53,7 @@ class Round:
     derivative of the logarithm of the least level by the parameters of D.
     """
 
-    D: tuple[Scalings, RealArray]
+    D: tuple[Biquads, RealArray]
     gamma: RealArray
     at: RealArray
     target: RealArray
@@ -73,27 +78,39 @@ class Round:
         D, gamma, at, target, level, curvature = (
             arrays[name] for name in ("D", "gamma", "at", "target", "level", "curvature")
         )
-        return cls((Scalings.of(D), D), gamma, at, target, float(level), curvature)
+        return cls((Biquads.of(D), D), gamma, at, target, float(level), curvature)
 
 
-def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
+def scaled_plant(plant: GeneralisedPlant, parameters: Mapping[str, RealArray]) -> GeneralisedPlant:
     """The plant with D at the perturbation outputs, D^-1 at the perturbation inputs, and gamma.
 
-    Gamma multiplies all outputs except the measurements.
+    Gamma multiplies all outputs except the measurements. The ``parameters`` are those of a
+    `Round`; without D the plant stays as it is.
     """
+    if "D" not in parameters:
+        return plant
     assert plant.structure is not None
-    scalings, x = used.D
+    x = parameters["D"]
+    scalings = Biquads.of(x)
     system, rest = plant.system, plant.measurements
     pairs = zip(plant.structure, scalings.realised(x), strict=True)
     inverses = zip(plant.structure, scalings.realised(scalings.inverse(x)), strict=True)
     out = [d for block, d in pairs for _ in range(block.columns)]
     into = [d for block, d in inverses for _ in range(block.rows)]
-    found = in_series(side_by_side(into, system.ninputs), (system.A, system.B, system.C, system.D))
-    found = in_series(found, side_by_side(out, system.noutputs))
-    if used.gamma.any():
-        gamma = GAMMA_FUNCTION.realised(used.gamma) * (system.noutputs - rest)
+    found = with_scalings(plant, into, out)
+    if "gamma" in parameters:
+        gamma = GAMMA_FUNCTION.realised(parameters["gamma"]) * (system.noutputs - rest)
         found = in_series(found, side_by_side(gamma, system.noutputs))
     return replace(plant, system=realisation(found, 0.0))
+
+
+def with_scalings(
+    plant: GeneralisedPlant, into: Sequence[Matrices], out: Sequence[Matrices]
+) -> Matrices:
+    """The plant with systems side by side before its first inputs and after its first outputs."""
+    system = plant.system
+    found = in_series(side_by_side(into, system.ninputs), matrices_of(system))
+    return in_series(found, side_by_side(out, system.noutputs))
 
 
 def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> Round:
@@ -176,9 +193,8 @@ def _slope(
     scalings, x = used.D
     D, omega = flat.reshape(x.shape), np.exp(used.at)
     try:
-        normal = normalised_plant(
-            standard_plant(scaled_plant(plant, replace(used, D=(scalings, D))))
-        )
+        scaled = scaled_plant(plant, used.parameters | {"D": D})
+        normal = normalised_plant(standard_plant(scaled))
         if math.isnan(guess):
             guess = least_level(normal.plant, DESCENT_START_TOLERANCE)[1].gamma
     except (InputError, SolverError):

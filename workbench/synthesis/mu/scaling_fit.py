@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from workbench._core.arrays import EPS, Array, RealArray
 from workbench.executor.clock import tick
 from workbench.structure import Structure
-from workbench.synthesis.mu.scalings import Scalings, diagonals
+from workbench.synthesis.mu.biquads import Biquads
 
-Fitted = tuple[Scalings, RealArray]
+Fitted = tuple[Biquads, RealArray]
 """The scalings, and their parameters (blocks, P)."""
 
 
@@ -104,7 +104,7 @@ class ScalingFit:
         square[:, : M.shape[1], : M.shape[2]] = M
         return cls(structure, omega[kept], square, float(reference.max()), fineness)
 
-    def missed(self, scalings: Scalings, x: RealArray) -> tuple[float, float]:
+    def missed(self, scalings: Biquads, x: RealArray) -> tuple[float, float]:
         """Logarithm of the worst ratio of sigma_max(D M D^-1) to the reference, and its frequency
         [rad/s].
         """
@@ -120,7 +120,7 @@ class ScalingFit:
         slope = gradient.reshape(x.shape)[:, start[0].size]
         return start[0].grown(start[1], omega, -BIQUAD_SPLIT * np.sign(slope))
 
-    def curvature(self, scalings: Scalings, x: RealArray) -> RealArray:
+    def curvature(self, scalings: Biquads, x: RealArray) -> RealArray:
         """A positive definite second derivative (n, n) of the smoothed maximum by the parameters.
 
         Its eigenvalues are the magnitudes of those of the true second derivative, limited from
@@ -131,7 +131,7 @@ class ScalingFit:
         found: RealArray = (turn * np.maximum(size, LEAST_CURVATURE * size.max())) @ turn.T
         return found
 
-    def near(self, scalings: Scalings, x: RealArray) -> RealArray:
+    def near(self, scalings: Biquads, x: RealArray) -> RealArray:
         """The best parameters (blocks, P) found from x."""
         low, high = scalings.limits(self.omega[1:-1] if len(self.omega) > 2 else self.omega)
         flat = np.clip(x.ravel(), low, high)
@@ -140,7 +140,7 @@ class ScalingFit:
         return flat.reshape(x.shape)
 
     def _minimum(
-        self, scalings: Scalings, flat: RealArray, sharpness: float, low: RealArray, high: RealArray
+        self, scalings: Biquads, flat: RealArray, sharpness: float, low: RealArray, high: RealArray
     ) -> RealArray:
         """Minimise the cost within bounds by damped Newton steps."""
         value, gradient, hessian = self._cost(scalings, flat, sharpness)
@@ -172,7 +172,7 @@ class ScalingFit:
         return flat
 
     def _cost(
-        self, scalings: Scalings, flat: RealArray, sharpness: float
+        self, scalings: Biquads, flat: RealArray, sharpness: float
     ) -> tuple[float, RealArray, RealArray]:
         """The smoothed maximum with its gradient and Hessian by the parameters."""
         x = flat.reshape(scalings.rows, scalings.size)
@@ -305,3 +305,15 @@ def _informative_frequencies(M: Array, change: float) -> NDArray[np.bool_]:
         if np.abs(one - last).max() > change * np.abs(last).max():
             kept[k], last = True, one
     return kept
+
+
+def diagonals(structure: Structure, value: RealArray) -> tuple[RealArray, RealArray]:
+    """Values (B, F) of the first B blocks, spread to rows (F, c) and columns (F, r); 0 for other
+    blocks.
+    """
+    rows = np.zeros((value.shape[1], structure.columns))
+    columns = np.zeros((value.shape[1], structure.rows))
+    places = zip(value, structure.column_slices, structure.row_slices, strict=False)
+    for one, row, column in places:
+        rows[:, row], columns[:, column] = one[:, None], one[:, None]
+    return rows, columns

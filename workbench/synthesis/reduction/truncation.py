@@ -182,14 +182,11 @@ def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
 
 
 def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak | None) -> Reducer:
-    """Balanced truncation weighted by the closed loop; it also reduces unstable parts of K.
+    """Balanced truncation weighted by the closed loop (see `loop_weighted_truncation`).
 
-    A small change of K changes N by W_o dK W_i with W_o = P12 (1 - K P22)^-1 and W_i = (1 - P22
-    K)^-1 P21 (D. Enns, Model reduction with balanced realizations, CDC 1984). The weighted Gramians
-    are the blocks of K in the Gramians of the closed loop N. The signals of N are scaled by the D
-    scalings of mu at its peak, so that perturbation and performance have equal weight (P.
-    Wortelboer, Frequency-weighted balanced reduction of closed-loop mechanical servo-systems,
-    thesis, Delft 1994).
+    The signals of N are scaled by the D scalings of mu at its peak, so that perturbation and
+    performance have equal weight (P. Wortelboer, Frequency-weighted balanced reduction of
+    closed-loop mechanical servo-systems, thesis, Delft 1994).
 
     Parameters
     ----------
@@ -198,11 +195,23 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak | 
     peak
         The peak of mu of N; None without a perturbation, where all signals count equally.
     """
-    n = len(K[0])
-    A, B, C, _ = loop
+    A, B, C, D = loop
     if peak is not None:
         output, entering = _multipliers(plant, peak)
         B, C = B @ entering, output @ C
+    return loop_weighted_truncation(K, (A, B, C, D))
+
+
+def loop_weighted_truncation(K: Matrices, loop: Matrices) -> Reducer:
+    """Balanced truncation weighted by a closed loop N, whose last states are those of K.
+
+    A small change of K changes N by W_o dK W_i with W_o = P12 (1 - K P22)^-1 and W_i = (1 - P22
+    K)^-1 P21 (D. Enns, Model reduction with balanced realizations, CDC 1984). The weighted Gramians
+    are the blocks of K in the Gramians of N. Only N must be stable, so K may have poles on the
+    axis or right of it.
+    """
+    n = len(K[0])
+    A, B, C, _ = loop
     rate = speed(A, B, C)
     units = state_units(A / rate, B, C)
     S, R = gramian_factors(A / rate * units[:, None] / units, B * units[:, None], C / units)

@@ -94,14 +94,14 @@ class _Cost:
         self, program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational]
     ) -> None:
         fine, self.shares = program.for_fits()
-        unit = float(np.sqrt(program.axis[0] * program.axis[-1]))
-        self.sides = [SideOfWeights(fine.axis, unit, fits) for fits in (left, right)]
+        band = float(program.axis[0]), float(program.axis[-1])
+        self.sides = [SideOfWeights(fine.axis, band, fits) for fits in (left, right)]
         self.X = _outermost(fine.covered, [side.logs(side.start)[0] for side in self.sides])
         self.start = np.concatenate([side.start for side in self.sides])
         self.ends = np.cumsum([side.start.size for side in self.sides])[:-1]
         self.of_loop = None
         if program.loop_response is not None:
-            sides = [SideOfWeights(program.axis, unit, fits) for fits in (left, right)]
+            sides = [SideOfWeights(program.axis, band, fits) for fits in (left, right)]
             sizes = program.deviations.shape[2:]
             self.of_loop = _LoopCost(program.loop_response, sizes, sides)
 

@@ -1,102 +1,53 @@
-"""Weights as quotients of sections with positive coefficients, stable with stable inverses."""
+"""Logarithms of the diagonal weights of one side, which are stable with stable inverses.
+
+Each weight is a `FactoredRational`. This side differs from it in that it stacks the parameters of
+all its weights in one vector and leaves their gains out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from workbench._core.arrays import Array, ComplexArray, RealArray
-from workbench.fitting.rational import Rational, conjugate_pairs
-
-
-@dataclass(frozen=True)
-class RootSections:
-    """Coefficients of quadratic sections (q, 2) and of linear ones (l,), as functions of their
-    logarithms.
-    """
-
-    quadratic: int
-    linear: int
-
-    @property
-    def count(self) -> int:
-        return 2 * self.quadratic + self.linear
-
-    def logs(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """Logarithm of the product's magnitude (F,), and its slope (F, count) by x."""
-        square = (omega**2)[:, None]
-        a, b = np.exp(x[: 2 * self.quadratic].reshape(-1, 2)).T
-        size = (b - square) ** 2 + a**2 * square
-        c = np.exp(x[2 * self.quadratic :])
-        lines = square + c**2
-        slope = np.concatenate(
-            [
-                np.stack([a**2 * square / size, (b - square) * b / size], axis=2).reshape(
-                    len(omega), -1
-                ),
-                c**2 / lines,
-            ],
-            axis=1,
-        )
-        return (np.log(size).sum(axis=1) + np.log(lines).sum(axis=1)) / 2, slope
-
-    def roots(self, x: RealArray) -> ComplexArray:
-        pairs = np.exp(x[: 2 * self.quadratic].reshape(-1, 2))
-        found = [np.roots([1.0, a, b]) for a, b in pairs]
-        found.append(-np.exp(x[2 * self.quadratic :]))
-        return conjugate_pairs(np.concatenate([*found, np.zeros(0)]).astype(complex))
-
-
-def sections_of(roots: ComplexArray) -> tuple[RootSections, RealArray]:
-    """RootSections with these roots, and the logarithms of their coefficients."""
-    upper = roots[roots.imag > 0]
-    reals = np.sort(-roots[roots.imag == 0].real)
-    pairs = [(-2 * root.real, abs(root) ** 2) for root in upper]
-    pairs += [(p + q, p * q) for p, q in zip(reals[0:-1:2], reals[1::2], strict=True)]
-    linear = reals[2 * (reals.size // 2) :]
-    x = np.log(np.concatenate([np.ravel(pairs), linear]))
-    return RootSections(len(pairs), linear.size), x
+from workbench._core.arrays import Array, RealArray
+from workbench.fitting.factored import FactoredRational
+from workbench.fitting.rational import Rational
 
 
 class SideOfWeights:
-    """The weights of one side at frequencies of the bilinear plane, in a unit of frequency."""
+    """The weights of one side at frequencies of the bilinear plane.
 
-    def __init__(self, axis: RealArray, unit: float, fits: Sequence[Rational]) -> None:
-        self.unit = unit
-        self.omega = axis / unit
-        self.gains = [np.log(abs(fit.gain)) + (fit.zeros.size - fit.poles.size) * np.log(self.unit)
-                      for fit in fits]  # fmt: skip
-        found = [sections_of(roots / self.unit) for fit in fits for roots in (fit.zeros, fit.poles)]
-        self.sections = [sections for sections, _ in found]
-        self.start = np.concatenate([x for _, x in found]) if found else np.zeros(0)
-        self.ends = np.cumsum([sections.count for sections in self.sections])[:-1]
+    Their parameters are the logarithms of coefficients of monic factors. The gains stay, as the
+    cover scales one side.
+    """
+
+    def __init__(
+        self, omega: RealArray, band: tuple[float, float], fits: Sequence[Rational]
+    ) -> None:
+        self.omega = omega
+        self.forms = [
+            FactoredRational.of(fit, fit.zeros.size, band, True, True, monic=True) for fit in fits
+        ]
+        starts = [form.start[:-1] for form in self.forms]
+        self.start = np.concatenate(starts)
+        self.ends = np.cumsum([start.size for start in starts])[:-1]
+
+    def _each(self, x: RealArray) -> Iterator[tuple[FactoredRational, RealArray]]:
+        """Each weight as a form, with its parameters."""
+        for form, part in zip(self.forms, np.split(x, self.ends), strict=True):
+            yield form, np.append(part, form.gain)
 
     def logs(self, x: RealArray) -> tuple[RealArray, Array]:
         """Logarithms of the weights' sizes (F, channels), and slopes (F, channels, d)."""
-        F, channels = self.omega.size, len(self.gains)
-        logs = np.tile(np.array(self.gains), (F, 1))
-        slopes = np.zeros((F, channels, x.size))
-        place = 0
-        for number, (sections, part) in enumerate(
-            zip(self.sections, np.split(x, self.ends), strict=True)
-        ):
-            value, slope = sections.logs(part, self.omega)
-            sign = 1.0 if number % 2 == 0 else -1.0  # zeros and poles alternate
-            logs[:, number // 2] += sign * value
-            slopes[:, number // 2, place : place + part.size] = sign * slope
-            place += part.size
+        logs = np.empty((self.omega.size, len(self.forms)))
+        slopes = np.zeros((*logs.shape, x.size))
+        places = np.split(np.arange(x.size), self.ends)
+        for number, (form, vector) in enumerate(self._each(x)):
+            logs[:, number], slope = form.log_magnitude(vector, self.omega)
+            slopes[:, number, places[number]] = slope[:, :-1]
         return logs, slopes
 
     def fits(self, x: RealArray) -> list[Rational]:
         """The weights with these coefficients."""
-        roots = [
-            self.unit * sections.roots(part)
-            for sections, part in zip(self.sections, np.split(x, self.ends), strict=True)
-        ]
-        gains = np.exp(self.gains)
-        return [
-            Rational(zeros, poles, float(gain * self.unit ** (poles.size - zeros.size)))
-            for zeros, poles, gain in zip(roots[::2], roots[1::2], gains, strict=True)
-        ]
+        return [form.rational(vector) for form, vector in self._each(x)]

@@ -11,8 +11,9 @@ cell it has no controller for the CD drives, and elsewhere none below that of D-
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,9 +29,10 @@ from workbench.mu import upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Full, Structure
-from workbench.synthesis.mu.biquads import FrequencyRange
+from workbench.synthesis.mu.biquads import Biquads, FrequencyRange
 from workbench.synthesis.mu.dk import (
     MOST_ROUNDS,
+    NOTHING_ACTS,
     PATIENCE,
     SETTLED_FALL,
     TARGET_REACHED,
@@ -38,12 +40,23 @@ from workbench.synthesis.mu.dk import (
 )
 from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.mu_controller import MuController
-from workbench.synthesis.mu.multipliers.d_step import ExtendedLoopResponse, dg_step
+from workbench.synthesis.mu.multipliers.dg_step import (
+    FittedMultipliers,
+    dg_step,
+    extended_loop,
+    without_G,
+)
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
+from workbench.synthesis.mu.multipliers.scaled_plant import scaled_by_D
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+from workbench.synthesis.mu.scaled_plant import scaled_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import realisation
 
+ENDS = TARGET_REACHED, NOTHING_ACTS
+"""Messages of D-K iteration after which there is nothing to improve."""
 EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)
 """Multiples of the last change of the multipliers, tried as a further change in the same
 direction.
@@ -71,17 +84,28 @@ def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None
     If the structure is None, the second part is left out.
     """
     kept = context.checkpoint.load()
-    finish = Finish(program, context)
+    finish = Finish(program, context, partial(_scaled, program.plant, structure))
     if structure is not None and kept is not None and "multipliers" in kept:
         now = DGKState.restored(structure, kept)
         return iterated_with_multipliers(program, context, structure, now, finish)
     begun = iterated(program, context, 0.0)
     answer, _, said = begun
-    if answer is None or structure is None or said == TARGET_REACHED or context.stopped:
+    if answer is None or structure is None or said in ENDS or context.stopped:
         return begun
     finish.sure = answer
     now = DGKState(list(answer.history))
     return iterated_with_multipliers(program, context, structure, now, finish)
+
+
+def _scaled(
+    plant: GeneralisedPlant, structure: Structure | None, parameters: Mapping[str, RealArray]
+) -> GeneralisedPlant:
+    """The plant with D of a round at its perturbation channels, without G."""
+    x = parameters.get("multipliers")
+    if x is None or structure is None:
+        return scaled_plant(plant, parameters)
+    multipliers = Multipliers(Structure(structure.blocks[:-1]), Biquads.of(x).biquads)
+    return replace(plant, system=realisation(scaled_by_D(plant, multipliers, x), 0.0))
 
 
 @dataclass(eq=False)
@@ -96,8 +120,8 @@ class DGKState:
     history: list[Iterate]
     first: int = 0
     within: FrequencyRange | None = None
-    before: tuple[Multipliers, RealArray] | None = None
-    used: tuple[Multipliers, RealArray] | None = None
+    before: FittedMultipliers | None = None
+    used: FittedMultipliers | None = None
     tried: int = field(default=0)
 
     def __post_init__(self) -> None:
@@ -122,7 +146,7 @@ class DGKState:
         """The state that `arrays` gave."""
         blocks = Structure(structure.blocks[:-1])
 
-        def pair(x: str, biquads: str) -> tuple[Multipliers, RealArray] | None:
+        def pair(x: str, biquads: str) -> FittedMultipliers | None:
             return (Multipliers(blocks, int(arrays[biquads])), arrays[x]) if x in arrays else None
 
         low, high = arrays["within"].tolist()
@@ -161,9 +185,8 @@ def _rounds(
 
     The first round starts with the best controller so far.
     """
-    K: StateSpace | None = None
-    if now.used is None:
-        K = min(now.history, key=lambda each: each.peak).K
+    begun = min(now.history, key=lambda each: each.peak)
+    K = begun.K if now.used is None else None
     level = np.nan
     for tried in context.rounds(MOST_ROUNDS, "multipliers", first=now.tried):
         if K is None:
@@ -175,12 +198,10 @@ def _rounds(
         system = program.plant.close(K)
         if not stability_check(system).holds:
             return "rounding made a loop unstable"
-        loop = ExtendedLoopResponse.of(system)
+        loop, corners = extended_loop(system)
         peak = float(upper_bound(loop.M, program.closed).value.max())
-        now.within = now.within or loop.corners
-        start = now.used
-        if start is None:  # fit D first, as the start of D and G
-            start = dg_step(structure.complexified(), loop, now.within, None)[0]
+        now.within = now.within or corners
+        start = now.used or without_G(structure, loop, begun.scalings["D"])
         now.before = now.used
         now.used, missed = dg_step(structure, loop, now.within, start)
         fit = float(np.expm1(missed))
@@ -188,7 +209,7 @@ def _rounds(
         reached = program.reaching(K, peak, (*now.history, last))
         if reached is not None:
             return reached
-        finish.offer(K, peak)
+        finish.offer(last)
         now.history.append(last)
         context.record(last.row(len(now.history)))
         K = None
@@ -212,10 +233,10 @@ def _has_settled(peaks: Sequence[float]) -> bool:
 
 def _best_step(
     program: MuSynthesis,
-    before: tuple[Multipliers, RealArray] | None,
-    now: tuple[Multipliers, RealArray],
+    before: FittedMultipliers | None,
+    now: FittedMultipliers,
     near: float,
-) -> tuple[StateSpace, float, tuple[Multipliers, RealArray]]:
+) -> tuple[StateSpace, float, FittedMultipliers]:
     """The controller with the least bound, this bound, and its multipliers.
 
     Multipliers are tried as they are, and moved farther in the direction of their last change.

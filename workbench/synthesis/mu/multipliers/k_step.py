@@ -46,9 +46,7 @@ def dgk_k_step(
         beta, made = _least_beta(Multiplied.of(plant, multipliers, x), near)
         return control.ss(*made.K), beta
     system = scaled_by_D(plant, multipliers, x)
-    made = central_controller(
-        system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL_TOLERANCE
-    )
+    made = central_controller(*system, plant.controls, plant.measurements, LEVEL_TOLERANCE)
     return control.ss(*made.K), made.gamma
 
 

@@ -26,53 +26,48 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from workbench._core.arrays import RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.structure import Real as RealScalar
 from workbench.synthesis.mu.biquads import Biquads
 from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.functions import Multipliers, Place
+from workbench.synthesis.mu.scaled_plant import with_scalings
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.norms import hinf_norm
-from workbench.systems.realisation import Matrices
+from workbench.systems.realisation import Matrices, in_series, side_by_side
 from workbench.systems.standard_plant import StandardPlant
 
 
-def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> StateSpace:
+def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> Matrices:
     """The system with D at its perturbation outputs and D^-1 at its perturbation inputs.
 
     For real channels, only T and the gains of D are absorbed.
     """
-    import control
-
     left, right = [], []
     for block, place in zip(scalings.structure, scalings.places, strict=True):
         out, into = _D(scalings, x, place, dynamic=not isinstance(block, RealScalar))
         left += [out] * ((place.row.stop - place.row.start) // place.n)
         right += [into] * ((place.column.stop - place.column.start) // place.n)
-    system, one = plant.system, control.ss([], [], [], [[1.0]])
-    left += [one] * (system.noutputs - scalings.structure.columns)
-    right += [one] * (system.ninputs - scalings.structure.rows)
-    return control.append(*left) * system * control.append(*right)
+    return with_scalings(plant, right, left)
 
 
 def _D(
     scalings: Multipliers, x: RealArray, place: Place, dynamic: bool
-) -> tuple[StateSpace, StateSpace]:
+) -> tuple[Matrices, Matrices]:
     """D of a block and its inverse; unless `dynamic`, gains replace d."""
-    import control
-
-    functions = scalings.functions if dynamic else Biquads(place.n, 0)
+    n = place.n
+    functions = Biquads(n, scalings.biquads if dynamic else 0)
     rows = x[place.channels, : functions.size]
-    out = control.append(*functions.systems(rows))
-    into = control.append(*functions.systems(functions.inverse(rows)))
-    if place.n > 1:
+    out = side_by_side(functions.realised(rows), n)
+    into = side_by_side(functions.realised(functions.inverse(rows)), n)
+    if n > 1:
         g = np.exp(rows[:, 0])
-        entries = x[scalings.functions.rows :][place.entries]
-        T, back = triangles.systems(entries, place.n)
+        T, back = (
+            (A, B * g, C / g[:, None], D * g / g[:, None])
+            for A, B, C, D in triangles.systems(x[scalings.functions.rows :][place.entries], n)
+        )
         # diag(d) T diag(gains), where `out` includes the gains in d
-        out = out * np.diag(1 / g) * T * np.diag(g)
-        into = np.diag(1 / g) * back * np.diag(g) * into
+        out, into = in_series(T, out), in_series(into, back)
     return out, into
 
 
@@ -85,7 +80,7 @@ class Multiplied:
     beta + C_z x.
     """
 
-    system: StateSpace
+    system: Matrices
     measurements: int
     controls: int
     into: NDArray[np.int_]
@@ -106,7 +101,7 @@ class Multiplied:
         number, into, out = scalings.real
         rows = np.vstack([x[number], x[scalings.minus]])
         rows[:, 0] = 0.0  # D contains the gains
-        systems = scalings.functions.systems(rows)
+        systems = scalings.functions.realised(rows)
         pairs = zip(systems[: len(number)], systems[len(number) :], strict=True)
         parts = zip(*(_channel(plus, minus) for plus, minus in pairs), strict=True)
         *matrices, direct = (block_diag(*part) for part in parts)
@@ -118,15 +113,14 @@ class Multiplied:
 
     def plant(self, beta: float) -> StandardPlant:
         """The standard plant for which a loop of norm 1 proves beta."""
-        system, into, out = self.system, self.into, self.out
-        shrink = np.ones(system.noutputs)
-        shrink[: system.noutputs - self.measurements] = 1 / beta
-        A, B = system.A, system.B
-        C, D = shrink[:, None] * system.C, shrink[:, None] * system.D
+        (A, B, C, D), into, out = self.system, self.into, self.out
+        shrink = np.ones((len(D), 1))
+        shrink[: len(D) - self.measurements] = 1 / beta
+        C, D = shrink * C, shrink * D
         # the plant's inputs are enters u' + feedback x
-        enters = np.eye(system.ninputs)
+        enters = np.eye(B.shape[1])
         enters[into, into] = 1 / self.direct
-        feedback = np.zeros((system.ninputs, len(self.A)))
+        feedback = np.zeros((B.shape[1], len(self.A)))
         feedback[into] = -self.C_w / self.direct[:, None]
         C_all, D_all = np.hstack([C, D @ feedback]), D @ enters
         below = self.B_z @ C_all[out]
@@ -145,14 +139,15 @@ class Multiplied:
         )
 
 
-def _channel(plus: StateSpace, minus: StateSpace) -> tuple[RealArray, ...]:
+def _channel(plus: Matrices, minus: Matrices) -> tuple[RealArray, ...]:
     """A, B_w, B_z, C_w, C_z and direct of one channel, where m_+ and m_- are made equal at
     infinity.
     """
-    direct = np.sqrt(plus.D * minus.D)
-    C_plus, C_minus = direct * plus.C / plus.D / 2, direct * minus.C / minus.D / 2
-    A = block_diag(minus.A, plus.A)
-    B_w, B_z = np.vstack([minus.B, plus.B]), np.vstack([minus.B, -plus.B])
+    (A_plus, B_plus, C_plus, D_plus), (A_minus, B_minus, C_minus, D_minus) = plus, minus
+    direct = np.sqrt(D_plus * D_minus)
+    C_plus, C_minus = direct * C_plus / D_plus / 2, direct * C_minus / D_minus / 2
+    A = block_diag(A_minus, A_plus)
+    B_w, B_z = np.vstack([B_minus, B_plus]), np.vstack([B_minus, -B_plus])
     C_w, C_z = np.hstack([C_minus, C_plus]), np.hstack([C_minus, -C_plus])
     # the transfer function from z / beta to w for w' = 0: (m_+ - m_-) / (m_+ + m_-)
     contraction: Matrices = (A - B_w @ C_w / direct, B_z, -C_w / direct, np.zeros((1, 1)))

@@ -4,6 +4,8 @@ U is upper triangular and L lower triangular, both with ones on the diagonal. Th
 entries may be any stable functions; here they are sums of second-order sections,
 
     u(s) = c + sum (e + f s / p) / (s^2 / p^2 + 2 b s / p + 1),    p, b > 0.
+
+Unlike the biquads of D an entry may be zero and may have any zeros, so it is a sum and no product.
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench._core.heavy_types import StateSpace
+from workbench.fitting.sections import PolynomialSections
 from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, FrequencyRange
+from workbench.systems.realisation import Matrices, in_series, side_by_side
 
 
 def beside(n: int) -> Any:
@@ -54,17 +57,19 @@ def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
     value = np.repeat(x[:, :1], len(omega), axis=1).astype(complex)
     slope = np.zeros((*x.shape, len(omega)), complex)
     slope[:, 0] = 1.0
-    for first in range(1, x.shape[1], 4):
-        corner, damping = (np.exp(x[:, first + k, None]) for k in (0, 1))
-        e, f = x[:, first + 2, None], x[:, first + 3, None]
-        s = 1j * omega / corner
-        below = 1.0 / (s**2 + 2 * damping * s + 1)
-        section = (e + f * s) * below
-        value += section
-        # ds / d log p = -s
-        slope[:, first] = -f * s * below + section * below * (2 * s**2 + 2 * damping * s)
-        slope[:, first + 1] = -section * below * 2 * damping * s
-        slope[:, first + 2], slope[:, first + 3] = below, s * below
+    log_p, log_b, e, f = (x[:, first::4, None] for first in range(1, 5))
+    ratio = omega * np.exp(-log_p)
+    sections = PolynomialSections.at(ratio, 1.0, 2 * np.exp(log_b), 1.0)
+    one = 1 / sections.values
+    s = 1j * ratio * one
+    parts = zip(sections.magnitude_shares, sections.phase_shares, strict=True)
+    first, second = (real + 1j * imaginary for real, imaginary in parts)
+    section = e * one + f * s
+    value += section.sum(axis=1)
+    # ds / d log p = -s
+    slope[:, 1::4] = section * (first + 2 * second) - f * s
+    slope[:, 2::4] = -section * first
+    slope[:, 3::4], slope[:, 4::4] = one, s
     return value, slope
 
 
@@ -80,25 +85,21 @@ def parameter_bounds(size: int, within: FrequencyRange) -> list[tuple[float, flo
     return [(-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN), *section * (size // 4)]
 
 
-def systems(x: RealArray, n: int) -> tuple[StateSpace, StateSpace]:
-    """T and its inverse as systems, for parameters (n (n - 1), P)."""
-    import control
-
-    parts = [(i, j, _entry(row)) for i, j, row in zip(*beside(n), x, strict=True)]
+def systems(x: RealArray, n: int) -> tuple[Matrices, Matrices]:
+    """T and its inverse, for parameters (n (n - 1), P)."""
+    i, j = beside(n)
     unit: RealArray = np.eye(n)
     pair = []
-    for upper in (True, False):
-        chosen = [part for part in parts if (part[0] < part[1]) == upper]
-        out, into = unit[:, [i for i, _, _ in chosen]], unit[[j for _, j, _ in chosen]]
-        pair.append(out * control.append(*(entry for _, _, entry in chosen)) * into + unit)
+    for chosen in (i < j, i > j):
+        A, B, C, D = side_by_side([_entry(row) for row in x[chosen]], int(chosen.sum()))
+        into, out = unit[j[chosen]], unit[:, i[chosen]]
+        pair.append((A, B @ into, out @ C, out @ D @ into + unit))
     U, L = pair
-    return U * L, _inverse(L) * _inverse(U)
+    return in_series(L, U), in_series(_inverse(U), _inverse(L))
 
 
-def _entry(row: RealArray) -> StateSpace:
+def _entry(row: RealArray) -> Matrices:
     """An entry as a system."""
-    import control
-
     sections = row[1:].reshape(-1, 4)
     n = 2 * len(sections)
     A, B, C = np.zeros((n, n)), np.zeros((n, 1)), np.zeros((1, n))
@@ -106,13 +107,12 @@ def _entry(row: RealArray) -> StateSpace:
         p, at = np.exp(log_p), slice(2 * k, 2 * k + 2)
         A[at, at] = p * np.array([[0.0, 1.0], [-1.0, -2.0 * np.exp(log_b)]])
         B[2 * k + 1], C[0, at] = p, (e, f)
-    return control.StateSpace(A, B, C, [[row[0]]], remove_useless_states=False)
+    direct: RealArray = row[:1, None]
+    return A, B, C, direct
 
 
-def _inverse(T: StateSpace) -> StateSpace:
+def _inverse(T: Matrices) -> Matrices:
     """Inverse of a system with an invertible direct term."""
-    import control
-
-    back = np.linalg.inv(T.D)
-    A = T.A - T.B @ back @ T.C
-    return control.StateSpace(A, T.B @ back, -back @ T.C, back, remove_useless_states=False)
+    A, B, C, D = T
+    back = np.asarray(np.linalg.inv(D))
+    return A - B @ back @ C, B @ back, -back @ C, back

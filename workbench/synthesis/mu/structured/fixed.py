@@ -85,13 +85,13 @@ def _norm_claim(program: MuSynthesis, context: Context) -> Claim:
         return None, Outcome.INFEASIBLE, ""
     best = Iterate(found.best.value, np.nan, np.nan, found.best.controller)
     context.record(best.row(1))
-    finish = Finish(program, context, reduces=False)
+    finish = Finish(program, context)
     return finish.claim([best], f"searched from {found.starts} starts")
 
 
 def trust_region_claim(program: MuSynthesis, context: Context) -> Claim:
     """The best controller that steps within a trust region reach from the starts."""
-    finish = Finish(program, context, reduces=False)
+    finish = Finish(program, context)
     try:
         history, said = _search(program, context, finish)
     except NoStabilisingGainError:
@@ -112,7 +112,8 @@ def _search(program: MuSynthesis, context: Context, finish: Finish) -> tuple[lis
         starts = _best_after_trials(program, starts, context, target)
     (first, x), *others = [_problem(program, start.K) for start in starts]
     others += [(first, member) for member in _stable_members(first, x, program.random, context.rng)]
-    finish.offer(starts[0].K, float(first.curve(first.stable_loop(x))[1].max()))
+    peak = float(first.curve(first.stable_loop(x))[1].max())
+    finish.offer(Iterate(peak, np.nan, np.nan, starts[0].K))
     context.progress(f"from {starts[0].rule}", 0, 1)
     minima = [_minimise_peak(first, x, context, target)]
     beside = partial(_minimise_peak_until, _time_at(context), target, MOST_STEPS)
