@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from workbench._core.on_demand import on_demand
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 IMPORT_TIME = time.time_ns()
 """Time at which this process imported the workbench [ns since the epoch], before any plant's

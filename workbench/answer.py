@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure
 from workbench.accuracy import DEFAULT_TOLERANCE
-from workbench.certificate import Certificate, Check, Checker, excess, quantified_checks
+from workbench.certificate import Certificate, Check, Checker, quantified_checks, relative_excess
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.program import Program
@@ -263,7 +263,7 @@ def no_better(answer: Any, lower: Any, upper: Any, statement: str, limit: float)
 def _largest(values: Any, claimed: Any) -> float:
     """The largest `excess` of the values over the claimed ones, entry by entry."""
     pairs = np.broadcast(np.asarray(values, dtype=float), np.asarray(claimed, dtype=float))
-    return max((excess(float(one), float(other)) for one, other in pairs), default=0.0)
+    return max((relative_excess(float(one), float(other)) for one, other in pairs), default=0.0)
 
 
 def _plain(values: Any) -> Any:

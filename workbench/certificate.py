@@ -27,8 +27,8 @@ __all__ = [
     "Check",
     "Checker",
     "Gap",
-    "excess",
     "quantified_checks",
+    "relative_excess",
     "worst_value",
 ]
 
@@ -160,15 +160,15 @@ def quantified_checks(over: str, checks: Iterable[Check]) -> list[Check]:
     return [check if check.over else replace(check, over=over) for check in checks]
 
 
-def excess(value: float, claimed: float) -> float:
+def relative_excess(value: float, claimed: float) -> float:
     """value / claimed - 1: 0 if both are equal.
 
     Infinite for a positive value over a claim of 0 or less.
 
     Examples
     --------
-    >>> from workbench.certificate import excess
-    >>> excess(1.5, 1.0), excess(0.0, 0.0), excess(1e-3, 0.0)
+    >>> from workbench.certificate import relative_excess
+    >>> relative_excess(1.5, 1.0), relative_excess(0.0, 0.0), relative_excess(1e-3, 0.0)
     (0.5, 0.0, inf)
     """
     if value == claimed:

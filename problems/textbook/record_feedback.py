@@ -44,9 +44,9 @@ def bounded_records(
     `radius`.
     """
     parts = [experiment(samples, radius, rng) for _ in range(experiments)]
-    states, inputs, following = (np.hstack(each) for each in zip(*parts, strict=True))
+    states, inputs, next_states = (np.hstack(each) for each in zip(*parts, strict=True))
     noise = NoiseEnergy.of_samples(radius, 3, experiments * samples)
-    return StateRecords(states, inputs, following, noise)
+    return StateRecords(states, inputs, next_states, noise)
 
 
 @problem("textbook/{criterion}/record-feedback", criterion=("decay", "h2", "hinf"), slow=True)

@@ -91,9 +91,9 @@ class RecordLengths(Study):
         records = bounded_records(SAMPLES, radius, rng, count)
         if known == "energy":
             plant = np.hstack([A, B]) @ records.regressors
-            noise = records.following - plant
+            noise = records.next_states - plant
             energy = NoiseEnergy(ABOVE_ENERGY * noise @ noise.T)
-            records = StateRecords(records.states, records.inputs, records.following, energy)
+            records = StateRecords(records.states, records.inputs, records.next_states, energy)
         program = FeedbackFromRecords(records, criterion="h2", C=C, D=D)
         answer, _, _ = program.respond("riccati", context)
         if answer is not None and program.proven(answer):

@@ -277,8 +277,8 @@ def state_records() -> StateRecords:
     """A plant with a pole at 1.1 and 30 samples with a little noise."""
     rng = np.random.default_rng(8)
     x, u, w = rng.standard_normal((2, 30)), rng.standard_normal((1, 30)), rng.random((2, 30)) - 0.5
-    following = np.array([[1.1, 0.3], [0.0, 0.7]]) @ x + np.array([[0.2], [1.0]]) @ u + 0.2 * w
-    return StateRecords(x, u, following, NoiseEnergy(0.3 * np.eye(2)))
+    next_states = np.array([[1.1, 0.3], [0.0, 0.7]]) @ x + np.array([[0.2], [1.0]]) @ u + 0.2 * w
+    return StateRecords(x, u, next_states, NoiseEnergy(0.3 * np.eye(2)))
 
 
 def record_decay() -> Program:

@@ -12,7 +12,7 @@ from workbench.simulation import (
     Part,
     SampledLoop,
     adder,
-    blend,
+    blender,
     linear_controller,
 )
 
@@ -149,7 +149,7 @@ def test_refusals():
     for times in ((0.1,), (0.0, 0.2, 0.1), (0.0, 0.3), ()):
         with pytest.raises(InputError, match="stages start at"):
             run([(time, one) for time in times])
-    other = Cascade(["e"], [Part("K", blend(), ["e", "e"], tells=["u"])])
+    other = Cascade(["e"], [Part("K", blender(), ["e", "e"], tells=["u"])])
     with pytest.raises(InputError, match="takes over 0 states"):
         run([(0.0, one), (0.1, other)])
     assert np.isfinite(

@@ -10,10 +10,10 @@ from workbench.simulation import (
     Cascade,
     Part,
     SampledLoop,
+    automatic_gain_control,
     linear_controller,
     play,
     sampled_model,
-    wobbled_gain,
 )
 
 PERIOD, CORNER, FREQUENCY = 1e-3, 2000.0, 8.0
@@ -44,7 +44,7 @@ def adapted(gain, noise=0.0, reference=0.0, seed=0, **changed):
         corner=CORNER, read=as_is, read_parameters=np.zeros(0), measurements=1,
         channel_levels=wide, output_levels=wide, dt=PERIOD,
     )  # fmt: skip
-    control_gain = wobbled_gain(FREQUENCY, 0.1, PERIOD, **(SETTINGS | changed))
+    control_gain = automatic_gain_control(FREQUENCY, 0.1, PERIOD, **(SETTINGS | changed))
     law = Cascade(
         ["e"],
         [
@@ -95,7 +95,7 @@ def test_it_stays_within_its_largest_gain():
 
 
 def test_a_dead_error_does_no_harm():
-    fed = play(wobbled_gain(FREQUENCY, 0.1, PERIOD, **SETTINGS), np.zeros((1000, 1)))
+    fed = play(automatic_gain_control(FREQUENCY, 0.1, PERIOD, **SETTINGS), np.zeros((1000, 1)))
     assert np.isfinite(fed).all() and (fed[:, 1] == 1.0).all()
 
 
@@ -116,4 +116,4 @@ def test_a_dead_error_does_no_harm():
 def test_wrong_settings_are_named(wrong):
     first = {"frequency_hz": FREQUENCY, "amplitude": 0.1, "dt": PERIOD}
     with pytest.raises(InputError, match=r"need"):
-        wobbled_gain(**(first | SETTINGS | wrong))
+        automatic_gain_control(**(first | SETTINGS | wrong))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from workbench.errors import InputError
 from workbench.simulation import (
     adder,
-    blend,
+    blender,
     fault_subtractor,
     interval_gate,
     linear_controller,
@@ -26,8 +26,8 @@ PI = control.tf([5.0, 100.0], [1.0, 1e-3])
 @settings(deadline=None, max_examples=30)
 @given(st.floats(0, 1), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
 def test_arithmetic(w, a, b):
-    assert play(blend(), [[w, a, b]])[0, 0] == pytest.approx(w * a + (1 - w) * b, abs=1e-9)
-    assert play(blend(), [[w, a]])[0, 0] == pytest.approx(w * a, abs=1e-9)
+    assert play(blender(), [[w, a, b]])[0, 0] == pytest.approx(w * a + (1 - w) * b, abs=1e-9)
+    assert play(blender(), [[w, a]])[0, 0] == pytest.approx(w * a, abs=1e-9)
     assert play(fault_subtractor(gain=3.0), [[w, a, b]])[0, 0] == pytest.approx(
         a - (1 - w) * 3 * b, abs=1e-9
     )
@@ -35,7 +35,7 @@ def test_arithmetic(w, a, b):
 
 
 @pytest.mark.parametrize(
-    "part", [blend(), fault_subtractor(), tracking_controller(PI, PERIOD, 500.0)]
+    "part", [blender(), fault_subtractor(), tracking_controller(PI, PERIOD, 500.0)]
 )
 @pytest.mark.parametrize("w", [-0.1, 1.1])
 def test_a_quality_that_is_none_is_reported(part, w):

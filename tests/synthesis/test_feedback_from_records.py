@@ -62,7 +62,7 @@ def test_every_plant_drawn_from_the_set_keeps_the_level(criterion):
     given = records()
     answer = wb.solve(question(criterion, given)).answer
     theta = members(given, 300, 7)
-    noise = given.following - theta @ given.regressors
+    noise = given.next_states - theta @ given.regressors
     spent = np.linalg.eigvalsh(given.noise.energy - noise @ noise.mT)
     assert spent.min() > -1e-9  # they are in the set
     assert spent.min() < 0.1  # and near its edge
@@ -120,17 +120,17 @@ def test_the_published_proof_of_a_scalar_gain_is_accepted():
 def test_noise_with_a_known_mean_and_weights():
     """A known disturbance is taken off; counting samples double is like having them twice."""
     given = records(radius=0.05)
-    push = np.random.default_rng(1).standard_normal(given.following.shape)
+    push = np.random.default_rng(1).standard_normal(given.next_states.shape)
     moved = StateRecords(
-        given.states, given.inputs, given.following + push,
+        given.states, given.inputs, given.next_states + push,
         NoiseEnergy(given.noise.energy, mean=push),
     )  # fmt: skip
     level = wb.solve(question("h2", given)).answer.level
     assert wb.solve(question("h2", moved)).answer.level == pytest.approx(level, rel=1e-4)
     double = NoiseEnergy(2 * given.noise.energy, weight=2 * np.eye(given.samples))
-    weighted = StateRecords(given.states, given.inputs, given.following, double)
+    weighted = StateRecords(given.states, given.inputs, given.next_states, double)
     twice = StateRecords(
-        *(np.hstack([part, part]) for part in (given.states, given.inputs, given.following)),
+        *(np.hstack([part, part]) for part in (given.states, given.inputs, given.next_states)),
         NoiseEnergy(2 * given.noise.energy),
     )
     for other in (weighted, twice):
@@ -148,7 +148,7 @@ def test_units_make_no_difference(criterion, method):
     x, u = np.array([1e-9, 1.0, 1e6]), np.array([1e5, 1e-3])
     noise = NoiseEnergy(given.noise.energy * x[:, None] * x)
     graded = StateRecords(
-        given.states * x[:, None], given.inputs * u[:, None], given.following * x[:, None], noise
+        given.states * x[:, None], given.inputs * u[:, None], given.next_states * x[:, None], noise
     )
     plain = wb.solve(question(criterion, given), method=method).answer
     performance = {} if criterion == "decay" else {"C": C / x, "D": D / u, "F": np.diag(x)}
@@ -259,7 +259,7 @@ def refused(**changes):
     """Records with something changed."""
     given = records()
     parts = {
-        "states": given.states, "inputs": given.inputs, "following": given.following,
+        "states": given.states, "inputs": given.inputs, "next_states": given.next_states,
         "noise": given.noise,
     }  # fmt: skip
     return lambda: StateRecords(**(parts | changes))
@@ -274,7 +274,7 @@ REFUSED = {
     "weight of the noise has 4 samples": refused(noise=NoiseEnergy(np.eye(3), weight=np.eye(4))),
     "mean of the noise has 4 samples": refused(noise=NoiseEnergy(np.eye(3), mean=np.zeros((3, 4)))),
     "finite rows": refused(states=np.nan * GIVEN.states),
-    "are needed": refused(following=GIVEN.following[:, :-1]),
+    "are needed": refused(next_states=GIVEN.next_states[:, :-1]),
     "least eigenvalue is 0": lambda: NoiseEnergy(np.diag([1.0, 1.0, 0.0])),
     "must be finite and symmetric": lambda: NoiseEnergy([[1.0, 0.5], [0.0, 1.0]]),
     "a square matrix is needed": lambda: NoiseEnergy([[1.0, 0.5]]),

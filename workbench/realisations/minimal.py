@@ -12,7 +12,7 @@ import numpy as np
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
+from workbench.certificate import THIS_SYSTEM, Check, Checker, relative_excess
 from workbench.certify.realisations.parts import boundary_part_error, gain_apart
 from workbench.input_checks import need_positive
 from workbench.realisations.boundary_states import least_boundary_part
@@ -249,8 +249,10 @@ class MinimalChecker(Checker):
         return [
             *found,
             Check("blocks", "largest entry beside the blocks", beside, 0.0, proven=True),
-            Check("gain", statement, excess(error, answer.error), 0.0, proven=True),
-            Check("on the boundary", statement, excess(relative, answer.boundary_error), 0.0),
+            Check("gain", statement, relative_excess(error, answer.error), 0.0, proven=True),
+            Check(
+                "on the boundary", statement, relative_excess(relative, answer.boundary_error), 0.0
+            ),
         ]
 
     def second_opinion(self, answer: MinimalRealisation) -> list[Check]:

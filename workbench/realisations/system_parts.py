@@ -12,7 +12,7 @@ from scipy.linalg import schur, solve_sylvester
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
+from workbench.certificate import THIS_SYSTEM, Check, Checker, relative_excess
 from workbench.certify.realisations.lyapunov import rounded, stability_proof
 from workbench.certify.realisations.parts import (
     BITS,
@@ -273,8 +273,14 @@ class SystemPartsChecker(Checker):
         return [
             within,
             replace(beyond, proven=beyond.proven and not self.system.dt),  # of a rounded inverse
-            Check("sum", statement, excess(error, answer.error), 0.0, proven=True),
-            Check("boundary", statement, excess(relative, answer.boundary_error), 0.0, proven=True),
+            Check("sum", statement, relative_excess(error, answer.error), 0.0, proven=True),
+            Check(
+                "boundary",
+                statement,
+                relative_excess(relative, answer.boundary_error),
+                0.0,
+                proven=True,
+            ),
         ]
 
     def second_opinion(self, answer: SystemParts) -> list[Check]:

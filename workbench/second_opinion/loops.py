@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
-from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.certificate import THIS_SYSTEM, Check, relative_excess
 from workbench.executor.effort import tries
 from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
 from workbench.second_opinion.powers import closed_growth, growth
@@ -101,7 +101,7 @@ def gain(
     return Check(
         "sampled plants",
         "largest gain over the claimed peak, less 1",
-        excess(worst, claimed),
+        relative_excess(worst, claimed),
         SAMPLED_ROUNDING,
         where=f"at {where:.6g} rad/s",
         over=f"for {tries(PERTURBATIONS) + 1} plants at {len(grid)} frequencies",
@@ -167,7 +167,7 @@ def in_time(
         Check(
             "simulated energy",
             "root of the energy ratio of a simulated loop over the claimed peak, less 1",
-            excess(largest, claimed),
+            relative_excess(largest, claimed),
             SAMPLED_ROUNDING,
             over=f"for {len(drawn)} loops",
         ),

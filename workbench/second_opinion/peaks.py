@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import Array, ComplexArray
-from workbench.certificate import THIS_SYSTEM, Check, counted_quantifier, excess
+from workbench.certificate import THIS_SYSTEM, Check, counted_quantifier, relative_excess
 from workbench.executor.effort import tries
 from workbench.second_opinion.loops import BALL_SHARE, SAMPLED_ROUNDING
 from workbench.second_opinion.perturbations import (
@@ -70,7 +70,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
     return Check(
         "sampled perturbations",
         "largest eigenvalue of M Delta over the claimed peak, less 1",
-        excess(float(size.max()), claimed),
+        relative_excess(float(size.max()), claimed),
         SAMPLED_ROUNDING,
         where=f"at {where:.6g} rad/s",
         over=f"for {len(drawn)} perturbations at {omega.size} frequencies",
@@ -153,7 +153,7 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
     """Check that the system closed by Delta has at least the claimed gain at `omega` [rad/s]."""
 
     def short(M: ComplexArray) -> float:
-        return excess(claimed, float(np.linalg.norm(upper_closed(M, Delta), 2)))
+        return relative_excess(claimed, float(np.linalg.norm(upper_closed(M, Delta), 2)))
 
     missed = short(plain_response(system, np.array([omega]))[0])
     if not missed <= SAMPLED_ROUNDING and math.isfinite(omega):  # doubles may lose a small gain
@@ -175,13 +175,15 @@ def axis_gain(system: Any, lower: float, upper: float, omega: float) -> Check:
     """
     tried = tried_frequencies(np.linalg.eigvals(system.A), omega, dt=system.dt)
     gain = np.linalg.norm(plain_response(system, tried), 2, axis=(-2, -1))
-    worst = excess(float(gain.max()), upper)
+    worst = relative_excess(float(gain.max()), upper)
     if worst > SAMPLED_ROUNDING and math.isfinite(tried[int(gain.argmax())]):
         precise = precise_response(system, float(tried[int(gain.argmax())]))
-        worst = excess(float(np.linalg.norm(precise, 2)), upper)
-    missed = excess(lower, float(np.linalg.norm(plain_response(system, np.array([omega]))[0], 2)))
+        worst = relative_excess(float(np.linalg.norm(precise, 2)), upper)
+    missed = relative_excess(
+        lower, float(np.linalg.norm(plain_response(system, np.array([omega]))[0], 2))
+    )
     if missed > SAMPLED_ROUNDING and math.isfinite(omega):
-        missed = excess(lower, float(np.linalg.norm(precise_response(system, omega), 2)))
+        missed = relative_excess(lower, float(np.linalg.norm(precise_response(system, omega), 2)))
     return Check(
         "responses",
         "largest share by which responses exceed the upper bound, or miss the lower one",

@@ -25,14 +25,14 @@ from workbench.simulation.ensemble_scores import (
     group_means,
     percentile_interval,
 )
-from workbench.simulation.gain_control import wobbled_gain
+from workbench.simulation.gain_control import automatic_gain_control
 from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
 from workbench.simulation.noise import band_limited_noise
 from workbench.simulation.play import play
 from workbench.simulation.repetitive import Repetitive
 from workbench.simulation.switching import (
     adder,
-    blend,
+    blender,
     fault_subtractor,
     interval_gate,
     ramped_gain,
@@ -54,9 +54,10 @@ __all__ = [
     "Schedule",
     "Trajectory",
     "adder",
+    "automatic_gain_control",
     "balloon_size",
     "band_limited_noise",
-    "blend",
+    "blender",
     "bootstrap_weights",
     "discrete_system",
     "error_scores",
@@ -72,6 +73,5 @@ __all__ = [
     "respond",
     "sampled_model",
     "tracking_controller",
-    "wobbled_gain",
     "zero_controller",
 ]

@@ -26,7 +26,7 @@ v, and ln g.
 """
 
 
-def wobbled_gain(
+def automatic_gain_control(
     frequency_hz: float,
     amplitude: float,
     dt: float,
@@ -63,8 +63,8 @@ def wobbled_gain(
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.simulation import play, wobbled_gain
-    >>> part = wobbled_gain(50.0, 0.1, 1e-3, detection=0.1, adaptation=1.0)
+    >>> from workbench.simulation import play, automatic_gain_control
+    >>> part = automatic_gain_control(50.0, 0.1, 1e-3, detection=0.1, adaptation=1.0)
     >>> play(part, np.zeros((3, 1)))[:, 1].tolist()  # the gain before its filters have settled
     [1.0, 1.0, 1.0]
     """
@@ -95,7 +95,7 @@ def wobbled_gain(
 
 @kernel
 def _wobbled_gain(state: RealArray, p: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `wobbled_gain`; the states are those of `STATES`."""
+    """Step of `automatic_gain_control`; the states are those of `STATES`."""
     error, wobble, now = given[0], 0.0, state[0]
     if p[2] <= now < p[3]:
         turned = p[0] * now

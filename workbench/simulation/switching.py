@@ -17,13 +17,13 @@ from workbench.errors import InputError
 from workbench.simulation.controllers import Controller, discrete_system
 
 
-def blend() -> Controller:
+def blender() -> Controller:
     """Part that reads (w, a, b) and gives w a + (1 - w) b; b is 0 if it is not given.
 
     Examples
     --------
-    >>> from workbench.simulation import blend, play
-    >>> play(blend(), [[1.0, 5.0, 7.0], [0.25, 8.0, 4.0]]).ravel().tolist()
+    >>> from workbench.simulation import blender, play
+    >>> play(blender(), [[1.0, 5.0, 7.0], [0.25, 8.0, 4.0]]).ravel().tolist()
     [5.0, 5.0]
     """
     return Controller(_blend, np.zeros(0), np.zeros(0))
@@ -151,7 +151,7 @@ def tracking_controller(
 
 @kernel
 def _blend(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `blend`."""
+    """Step of `blender`."""
     w, b = given[0], given[2] if len(given) > 2 else 0.0
     # At w = 0 and w = 1 the other input is left out, because it may be infinite there.
     told[0] = given[1] if w == 1.0 else b if w == 0.0 else w * given[1] + (1.0 - w) * b

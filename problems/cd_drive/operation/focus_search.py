@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.simulation import Cascade, Controller, Part, blend, kernel, tracking_controller
+from workbench.simulation import Cascade, Controller, Part, blender, kernel, tracking_controller
 from workbench.types import RealArray
 
 from ..drive.actuator import SERIES_RESISTANCE
@@ -68,9 +68,9 @@ class Search:
         follower = tracking_controller(controller("focus"), PERIOD, FOLLOWING)
         parts = [
             Part("search", self.law, given=["f_en", "sum"], tells=["closed", "ramp"]),
-            Part("seen", blend(), given=["closed", "f_en"]),
+            Part("seen", blender(), given=["closed", "f_en"]),
             Part("K", follower, given=["seen", "closed", "u_last"], tells=["u_k"]),
-            Part("u", blend(), given=["closed", "u_k", "ramp"]),
+            Part("u", blender(), given=["closed", "u_k", "ramp"]),
         ]
         return Cascade(MEASUREMENTS, parts)
 

@@ -18,7 +18,7 @@ from workbench.simulation import (
     Part,
     Repetitive,
     adder,
-    blend,
+    blender,
     discrete_system,
     fault_subtractor,
     interval_gate,
@@ -122,14 +122,17 @@ class Strategies:
 
     def _reference(self) -> list[Part]:
         """Figure 8.2: the loop is opened, and the controller continues with an error of 0."""
-        return [Part("seen", blend(), ["w_Q", "f_en"]), Part("K", self._law, ["seen"], tells=["u"])]
+        return [
+            Part("seen", blender(), ["w_Q", "f_en"]),
+            Part("K", self._law, ["seen"], tells=["u"]),
+        ]
 
     def _repetitive(self) -> list[Part]:
         """Strategy A, figure 8.3: the repetitive filter continues with the periodic command it has
         learnt.
         """
         return [
-            Part("trusted", blend(), ["w_Q", "f_en"]),
+            Part("trusted", blender(), ["w_Q", "f_en"]),
             Part("REP", self.repetitive.controller, ["trusted"]),
             Part("seen", adder(), ["trusted", "REP"]),
             Part("K", self._law, ["seen"], tells=["u"]),
@@ -141,7 +144,7 @@ class Strategies:
         told = ("f_en_hat", "e_hat", "x_hat", "u_p", "rotation")
         return [
             Part("estimator", estimator, ["f_en", "u_last", "w_Q"], tells=told),
-            Part("seen", blend(), ["w_Q", "f_en", "f_en_hat"]),
+            Part("seen", blender(), ["w_Q", "f_en", "f_en_hat"]),
             Part("K", self._law, ["seen"], tells=["u_k"]),
             Part("u", adder(), ["u_k", "u_p"]),
         ]
@@ -168,14 +171,14 @@ class Strategies:
             return [
                 Part("K", linear_controller(self.controller, PERIOD), ["f_en"], tells=["u_k"]),
                 Part("K'", linear_controller(other, PERIOD), ["f_en"], tells=["u_k'"]),
-                Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
+                Part("u", blender(), ["w_Q", "u_k", "u_k'"]),
             ]
         follower = tracking_controller(self.controller, PERIOD, FOLLOWING)
         substitute = tracking_controller(other, PERIOD, FOLLOWING, substitute=True)
         return [
             Part("K", follower, ["f_en", "w_Q", "u_last"], tells=["u_k"]),
             Part("K'", substitute, ["f_en", "w_Q", "u_last"], tells=["u_k'"]),
-            Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
+            Part("u", blender(), ["w_Q", "u_k", "u_k'"]),
         ]
 
 

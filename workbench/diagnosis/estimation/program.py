@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check, excess
+from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check, relative_excess
 from workbench.certify.stability import stability_check
 from workbench.diagnosis.estimation.figures import RequirementLoop, channels, fault_filter
 from workbench.diagnosis.estimation.weighting import (
@@ -310,7 +310,9 @@ class FaultEstimation(Program):
         again, _, said = synthesis.respond("riccati", Context())
         if again is None:
             raise SolverError(f"the least nominal norm is not found again: {said}")
-        apart = max(excess(answer.least, again.least), excess(again.least, answer.least))
+        apart = max(
+            relative_excess(answer.least, again.least), relative_excess(again.least, answer.least)
+        )
         statement = "distance of the least nominal norm from the one found again, relative"
         return Check("least", statement, apart, LEAST_TOLERANCE, over="for the nominal plant")
 

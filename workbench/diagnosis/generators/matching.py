@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
+from workbench.certificate import EVERY_FREQUENCY, Check, Checker, relative_excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_check
 from workbench.diagnosis.generators.generator import (
@@ -154,7 +154,7 @@ class MatchChecker(Checker):
         stable = stability_check(answer.error)
         if not stable.holds:
             return [stable]
-        proven = excess(certified_norm(answer.error), answer.norm)
+        proven = relative_excess(certified_norm(answer.error), answer.norm)
         statement = "proven norm over the claimed one, less 1"
         return [stable, Check("norm", statement, proven, 0.0, proven=True)]
 

@@ -26,7 +26,7 @@ from workbench import figures
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import Dataset, Figure
 from workbench.answer import ProgramAnswer
-from workbench.certificate import Check, excess, worst_value
+from workbench.certificate import Check, relative_excess, worst_value
 from workbench.errors import InputError
 from workbench.identification.experiments.design_bound import least_cost_bound
 from workbench.input_checks import as_array
@@ -233,7 +233,7 @@ class ExperimentDesign(Program):
         )
         cost, where = worst_value(self.costs(power), lambda place: f"at frequency {place[0] + 1}")
         statement = "worst cost over the claimed one, less 1"
-        off = excess(cost, answer.worst)
+        off = relative_excess(cost, answer.worst)
         found.append(Check("cost", statement, off, COST_ROUNDING, where=where))
         return found
 
@@ -250,7 +250,7 @@ class ExperimentDesign(Program):
         statement = "worst cost by least squares over the claimed one, less 1"
         spent = float((self.uses @ np.abs(answer.power)).max()) - 1.0
         return [
-            Check("least squares", statement, excess(value, answer.worst), COST_ROUNDING,
+            Check("least squares", statement, relative_excess(value, answer.worst), COST_ROUNDING,
             where=where), Check("sizes", "share of a limit that sizes of powers use, less 1", spent,
                   LIMIT_ROUNDING),
         ]  # fmt: skip
@@ -258,7 +258,7 @@ class ExperimentDesign(Program):
     def gap(self, answer: DesignedSpectrum) -> tuple[str, float]:
         statement = "worst cost over the bound by duality, less 1"
         bound = self.dual_bound(answer.power)
-        return statement, excess(answer.worst, bound)
+        return statement, relative_excess(answer.worst, bound)
 
     def dual_bound(self, power: RealArray) -> float:
         """Lower bound of the worst cost of any powers, computed at these powers.

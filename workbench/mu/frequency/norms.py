@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer, PartsChecker, no_better
-from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker, excess
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker, relative_excess
 from workbench.certify.eigenvalues import separate_pole_discs
 from workbench.certify.realisations.energy import energy_bounds
 from workbench.certify.rounding import exact
@@ -222,6 +222,6 @@ class EnergyChecker(Checker):
             return []
         one = self.system
         size = root_energy(one.A, one.B, one.C, one.D, float(one.dt or 0.0))
-        apart = max(excess(size, answer.upper), excess(answer.lower, size))
+        apart = max(relative_excess(size, answer.upper), relative_excess(answer.lower, size))
         statement = "distance of the sum over samples from the bounds, relative"
         return [Check("summed", statement, apart, SUM_ROUNDING, over=THIS_SYSTEM)]

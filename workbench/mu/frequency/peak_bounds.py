@@ -11,7 +11,7 @@ import numpy as np
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
 from workbench.answer import Answer
-from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess
+from workbench.certificate import EVERY_PERTURBATION, Check, Checker, relative_excess
 from workbench.certify.balls import in_plane
 from workbench.certify.band_cover import CertifiedInterval
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
@@ -213,7 +213,7 @@ def peak_checks(
             proven = proven_at(stable, structure, Delta, in_plane(found.omega, stable.period))
             if proven < lower and _is_singular_near(stable, Delta, found.omega):
                 proven = max(proven, proven_over_frequency(stable, structure, Delta))
-    short = 0.0 if lower <= proven else excess(lower, proven)
+    short = 0.0 if lower <= proven else relative_excess(lower, proven)
     return [
         Check(
             "peak",
@@ -230,7 +230,12 @@ def peak_checks(
             REPROVEN_LOWER,
             proven=True,
         ),
-        Check("order", "claimed lower over claimed upper bound, less 1", excess(lower, upper), 0.0),
+        Check(
+            "order",
+            "claimed lower over claimed upper bound, less 1",
+            relative_excess(lower, upper),
+            0.0,
+        ),
     ]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, PartsChecker, no_better
-from workbench.certificate import EVERY_FREQUENCY, Check, excess
+from workbench.certificate import EVERY_FREQUENCY, Check, relative_excess
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
@@ -105,7 +105,7 @@ class NuGapChecker(PartsChecker):
             Check(
                 "sampled distance",
                 "largest chordal distance over the claimed gap, less 1",
-                excess(float(chord[worst]), answer.upper),
+                relative_excess(float(chord[worst]), answer.upper),
                 SAMPLED_ROUNDING,
                 over=f"at {omega.size} frequencies",
             )
@@ -143,7 +143,7 @@ class CoprimeChecker(PartsChecker):
             Check(
                 "sampled margin",
                 "claimed margin over the least of those sampled, less 1",
-                excess(answer.lower, float(margin[worst])),
+                relative_excess(answer.lower, float(margin[worst])),
                 SAMPLED_ROUNDING,
                 over=f"at {omega.size} frequencies",
             )

@@ -17,7 +17,7 @@ from typing import Any
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer
-from workbench.certificate import Check, Checker, excess
+from workbench.certificate import Check, Checker, relative_excess
 from workbench.executor import Context
 from workbench.executor.effort import tries
 from workbench.executor.live import shown_live
@@ -245,7 +245,7 @@ class SetChecker(Checker):
         )
         statement = "by which share it is better than what is proven again"
         return [
-            Check(name, statement, excess(one, other), REPEATED_ROUNDING)
+            Check(name, statement, relative_excess(one, other), REPEATED_ROUNDING)
             for name, one, other in kept
         ]
 
@@ -269,7 +269,9 @@ class SetChecker(Checker):
             "by which share a plant that is drawn keeps less",
         )
         return [
-            Check(f"drawn: {name}", statement, excess(one, other), DRAWN_ROUNDING, over=over)
+            Check(
+                f"drawn: {name}", statement, relative_excess(one, other), DRAWN_ROUNDING, over=over
+            )
             for name, one, other in kept
         ] + self._lost(answer)
 
@@ -284,7 +286,7 @@ class SetChecker(Checker):
                 "phase": (abs(own.phase_deg), answer.phase_lost_deg),
                 "delay": (own.delay, answer.delay_lost),
             }[kind]
-            value, over = excess(*more) if own.stable else 0.0, "for this one plant"
+            value, over = relative_excess(*more) if own.stable else 0.0, "for this one plant"
             found.append(Check(f"lost: {kind}", statement, value, LOST_ROUNDING, over=over))
         return found
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from workbench.answer import Answer, RepeatedChecker
-from workbench.certificate import Check, excess
+from workbench.certificate import Check, relative_excess
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound, said
@@ -166,7 +166,7 @@ class MatrixChecker(RepeatedChecker):
         if answer.lower > 0:
             proven = proven_bound(balls(self.M), self.structure, answer.Delta)
         statement = "claimed lower bound over what its perturbation proves, less 1"
-        beyond = excess(answer.lower, proven)
+        beyond = relative_excess(answer.lower, proven)
         return [*found, Check("proof", statement, beyond, 0.0, proven=True)]
 
     def second_opinion(self, answer: MuBounds) -> list[Check]:

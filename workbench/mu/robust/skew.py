@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from workbench._core.arrays import Array, RealArray
 from workbench.answer import Answer
-from workbench.certificate import Check, Checker, counted_quantifier, excess
+from workbench.certificate import Check, Checker, counted_quantifier, relative_excess
 from workbench.certify.agreement import need_agreement
 from workbench.certify.singularity import said
 from workbench.certify.skewed import proven_skew
@@ -147,7 +147,7 @@ class SkewChecker(Checker):
         bounded = np.flatnonzero(np.isfinite(upper) & (upper > 0))
         mu = upper_values(self.skew.scaled(bounded, upper[bounded]), structure)
         short = [
-            excess(value, proven_skew(one, structure, varies, delta)) if value > 0 else 0.0
+            relative_excess(value, proven_skew(one, structure, varies, delta)) if value > 0 else 0.0
             for one, value, delta in zip(M, lower, Delta, strict=True)
         ]
         statement = "mu of the matrix with the inputs of varying blocks divided by it, less 1"

@@ -12,7 +12,13 @@ from flint import arb, ctx
 from workbench._core.arrays import EPS, Array, BoolArray
 from workbench._core.heavy_types import Dataset
 from workbench.answer import Answer
-from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess, quantified_checks
+from workbench.certificate import (
+    EVERY_PERTURBATION,
+    Check,
+    Checker,
+    quantified_checks,
+    relative_excess,
+)
 from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
@@ -227,7 +233,7 @@ def bound_checks(
     """
     fault = level_fault(stable, structure, inputs, found) if math.isfinite(found.upper) else ""
     lower = found.lower
-    short = 0.0 if lower <= proven else excess(lower, proven)
+    short = 0.0 if lower <= proven else relative_excess(lower, proven)
     return [
         Check(
             "upper",

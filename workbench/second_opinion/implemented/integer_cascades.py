@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import RealArray
-from workbench.certificate import Check, excess
+from workbench.certificate import Check, relative_excess
 from workbench.executor.effort import tries
 
 SAMPLES = 600
@@ -50,7 +50,7 @@ def reached_rounding(
     )
     over = f"for the worst roundings of {tries(SAMPLES)} samples"
     return Check(
-        "worst roundings", statement, excess(reached, claimed), REACHED_ROUNDING, over=over
+        "worst roundings", statement, relative_excess(reached, claimed), REACHED_ROUNDING, over=over
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
-from workbench.certificate import Check, excess
+from workbench.certificate import Check, relative_excess
 from workbench.executor.effort import tries
 from workbench.second_opinion.responses import plain_response
 
@@ -61,7 +61,7 @@ def sampled_plants(
     return Check(
         "plants of the set",
         "mu by deltas that are tried over the bound, less 1",
-        excess(float(m[worst]), claimed),
+        relative_excess(float(m[worst]), claimed),
         ROUNDING,
         where=f"at {omega[worst[1]] / (2 * np.pi):.6g} Hz",
         over=f"at {omega.size} frequencies, for {TRIED_REALS.size} real deltas",
@@ -78,7 +78,7 @@ def sampled_sensitivity(G: Any, K: Any, sign: int, claimed: float) -> Check:
     return Check(
         "sampled sensitivity",
         "largest gain over the claimed peak, less 1",
-        excess(float(size[worst]), claimed),
+        relative_excess(float(size[worst]), claimed),
         ROUNDING,
         where=f"at {omega[worst]:.6g} rad/s",
         over=f"at {omega.size} frequencies",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench._core.heavy_types import StateSpace
-from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, relative_excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_check
 from workbench.errors import InputError
@@ -89,7 +89,7 @@ class Shippable:
             largest = certified_norm(K) if stability_check(K).holds else np.inf
             found.append(
                 Check(
-                    "largest gain", statement, excess(largest, self.gain), ROUNDING,
+                    "largest gain", statement, relative_excess(largest, self.gain), ROUNDING,
                     over=EVERY_FREQUENCY, proven=True,
                 )
             )  # fmt: skip

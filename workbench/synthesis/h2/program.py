@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.certificate import THIS_SYSTEM, Check, relative_excess
 from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.mu.frequency.norms import SUM_ROUNDING, h2_norm
@@ -184,14 +184,14 @@ class H2Synthesis(ControllerSynthesis):
             statement = "direct term of the loop, w -> z, over the terms that cancel"
             value = max(direct_term(standard_plant(plant), K.D) for plant in self.plants)
             found.append(Check("direct", statement, value, ROUNDING, over=THIS_SYSTEM))
-        value = excess(self.largest_norm(K), answer.norm)
+        value = relative_excess(self.largest_norm(K), answer.norm)
         statement = "proven H2 norm of the loop over the claimed one, less 1"
         found.append(
             Check("norm", statement, value, CLAIM_TOLERANCE, over=THIS_SYSTEM, proven=True)
         )
         if not math.isnan(answer.least):
             statement = "least norm of all controllers over the norm that this one has, less 1"
-            value = excess(answer.least, answer.norm)
+            value = relative_excess(answer.least, answer.norm)
             found.append(Check("least", statement, value, LEAST_TOLERANCE, over=THIS_SYSTEM))
         return found
 
@@ -199,7 +199,7 @@ class H2Synthesis(ControllerSynthesis):
         loop, each = self.loop(answer.K), self.loops(answer.K)
         size = max(root_energy(*matrices_of(one), float(one.dt or 0.0)) for one in each)
         statement = "H2 norm of the loop, as a sum over samples, over the claimed one, less 1"
-        value = excess(size, answer.norm)
+        value = relative_excess(size, answer.norm)
         return [
             loops.powers_fall(loop.A, loop.dt),
             Check("summed", statement, value, SUM_ROUNDING, over=THIS_SYSTEM),

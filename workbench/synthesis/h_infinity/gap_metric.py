@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, RepeatedChecker
-from workbench.certificate import Check, excess
+from workbench.certificate import Check, relative_excess
 from workbench.certify.agreement import need_agreement
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
@@ -109,12 +109,16 @@ class GapChecker(RepeatedChecker):
         apart = max(energies.graph_distance(*graphs), energies.graph_distance(*graphs[::-1]))
         statement = "distance of the graphs in time over the claimed upper bound, less 1"
         apart = max(apart - GRAPHS_ROUNDING, 0.0)
-        found = [Check("graphs in time", statement, excess(apart, answer.upper), SAMPLED_ROUNDING)]
+        found = [
+            Check(
+                "graphs in time", statement, relative_excess(apart, answer.upper), SAMPLED_ROUNDING
+            )
+        ]
         if self.below.winding and 0.0 < self.below.omega < math.inf:
             omega = np.array([self.below.omega])
             chord = float(chordal_distance(*self.plants, omega)[0])
             statement = "claimed lower bound over the chordal distance at its frequency, less 1"
-            value = excess(answer.lower, chord)
+            value = relative_excess(answer.lower, chord)
             found.append(Check("chordal distance", statement, value, SAMPLED_ROUNDING))
         return found
 

@@ -22,7 +22,7 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 
 from workbench._core.arrays import RealArray
 from workbench.answer import REPEATED_ROUNDING, Answer
-from workbench.certificate import Check, Checker, excess
+from workbench.certificate import Check, Checker, relative_excess
 from workbench.errors import InputError, SolverError
 from workbench.second_opinion import energies
 from workbench.second_opinion.loops import SAMPLED_ROUNDING
@@ -85,7 +85,7 @@ class DisturbanceChecker(Checker):
     def checks(self, answer: DisturbanceBound, tolerance: float) -> list[Check]:
         again = _proven_bound(self.plant, self.rates).lower
         statement = "by which share the claimed bound is larger than the one computed again"
-        return [Check("lower", statement, excess(answer.lower, again), REPEATED_ROUNDING)]
+        return [Check("lower", statement, relative_excess(answer.lower, again), REPEATED_ROUNDING)]
 
     def second_opinion(self, answer: DisturbanceBound) -> list[Check]:
         """Compute the least energy of z for the disturbance by dynamic programming over samples."""
@@ -104,7 +104,7 @@ class DisturbanceChecker(Checker):
         state = np.concatenate([np.zeros(n), start.ravel()])
         left = math.sqrt(max(float(state @ X @ state), 0.0)) / float(np.linalg.norm(start))
         statement = "claimed bound over the least norm that its disturbance leaves, less 1"
-        value = excess(answer.lower, left)
+        value = relative_excess(answer.lower, left)
         return [Check("energy in samples", statement, value, SAMPLED_ROUNDING)]
 
 

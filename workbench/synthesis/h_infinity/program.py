@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.certificate import EVERY_FREQUENCY, Check, excess
+from workbench.certificate import EVERY_FREQUENCY, Check, relative_excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_check
 from workbench.errors import InputError
@@ -251,7 +251,7 @@ class HinfSynthesis(ControllerSynthesis):
             Check(
                 "norm",
                 "certified norm of the loop over the claimed one, less 1",
-                excess(size, answer.norm),
+                relative_excess(size, answer.norm),
                 limit,
                 over=EVERY_FREQUENCY,
                 proven=True,
@@ -259,11 +259,11 @@ class HinfSynthesis(ControllerSynthesis):
         )
         level = answer.gamma if self.gamma is None else self.gamma
         statement = "norm of the loop over gamma, less 1"
-        beyond = excess(size, level)
+        beyond = relative_excess(size, level)
         found.append(Check("level", statement, beyond, limit, over=EVERY_FREQUENCY, proven=True))
         if not math.isnan(answer.least):
             statement = "level without a controller over the norm that this one has, less 1"
-            value = excess(answer.least, size)
+            value = relative_excess(answer.least, size)
             found.append(Check("least", statement, value, limit, over=EVERY_FREQUENCY))
         return found
 
@@ -277,7 +277,9 @@ class HinfSynthesis(ControllerSynthesis):
             for plant in self.plants
         )
         sampled = max(each, key=lambda check: check.value)
-        over_proven = excess((sampled.value + 1.0) * claimed, proven) if claimed else sampled.value
+        over_proven = (
+            relative_excess((sampled.value + 1.0) * claimed, proven) if claimed else sampled.value
+        )
         return [
             loops.powers_fall(loop.A, loop.dt),
             sampled,
@@ -294,7 +296,7 @@ class HinfSynthesis(ControllerSynthesis):
         omega = between_poles(omega, self.plant, answer.lti)
         size = loop_gains(self.plant, answer.lti, omega)
         statement = "largest response of the given plant with the whole controller over the norm"
-        value = excess(float(size.max()), answer.norm)
+        value = relative_excess(float(size.max()), answer.norm)
         over = f"at {omega.size} frequencies"
         return Check("whole", f"{statement}, less 1", value, CLAIM_TOLERANCE, over=over)
 

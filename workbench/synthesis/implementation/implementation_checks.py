@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import StateSpace
-from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.certificate import THIS_SYSTEM, Check, relative_excess
 from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint
 from workbench.synthesis.implementation.sampled_loop import SampledMargins
 from workbench.systems.generalised_plant import response
@@ -50,7 +50,9 @@ def margins_agree(claimed: Sequence[SampledMargins], again: Sequence[SampledMarg
     for one, other in zip(claimed, again, strict=False):
         for a, b in zip(one.numbers, other.numbers, strict=True):
             if not (math.isnan(a) and math.isnan(b)):
-                apart = max(apart, excess(max(a, b), min(a, b)) if a == a and b == b else math.inf)
+                apart = max(
+                    apart, relative_excess(max(a, b), min(a, b)) if a == a and b == b else math.inf
+                )
     statement = "largest difference of a margin from the one found again, relative"
     return Check("margins", statement, apart, MARGIN_ROUNDING, over="for each control alone")
 

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, get_args
 import numpy as np
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, relative_excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.sampled_sets import SetPeak
 from workbench.certify.stability import stability_check
@@ -325,7 +325,7 @@ class Implementation(Program):
             plant, answer.K, self.dt, delay_samples=self.delay_samples, sign=sign
         )
         found.append(margins_agree(answer.margins, again.margins))
-        size = excess(certified_norm(self.loop.sensitivity(answer.K)), answer.sensitivity)
+        size = relative_excess(certified_norm(self.loop.sensitivity(answer.K)), answer.sensitivity)
         statement = "certified peak of the sensitivity over the claimed one, less 1"
         over = EVERY_FREQUENCY
         found.append(Check("sensitivity", statement, size, CLAIM_TOLERANCE, over=over, proven=True))
@@ -334,7 +334,8 @@ class Implementation(Program):
             upper = self.loop.peak(answer.K)
             assert upper is not None
             value = max(
-                excess(upper.upper, answer.peak.upper), excess(answer.peak.lower, upper.lower)
+                relative_excess(upper.upper, answer.peak.upper),
+                relative_excess(answer.peak.lower, upper.lower),
             )
             statement = "by which share a claimed bound of mu is better than the proven one"
             found.append(
@@ -356,8 +357,8 @@ class Implementation(Program):
         found.append(Check("no limit cycle", statement, errors.contraction, 1.0, over=every))
         statement = "rounding errors of the control, or their growth, over the claimed, less 1"
         share = max(
-            excess(errors.share, answer.rounding.share),
-            excess(errors.contraction, answer.rounding.contraction),
+            relative_excess(errors.share, answer.rounding.share),
+            relative_excess(errors.contraction, answer.rounding.contraction),
         )
         found.append(Check("rounding", statement, share, CLAIM_TOLERANCE, over=every))
         if answer.fixed is not None:

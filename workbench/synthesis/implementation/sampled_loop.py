@@ -12,7 +12,7 @@ from scipy.optimize import brentq, root
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import REPEATED_ROUNDING, Answer
-from workbench.certificate import Check, Checker, excess
+from workbench.certificate import Check, Checker, relative_excess
 from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_positive
@@ -190,7 +190,7 @@ class SampledChecker(Checker):
         again = [_margins(self.loop, i) for i in range(len(answer.margins))]
         statement = "largest difference of margins from those computed again, relative"
         apart = [
-            excess(max(abs(a), abs(b)), min(abs(a), abs(b)))
+            relative_excess(max(abs(a), abs(b)), min(abs(a), abs(b)))
             for one, other in zip(answer.margins, again, strict=True)
             for a, b in zip(one.numbers, other.numbers, strict=True)
             if not (math.isnan(a) and math.isnan(b))

@@ -35,7 +35,7 @@ from workbench.answer import (
     restored_numbers,
     stored_numbers,
 )
-from workbench.certificate import Check, Checker, excess
+from workbench.certificate import Check, Checker, relative_excess
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
 from workbench.executor.effort import tries
@@ -231,7 +231,7 @@ class LargestLeastMuChecker(Checker):
     def checks(self, answer: LargestLeastMu, tolerance: float) -> list[Check]:
         again = float(least_mu(self.weights(np.array([answer.omega]))).lower[0])
         statement = "by which share the claimed bound is larger than the one computed again"
-        return [Check("lower", statement, excess(answer.lower, again), REPEATED_ROUNDING)]
+        return [Check("lower", statement, relative_excess(answer.lower, again), REPEATED_ROUNDING)]
 
     def stored_answer(self, name: str, answer: LargestLeastMu) -> dict[str, Any]:
         return stored_numbers(name, answer, "lower", "omega")

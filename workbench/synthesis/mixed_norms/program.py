@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, relative_excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_check
 from workbench.errors import InputError
@@ -201,7 +201,7 @@ class H2HinfSynthesis(ControllerSynthesis):
             value = max(direct_term(standard_plant(plant.nominal()), K.D) for plant in self.plants)
             found.append(Check("direct", statement, value, ROUNDING, over=THIS_SYSTEM))
         statement = "proven H2 norm of the loop over the claimed one, less 1"
-        value = excess(self.h2_norm(K), answer.norm)
+        value = relative_excess(self.h2_norm(K), answer.norm)
         found.append(
             Check("norm", statement, value, CLAIM_TOLERANCE, over=THIS_SYSTEM, proven=True)
         )
@@ -210,15 +210,15 @@ class H2HinfSynthesis(ControllerSynthesis):
             of = "gamma" if name == "limit" else "the claimed one"
             statement = f"certified H-infinity norm of the perturbation channels over {of}, less 1"
             limit = NORM_ROUNDING if name != "limit" else 0.0
-            value = excess(size, claimed)
+            value = relative_excess(size, claimed)
             found.append(Check(name, statement, value, limit, over=EVERY_FREQUENCY, proven=True))
         if not math.isnan(answer.bound):
             statement = "H2 norm over the bound by a common Lyapunov matrix, less 1"
-            value = excess(answer.norm, answer.bound)
+            value = relative_excess(answer.norm, answer.bound)
             found.append(Check("bound", statement, value, BOUND_TOLERANCE, over=THIS_SYSTEM))
         if not math.isnan(answer.least):
             statement = "least H2 norm without the limit over the norm that this one has, less 1"
-            value = excess(answer.least, answer.norm)
+            value = relative_excess(answer.least, answer.norm)
             found.append(Check("least", statement, value, LEAST_TOLERANCE, over=THIS_SYSTEM))
         return found
 
@@ -234,7 +234,13 @@ class H2HinfSynthesis(ControllerSynthesis):
         )
         return [
             loops.powers_fall(whole.A, whole.dt),
-            Check("summed", statement, excess(size, answer.norm), SUM_ROUNDING, over=THIS_SYSTEM),
+            Check(
+                "summed",
+                statement,
+                relative_excess(size, answer.norm),
+                SUM_ROUNDING,
+                over=THIS_SYSTEM,
+            ),
             max(sampled, key=lambda check: check.value),
             *self._norm_checks(answer, size),
         ]
@@ -246,7 +252,13 @@ class H2HinfSynthesis(ControllerSynthesis):
         statement = "least H2 norm without the limit over the norm as a sum over samples"
         claims["summed above the least"] = answer.least, size, statement
         return [
-            Check(name, f"{said}, less 1", excess(low, high), BOUND_TOLERANCE, over=THIS_SYSTEM)
+            Check(
+                name,
+                f"{said}, less 1",
+                relative_excess(low, high),
+                BOUND_TOLERANCE,
+                over=THIS_SYSTEM,
+            )
             for name, (low, high, said) in claims.items()
             if not (math.isnan(low) or math.isnan(high))
         ]

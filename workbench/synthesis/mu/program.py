@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from workbench._core.heavy_types import Dataset, Figure, StateSpace
-from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified_checks
+from workbench.certificate import EVERY_PERTURBATION, Check, quantified_checks, relative_excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stability import stability_check
@@ -424,7 +424,7 @@ class MuSynthesis(Program):
         given, whole = vars(self)["_given"], self._whole_controller(answer)
         loop = self.plant.close(answer.K)
         omega = between_poles(frequencies_of(loop), given, whole)
-        value = excess(float(loop_gains(given, whole, omega).max()), certified_norm(loop))
+        value = relative_excess(float(loop_gains(given, whole, omega).max()), certified_norm(loop))
         statement = "largest response of the given plant with the whole controller over that of"
         over = f"at {omega.size} frequencies"
         limit = 2 * NORM_TOLERANCE

@@ -22,7 +22,7 @@ def loops(question: DrawnQuestion, answer: ProvenFeedback) -> Figure:
     level.
     """
     records, noise = question.records, question.records.noise
-    after = records.following - (0.0 if noise.mean is None else noise.mean)
+    after = records.next_states - (0.0 if noise.mean is None else noise.mean)
     centre, left, right = drawn.edge_plants(records.regressors, after, noise.weight, noise.energy)
     theta = centre + drawn.drawn_changes(left, right)
     closed = theta @ np.vstack([np.eye(records.order), answer.K])

@@ -61,8 +61,8 @@ class ProvenFeedback(ProgramAnswer):
     ...     rng.standard_normal((1, 30)),
     ...     rng.random((2, 30)) - 0.5,
     ... )
-    >>> following = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
-    >>> records = StateRecords(x, u, following, NoiseEnergy(0.3 * np.eye(2)))
+    >>> next_states = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
+    >>> records = StateRecords(x, u, next_states, NoiseEnergy(0.3 * np.eye(2)))
     >>> answer = wb.solve(FeedbackFromRecords(records)).answer
     >>> closed = [[1.1, 0.3], [0.0, 0.7]] + [[0.2], [1.0]] @ answer.K
     >>> bool(

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench._core.arrays import EPS, RealArray
 from workbench._core.heavy_types import Dataset, Figure
-from workbench.certificate import Check, excess
+from workbench.certificate import Check, relative_excess
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import fraction, outside
 from workbench.certify.cones.rays import dot, excluded_radius, transposed
@@ -89,8 +89,8 @@ class FeedbackFromRecords(ConicallyStated):
     ...     rng.standard_normal((1, 30)),
     ...     rng.random((2, 30)) - 0.5,
     ... )
-    >>> following = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
-    >>> records = StateRecords(x, u, following, NoiseEnergy(0.3 * np.eye(2)))
+    >>> next_states = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
+    >>> records = StateRecords(x, u, next_states, NoiseEnergy(0.3 * np.eye(2)))
     >>> solution = wb.solve(FeedbackFromRecords(records))
     >>> solution.certificate.holds, bool(solution.answer.level < 1)
     (True, True)
@@ -200,7 +200,7 @@ class FeedbackFromRecords(ConicallyStated):
         statement = "level over one that no gain with a common Lyapunov matrix has, less 1"
         if not answer.dual:
             return f"{statement}; no such proof was found", math.inf
-        return statement, excess(answer.level, self.proven_bound(answer))
+        return statement, relative_excess(answer.level, self.proven_bound(answer))
 
     def proven_bound(self, answer: ProvenFeedback) -> float:
         """The level below which an answer's dual excludes every gain, recomputed; 0 without a

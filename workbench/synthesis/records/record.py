@@ -109,7 +109,7 @@ class StateRecords:
         X (n, T), the states at T instants; several experiments may follow each other.
     inputs
         U (m, T), the inputs at these instants.
-    following
+    next_states
         X_next (n, T), the states one sample later.
     noise
         Bound on the noise W = X_next - A X - B U of the true plant.
@@ -132,29 +132,29 @@ class StateRecords:
     ...     rng.standard_normal((1, 30)),
     ...     rng.random((2, 30)) - 0.5,
     ... )
-    >>> following = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
-    >>> records = StateRecords(x, u, following, NoiseEnergy(0.3 * np.eye(2)))
+    >>> next_states = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
+    >>> records = StateRecords(x, u, next_states, NoiseEnergy(0.3 * np.eye(2)))
     >>> records.order, records.controls, records.samples
     (2, 1, 30)
     """
 
     states: RealArray
     inputs: RealArray
-    following: RealArray
+    next_states: RealArray
     noise: NoiseEnergy
 
     def __post_init__(self) -> None:
-        for name in ("states", "inputs", "following"):
+        for name in ("states", "inputs", "next_states"):
             values = as_array(getattr(self, name), name)
             if values.ndim != 2 or not values.size or not np.isfinite(values).all():
                 raise InputError(f"{name} has shape {values.shape}; finite rows (n, T) are needed")
             object.__setattr__(self, name, values)
         n, samples = self.states.shape
-        if self.following.shape != (n, samples) or self.inputs.shape[1] != samples:
-            shapes = f"{self.states.shape}, {self.inputs.shape} and {self.following.shape}"
+        if self.next_states.shape != (n, samples) or self.inputs.shape[1] != samples:
+            shapes = f"{self.states.shape}, {self.inputs.shape} and {self.next_states.shape}"
             raise InputError(
-                f"states, inputs and following have shapes {shapes}; (n, T), (m, T) and (n, T) are "
-                "needed"
+                f"states, inputs and next_states have shapes {shapes}; (n, T), (m, T) and (n, T) "
+                "are needed"
             )
         if not isinstance(self.noise, NoiseEnergy):
             raise InputError(f"noise is {self.noise!r}; a NoiseEnergy is needed")
@@ -222,7 +222,7 @@ class StateRecords:
     @cached_property
     def centre(self) -> RealArray:
         """The least squares plant [A B] (n, n + m), which is the centre of the set."""
-        after = self.following - (0.0 if self.noise.mean is None else self.noise.mean)
+        after = self.next_states - (0.0 if self.noise.mean is None else self.noise.mean)
         if self.noise.weight is not None:
             after = after @ np.linalg.cholesky(self.noise.weight)
         found: RealArray = after @ self._weighted_qr[0] @ self.frame
@@ -235,7 +235,7 @@ class StateRecords:
         About the centre and in the coordinates of `frame`, N is almost diag(S, -I). The N of theta
         itself would lose digits of all that is much smaller than the states.
         """
-        Z, residual = exact(self.regressors), exact(self.following)
+        Z, residual = exact(self.regressors), exact(self.next_states)
         residual = residual - exact(self.centre) @ Z
         if self.noise.mean is not None:
             residual = residual - exact(self.noise.mean)

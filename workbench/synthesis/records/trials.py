@@ -41,7 +41,7 @@ def tried_claims(question: DrawnQuestion, answer: ProvenFeedback) -> list[Check]
     loop.
     """
     records, noise, rounding = question.records, question.records.noise, DRAWN_ROUNDING
-    after = records.following - (0.0 if noise.mean is None else noise.mean)
+    after = records.next_states - (0.0 if noise.mean is None else noise.mean)
     about = records.regressors, after, noise.weight, noise.energy
     centre, left, right = drawn.edge_plants(*about)
     theta = centre + np.concatenate(

@@ -13,7 +13,7 @@ import numpy as np
 from workbench._core.arrays import EPS, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
-from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
+from workbench.certificate import EVERY_FREQUENCY, Check, Checker, relative_excess
 from workbench.certify.realisations.changes import relative_change
 from workbench.certify.realisations.parts import boundary_projector, states_of
 from workbench.errors import InputError
@@ -82,7 +82,7 @@ class DifferenceChecker(Checker):
         statement = "by which share the claimed error is below the proven one"
         unbounded = float(not np.isfinite(answer.error))
         found = [
-            Check("error", statement, excess(bound, answer.error), 0.0, proven=True),
+            Check("error", statement, relative_excess(bound, answer.error), 0.0, proven=True),
             Check("bounded", "whether no finite error is proven", unbounded, 0.0, proven=True),
         ]
         if reference.coordinates is not None:

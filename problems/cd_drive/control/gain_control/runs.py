@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.simulation import Cascade, Part, linear_controller, wobbled_gain
+from workbench.simulation import Cascade, Part, automatic_gain_control, linear_controller
 from workbench.types import RealArray
 
 from ...drive.disc import Defect, Disc
@@ -90,7 +90,7 @@ def started(bench: Laboratory, arm: Arm, seed: int) -> Start:
     """A start of a drive on a disc."""
     axis, at = bench.axis, crossover(bench.axis)
     size = WOBBLE[axis] * Laboratory(axis, "nominal").parameters.K_optn
-    gain = wobbled_gain(
+    gain = automatic_gain_control(
         at, size, PERIOD, interval=(START, END), detection=DETECTION, adaptation=ADAPTATION
     )
     law = [

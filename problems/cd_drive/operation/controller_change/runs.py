@@ -12,7 +12,7 @@ from workbench.simulation import (
     Cascade,
     Controller,
     Part,
-    blend,
+    blender,
     discrete_system,
     kernel,
     linear_controller,
@@ -85,9 +85,9 @@ class Change:
             parts.append(Part("K_new", follower, ["f_en", "new", "u_last"]))
         else:
             given = "f_en" if way == "in parallel" else "seen"
-            parts += [Part("seen", blend(), ["new", "f_en"])]
+            parts += [Part("seen", blender(), ["new", "f_en"])]
             parts += [Part("K_new", linear_controller(new, PERIOD), [given])]
-        return Cascade(MEASUREMENTS, [*parts, Part("u", blend(), ["new", "K_new", "K_old"])])
+        return Cascade(MEASUREMENTS, [*parts, Part("u", blender(), ["new", "K_new", "K_old"])])
 
     def record(self, way: str, drive: str, angle: float, seed: int, **bench: object) -> Record:
         """Record of a change at an angle of the disc [revolutions]; `bench` overrides fields of the

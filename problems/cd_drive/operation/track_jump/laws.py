@@ -17,7 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.simulation import Cascade, Controller, Part, adder, blend, kernel, linear_controller
+from workbench.simulation import (
+    Cascade,
+    Controller,
+    Part,
+    adder,
+    blender,
+    kernel,
+    linear_controller,
+)
 from workbench.types import RealArray
 
 from ...drive.actuator import SERIES_RESISTANCE
@@ -89,7 +97,7 @@ class Jump:
         """The reference controller with the pulse of a law."""
         parts = [
             Part("jump", law, given=["f_en", "sum"], tells=["closed", "pulse", "held"]),
-            Part("seen", blend(), given=["closed", "f_en", "held"]),
+            Part("seen", blender(), given=["closed", "f_en", "held"]),
             Part(
                 "K", linear_controller(controller("radial"), PERIOD), given=["seen"], tells=["u_k"]
             ),
