@@ -114,6 +114,15 @@ class Criterion:
         )
         return replace(m, A=A, B=B, C=C, D=D, K=K, u_offset=u_offset, y_offset=y_offset)
 
+    def by_parameters(self, slopes: RealArray, count: int) -> RealArray:
+        """Derivatives (q, P) by the P = ``count`` parameters, from those by all entries.
+
+        The entries are those of A, B, C, D, K and both offsets, row by row.
+        """
+        found = np.zeros((len(slopes), count))
+        found[:, : self.common] = slopes[:, self.free]
+        return found
+
     def __call__(self, theta: RealArray) -> float:
         """Value of the criterion; infinite if the errors overflow."""
         value = 0.0
