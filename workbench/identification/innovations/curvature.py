@@ -80,6 +80,15 @@ class Estimates:
             total = np.where(np.abs(self._along(change, step)) > rounding, np.inf, total)
         return np.asarray(total)
 
+    def covariances(self, change: Change) -> RealArray:
+        """Covariances (..., 2, 2) of the real and imaginary part of values (...,) that change."""
+        along = np.array([self._along(change, step) for step in self.root.T])
+        both = np.stack([along.real, along.imag], axis=-1)
+        found = np.einsum("p...a,p...b->...ab", both, both)
+        plain = np.trace(found, axis1=-2, axis2=-1)
+        scale = self._size(along) ** 2 / np.where(plain > 0, plain, 1.0)
+        return np.asarray(found * scale[..., None, None])
+
     def _along(self, change: Change, step: RealArray) -> Array:
         return change(self.criterion, self.theta, step)
 
