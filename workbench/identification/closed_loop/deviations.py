@@ -46,7 +46,7 @@ from workbench.identification.innovations.curvature import (
     root_of_inverse,
 )
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.whiteness import Whiteness, whiteness
+from workbench.identification.innovations.whiteness import model_whiteness
 
 PARTS, FEWEST = 30, 8
 """Number of parts of a record without period; fewest periods of an excitation whose groups are the
@@ -113,12 +113,6 @@ def closed_loop_deviations(
     return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
 
 
-def direct_whiteness(program: ClosedLoopFit, model: InnovationsModel) -> Whiteness:
-    """Whether the errors of a model by the direct method are white; else feedback biases it."""
-    criterion = Criterion(model, program.used, 0.0, program.direct)
-    return whiteness(criterion, criterion.start(model))
-
-
 def closed_loop_covariance(
     program: ClosedLoopFit, method: str, model: InnovationsModel, cycles_per_sample: ArrayLike
 ) -> RealArray:
@@ -180,7 +174,7 @@ def _of_direct(program: ClosedLoopFit, model: InnovationsModel, frequency: Array
         return response_along(criterion, theta, step, frequency)
 
     found = estimates_of(model, program.used, program.direct, program.known)[0].covariances(change)
-    if direct_whiteness(program, model).holds:
+    if model_whiteness(model, program.used, program.direct).holds:
         return found
     return np.broadcast_to(np.diag([np.inf, np.inf]), found.shape).copy()
 

@@ -17,8 +17,10 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from workbench._core.arrays import RealArray
+from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion, whitening
 from workbench.identification.innovations.curvature import root_of_inverse
+from workbench.identification.innovations.model import InnovationsModel
 
 LAGS = 12
 """Past errors of each output that are tried [samples]."""
@@ -43,6 +45,12 @@ class Whiteness:
     def holds(self) -> bool:
         """Whether the errors are white, as far as the record tells."""
         return self.chance >= CHANCE
+
+
+def model_whiteness(model: InnovationsModel, record: Experiments, direct: bool) -> Whiteness:
+    """Whether a model's one-step errors on a record are white; ``direct``: whether D is free."""
+    criterion = Criterion(model, record, 0.0, direct)
+    return whiteness(criterion, criterion.start(model))
 
 
 def whiteness(criterion: Criterion, theta: RealArray) -> Whiteness:
