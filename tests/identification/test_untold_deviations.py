@@ -72,7 +72,7 @@ def test_a_record_repeated_with_its_own_errors_is_itself():
     model = arx(told, order=2, delay_samples=(1, 3))
     criterion = Criterion(model, told, 0.0)
     theta = criterion.start(model)
-    again = criterion.repeated(theta, told, criterion.errors(theta))
+    (again,) = criterion.repeated(theta, told, [criterion.errors(theta)])
     np.testing.assert_allclose(again.y, told.y, rtol=0, atol=1e-12)
 
 

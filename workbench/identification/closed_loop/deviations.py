@@ -5,6 +5,11 @@ terms scatter as the noise does, correlation over many samples included; so they
 estimate scatters, whether or not a model of the noise is right. With a periodic excitation the
 parts are groups of its periods, and the equations are those at its lines (`of_lines`).
 
+The direct method has a model of the noise, and is right only with it: feedback carries what this
+model lacks into u, and so into the plant's model. If its errors are not white, its deviations are
+infinite. If they are, they come from the curvature and its scatter over records (`curvature`), to
+first order as in an open loop; slow parts of the noise need not end within a part of the record.
+
 The part of the input that the excitation explains is an estimate too. Its error, passed through the
 plant, and the loop's noise at the output add up to the plant's own noise: y minus the model's
 response to the *measured* input. So the terms use that noise, and not the errors that two-stage
@@ -35,8 +40,13 @@ from workbench.identification.closed_loop.of_lines import moves_of_lines
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
-from workbench.identification.innovations.curvature import response_along, root_of_inverse
+from workbench.identification.innovations.curvature import (
+    estimates_of,
+    response_along,
+    root_of_inverse,
+)
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.whiteness import model_whiteness
 
 PARTS, FEWEST = 30, 8
 """Number of parts of a record without period; fewest periods of an excitation whose groups are the
@@ -59,8 +69,9 @@ def closed_loop_deviations(
     They describe the estimate's scatter from record to record. The noise may have any spectrum, if
     its correlation ends within a part: a thirtieth of the record or, with a period, one period or
     more. They are of first order: if a criterion has several minima, estimates scatter more. They
-    do not contain a bias of the model: the order must be that of the plant and, for the direct
-    method, of the noise. With thirty parts a deviation is accurate to about 13 percent.
+    do not contain a bias of the model: the order must be that of the plant. For the direct method
+    it must be that of plant and noise together; if its errors are not white, all deviations are
+    infinite. With thirty parts a deviation is accurate to about 13 percent.
 
     They are far too large if the model has a mode that is hardly excited.
 
@@ -108,7 +119,8 @@ def closed_loop_covariance(
     """Covariances (F, ny, nu, 2, 2) of the real and imaginary part of a model's response.
 
     Arguments, meaning and errors are as in `closed_loop_deviations`; its squares are the traces of
-    these covariances. The response at frequency 0 is the static gain.
+    these covariances. The response at frequency 0 is the static gain. Infinite covariances have no
+    infinite entries beside the diagonal.
 
     Examples
     --------
@@ -142,8 +154,8 @@ def closed_loop_covariance(
         period = None
     parts = _parts(len(record), period)
     if clean_input is None:
-        moves = _of_errors(program, None, model, record, parts, cycles_per_sample)
-    elif period is not None:
+        return _of_direct(program, model, cycles_per_sample)
+    if period is not None:
         moves = moves_of_lines(program, clean_input, model, record, PARTS, cycles_per_sample)
     elif method == "instrumental-variables":
         moves = _of_instruments(program, model, record, parts, cycles_per_sample)
@@ -153,6 +165,18 @@ def closed_loop_covariance(
     both = np.stack([apart.real, apart.imag], axis=-1)
     share = (len(moves) - 1) / len(moves)
     return np.asarray(share * np.einsum("pfoua,pfoub->fouab", both, both))
+
+
+def _of_direct(program: ClosedLoopFit, model: InnovationsModel, frequency: ArrayLike) -> RealArray:
+    """Covariances (F, ny, nu, 2, 2) by the model's own noise; infinite if that is wrong."""
+
+    def change(criterion: Criterion, theta: RealArray, step: RealArray) -> ComplexArray:
+        return response_along(criterion, theta, step, frequency)
+
+    found = estimates_of(model, program.used, program.direct, program.known)[0].covariances(change)
+    if model_whiteness(model, program.used, program.direct).holds:
+        return found
+    return np.broadcast_to(np.diag([np.inf, np.inf]), found.shape).copy()
 
 
 def _of_instruments(
@@ -175,20 +199,17 @@ def _of_instruments(
 
 def _of_errors(
     program: ClosedLoopFit,
-    clean_input: CleanInput | None,
+    clean_input: CleanInput,
     model: InnovationsModel,
     record: Experiments,
     parts: IntegerArray,
     frequency: ArrayLike,
 ) -> ComplexArray:
     """Changes of the response (parts, F, ny, nu) when one part is left out, to first order."""
-    errors, entries = None, None
-    if clean_input is not None:
-        model = replace(model, K=np.zeros_like(model.K))
-        entries = all_but_gain(model)
-        errors = record.y - model.free_run(record.u, record.y, program.washed)
-        record = replace(record, u=clean_input(program, record, _explained(program, record)))
-    criterion = Criterion(model, record, 0.0, program.direct, entries)
+    model = replace(model, K=np.zeros_like(model.K))
+    errors = record.y - model.free_run(record.u, record.y, program.washed)
+    record = replace(record, u=clean_input(program, record, _explained(program, record)))
+    criterion = Criterion(model, record, 0.0, program.direct, all_but_gain(model))
     theta = criterion.start(model)
     root = root_of_inverse(criterion.expand(theta)[2])
     along = np.array([response_along(criterion, theta, step, frequency) for step in root.T])

@@ -11,35 +11,34 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from workbench._core.arrays import BoolArray, ComplexArray, RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.identification.closed_loop.explained import excitation_of, steady_response
-from workbench.identification.closed_loop.instruments import refined_arx
 from workbench.identification.closed_loop.program import ClosedLoopFit
+from workbench.identification.closed_loop.starts import (
+    LoopStarts,
+    allowed_instruments,
+    best_by_instruments,
+    with_gain,
+)
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.innovations.gains import innovation_gain
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import refine
-from workbench.identification.state_space.folds import scored_fit
 from workbench.identification.state_space.methods import (
     FitterOfOrder,
-    SubspaceStarts,
     claim,
     identify,
     refined_fits,
 )
 from workbench.identification.state_space.question import Fitter
-from workbench.identification.state_space.selection import allowed, least_of
+from workbench.identification.state_space.selection import least_of
 from workbench.identification.state_space.subspace import best_subspace_of
 from workbench.program import Claim, method
 from workbench.systems.sampling import respond
 
-NOISE_SHARES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
-"""Ratios of the noise's power to the input's from which the best predictor's is chosen."""
 TRIED, CONVERGED = 2, 0.01
 """Number of starts for the direct method's search, and gain in log likelihood below which it ends.
 
@@ -52,25 +51,8 @@ stopped.
 @method(ClosedLoopFit, "direct", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _direct(program: ClosedLoopFit, context: Context) -> Claim:
     """Prediction errors of u and y; assumes a model of the noise that is rich enough."""
-    way = refined_fits(program, _LoopStarts(program), 0.0, TRIED, CONVERGED)
+    way = refined_fits(program, LoopStarts(program), 0.0, TRIED, CONVERGED)
     return claim(identify(program, way, way, context))
-
-
-class _LoopStarts(SubspaceStarts):
-    """Starting models by subspaces, and one by instruments, for few lines and fast sampling."""
-
-    def __init__(self, program: ClosedLoopFit) -> None:
-        super().__init__(program)
-        self._loop = program
-
-    def _computed(self, record: Experiments, order: int) -> list[InnovationsModel]:
-        program, found = self._loop, super()._computed(record, order)
-        clean = program.explained(record)
-        if clean is None or record.missing or program.delays_samples or program.known is not None:
-            return found
-        models = _allowed_instruments(program, record, clean, order, program.largest_radius)
-        best = least_of(models, lambda model: program.misfit(model, clean))
-        return found if best is None else [*found, _with_gain(program, best, record)]
 
 
 def _refuses_knowledge(program: ClosedLoopFit) -> str | None:
@@ -115,9 +97,8 @@ def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
             clean = program.explained(record)
             if clean is None:
                 return None
-            models = _allowed_instruments(program, record, clean, order, program.largest_radius)
-            best = least_of(models, lambda model: program.misfit(model, clean))
-            return best and _with_gain(program, best, record)
+            best = best_by_instruments(program, record, clean, order, program.largest_radius)
+            return best and with_gain(program, best, record)
 
         return fit
 
@@ -185,7 +166,7 @@ def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrde
             # would change the modes that no line excites.
             y = record.y if program.period_samples is None else clean.y
             model = _simulator(program, clean, order, replace(record, u=clean.u, y=y, starts=(0,)))
-            return model and _with_gain(program, model, record)
+            return model and with_gain(program, model, record)
 
         return fit
 
@@ -203,7 +184,7 @@ def _simulator(
     largest = min(program.largest_radius, 1.0)
     models = [
         best_subspace_of(clean, order, direct=program.direct, largest_radius=largest),
-        *_allowed_instruments(program, clean, clean, order, largest),
+        *allowed_instruments(program, clean, clean, order, largest),
     ]
     still = [replace(m, K=np.zeros_like(m.K)) for m in models if m is not None and m.radius < 1]
     start = least_of(still, lambda model: program.misfit(model, clean))
@@ -219,29 +200,3 @@ def all_but_gain(model: InnovationsModel) -> BoolArray:
     """Mask of the entries of A, B, C, D among the entries of A, B, C, D, K."""
     sizes = [getattr(model, name).size for name in "ABCDK"]
     return np.arange(sum(sizes)) < sum(sizes[:4])
-
-
-def _allowed_instruments(
-    program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
-) -> list[InnovationsModel | None]:
-    """Models by refined instruments whose poles lie within the largest radius."""
-    models = refined_arx(record, clean, order, program.direct, program.period_samples)
-    return [allowed(model, clean, program.direct, largest) for model in models]
-
-
-def _with_gain(
-    program: ClosedLoopFit, model: InnovationsModel, record: Experiments
-) -> InnovationsModel:
-    """The model with the gain K that predicts best, among gains for noise at inputs and outputs."""
-    inputs = model.B @ np.diag(record.u.var(axis=0)) @ model.B.T
-    outputs = np.diag(np.nanvar(record.y, axis=0))
-    gains = [
-        innovation_gain(model.A, model.C, block_diag(share * inputs, outputs))
-        for share in NOISE_SHARES
-    ]
-    models = [model, *(replace(model, K=gain) for gain in gains if gain is not None)]
-
-    def errors(one: InnovationsModel) -> float:
-        return float(-scored_fit(one.one_step, record, program.washed).sum())
-
-    return least_of(models, errors) or model

@@ -18,7 +18,11 @@ from workbench.identification.closed_loop.explained import (
 )
 from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.state_space.facts import facts_of
+from workbench.identification.state_space.facts import (
+    LINEAR,
+    facts_of,
+    not_white,
+)
 from workbench.identification.state_space.folds import scored_fit
 from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
@@ -164,7 +168,11 @@ class ClosedLoopFit(StateSpaceFit):
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
         where = "standard deviations depend on the method: closed_loop_deviations tells them"
-        return [*facts_of(self, answer, self.tasks), where]
+        found = [*facts_of(self, answer, self.tasks), where, LINEAR]
+        white = not_white(self, answer.predictor, "predictor")
+        if white:
+            found.append(f"{white}: those of method direct are infinite; take more states")
+        return found
 
     def deviations(self, answer: IdentifiedModels, cycles_per_sample: RealArray) -> None:
         """None, because they depend on the method; see `closed_loop_deviations`."""

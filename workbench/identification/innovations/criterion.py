@@ -16,7 +16,7 @@ Source: L. Ljung, System Identification, 2nd ed., 1999, sections 7.2, 10.2 and 1
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -114,6 +114,15 @@ class Criterion:
         )
         return replace(m, A=A, B=B, C=C, D=D, K=K, u_offset=u_offset, y_offset=y_offset)
 
+    def by_parameters(self, slopes: RealArray, count: int) -> RealArray:
+        """Derivatives (q, P) by the P = ``count`` parameters, from those by all entries.
+
+        The entries are those of A, B, C, D, K and both offsets, row by row.
+        """
+        found = np.zeros((len(slopes), count))
+        found[:, : self.common] = slopes[:, self.free]
+        return found
+
     def __call__(self, theta: RealArray) -> float:
         """Value of the criterion; infinite if the errors overflow."""
         value = 0.0
@@ -143,19 +152,26 @@ class Criterion:
         """One-step errors (N, ny); missing ones are zero."""
         return np.concatenate([own for _, own, _ in self._blocks(theta, 0)])
 
-    def repeated(self, theta: RealArray, record: Experiments, errors: RealArray) -> Experiments:
+    def repeated(
+        self, theta: RealArray, record: Experiments, draws: Iterable[RealArray]
+    ) -> Iterator[Experiments]:
         """The record with the outputs that the model has with other one-step errors (N, ny)."""
-        outputs, first = record.y.copy(), 0
         offset = self.model(theta).y_offset
-        for _, x, (A, B, C, D, K), u, y in self._runs(theta, 0):
-            drawn = np.ascontiguousarray(errors[first : first + len(u)])
-            still, nothing = np.zeros_like(K), np.zeros_like(y)
-            driven = predictions(A, B, C, D, still, x, u, nothing)
-            noise = predictions(A, K, C, np.eye(len(C)), still, np.zeros_like(x), drawn, nothing)
-            made = np.where(np.isnan(y), np.nan, driven + noise + offset)
-            outputs[self._seen[first : first + len(u)]] = made
+        parts, first = [], 0
+        for _, x, matrices, u, y in self._runs(theta, 0):
+            A, B, C, D, K = matrices
+            driven = predictions(A, B, C, D, np.zeros_like(K), x, u, np.zeros_like(y)) + offset
+            noise = A, K, C, np.eye(len(C)), np.zeros_like(K), np.zeros_like(x)
+            seen = slice(first, first + len(u))
+            parts.append((seen, driven, noise, np.where(np.isnan(y), np.nan, 0.0)))
             first += len(u)
-        return replace(record, y=outputs)
+        for errors in draws:
+            outputs = record.y.copy()
+            for seen, driven, noise, missing in parts:
+                drawn = np.ascontiguousarray(errors[seen])
+                made = driven + predictions(*noise, drawn, np.zeros_like(driven)) + missing
+                outputs[self._seen[seen]] = made
+            yield replace(record, y=outputs)
 
     def filtered_rows(
         self, theta: RealArray, filters: list[RealArray]

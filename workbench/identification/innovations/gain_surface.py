@@ -21,9 +21,7 @@ class GainSurface:
     def _error(self, theta: RealArray) -> tuple[RealArray, RealArray]:
         """Errors (q,) of the gains, and their derivatives (q, P) with respect to the parameters."""
         errors, slopes = self._known.gain_error(self._criterion.model(theta))
-        found = np.zeros((len(errors), len(theta)))
-        found[:, : self._criterion.common] = slopes[:, self._criterion.free]
-        return errors, found
+        return errors, self._criterion.by_parameters(slopes, len(theta))
 
     def tangent(self, theta: RealArray, scale: RealArray) -> RealArray:
         """Orthonormal columns (P, P - q) that keep the gains to first order.

@@ -16,6 +16,7 @@ from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.gain_surface import GainSurface
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.pole_limits import CIRCLE_ROUNDING, PoleLimits
 from workbench.identification.innovations.scaling import Scaling
 
 MIN_LIKELIHOOD_GAIN = 1.0
@@ -32,8 +33,6 @@ MOST_PRODUCTS = 2e11
 """Most products in one pass over the derivatives; models with many states use only as many samples
 as this allows.
 """
-CIRCLE_ROUNDING = 1e-10
-"""Accuracy of computed eigenvalues near the unit circle."""
 
 
 def refinable(model: InnovationsModel, largest_radius: float = 1.0) -> bool:
@@ -58,8 +57,8 @@ def refine(
 
     All entries of A, B, C, D, K, the offsets and the initial states are free. Directions that only
     change the basis of the state have no effect on the criterion, and the damping keeps them
-    unchanged. Steps are refused if they make the predictor unstable or bring a pole of the model
-    beyond the largest radius.
+    unchanged. Steps that make the predictor unstable, or bring a pole of the model beyond the
+    largest radius, are projected onto these limits, and the search goes on along them.
 
     For a long record the iteration begins on its first `COARSE_SAMPLES`; the last iterations use
     all of it or, for a model with many states, as much as `MOST_PRODUCTS` allows, but at least the
@@ -134,7 +133,6 @@ def _refined(
     least_gain: float,
 ) -> tuple[InnovationsModel, int]:
     """The refined model of one part of a record, and the number of iterations."""
-    slowest = 1 - CIRCLE_ROUNDING
     scaling = Scaling.of(record)
     pieces = [scaling.scaled(*piece) for piece in record.pieces()]
     unit = replace(record, u=np.vstack([u for u, _ in pieces]), y=np.vstack([y for _, y in pieces]))
@@ -142,7 +140,7 @@ def _refined(
     if start.radius > 1 + 1 / len(record):
         simulation_weight = 0.0
     criterion = Criterion(start, unit, simulation_weight, direct, entries)
-    surface = None
+    limits, surface = PoleLimits(criterion, largest_radius), None
     if known is not None and known.gain is not None:
         surface = GainSurface(criterion, known.in_units(scaling.u_spread, scaling.y_spread))
     theta = criterion.start(start)
@@ -154,19 +152,21 @@ def _refined(
         # Scale to a unit diagonal, so that the step does not depend on the units of the signals.
         scale = np.sqrt(np.diag(hessian))
         scale[scale == 0] = 1.0
-        normed, downhill = hessian / np.outer(scale, scale), gradient / scale
+        normed = hessian / np.outer(scale, scale)
         basis = None if surface is None else surface.tangent(theta, scale)
         if basis is not None:
-            normed, downhill = basis.T @ normed @ basis, basis.T @ downhill
+            normed = basis.T @ normed @ basis
         decrease = 0.0
         while damping < 1e10:
             damped = normed + (damping + 1e-9) * np.eye(len(normed))
-            step = np.linalg.solve(damped, downhill)
-            trial = theta - (step if basis is None else basis @ step) / scale
+            inverse = np.linalg.inv(damped)
+            if basis is not None:
+                inverse = basis @ inverse @ basis.T
+            covariance = inverse / np.outer(scale, scale)
+            trial = limits.projected(theta - covariance @ gradient, covariance)
             if surface is not None:
                 trial = surface.nearest(trial)
-            candidate = criterion.model(trial)
-            if candidate.predictor_radius < slowest and candidate.radius <= largest_radius:
+            if limits.hold(criterion.model(trial)):
                 decrease = value - criterion(trial)
                 if decrease > 0:
                     break

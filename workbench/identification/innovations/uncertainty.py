@@ -90,11 +90,11 @@ def response_deviations(
 
     They come from the curvature of the prediction errors, so they are valid if these are white: the
     model must have the order of plant and noise, and the plant must be linear, for distortion is
-    not counted. They are computed with the model's own noise, with an autoregression of the errors
-    of its free run, and from the scatter over records that the model makes; the largest count.
-    ``direct`` says whether D is free. A response that
-    the record does not determine, such as that of one of two equal inputs, has an infinite
-    deviation. For models of `impulse_response` use `impulse_response_deviations`.
+    not counted. They are computed from the scatter over records that the model makes, and with an
+    autoregression of the errors of its free run as noise; the larger count. ``direct`` says
+    whether D is free. A response that the record does not determine, such as that of one of two
+    equal inputs, has an infinite deviation. For models of `impulse_response` use
+    `impulse_response_deviations`.
 
     Raises
     ------
@@ -117,9 +117,7 @@ def response_deviations(
     cycles_per_sample = _checked_frequencies(model, record, cycles_per_sample)
     found = largest_deviations(
         estimates_of(model, record, direct, None),
-        lambda criterion, theta, step: np.abs(
-            response_along(criterion, theta, step, cycles_per_sample)
-        ),
+        lambda criterion, theta, step: response_along(criterion, theta, step, cycles_per_sample),
         model.response(cycles_per_sample),
     )
     untold = _untold_inputs(model, record, direct, None)

@@ -13,8 +13,8 @@ from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.impulse_responses import impulse_model
 from workbench.identification.innovations.model import STATE_SAMPLES, InnovationsModel
+from workbench.identification.innovations.pole_limits import CIRCLE_ROUNDING
 from workbench.identification.innovations.prediction_error import (
-    CIRCLE_ROUNDING,
     refinable,
     refine,
 )

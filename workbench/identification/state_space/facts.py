@@ -19,6 +19,7 @@ from workbench.identification.innovations.uncertainty import (
     of_magnitudes,
     static_gain,
 )
+from workbench.identification.innovations.whiteness import model_whiteness
 from workbench.identification.state_space.identified import MODELS, IdentifiedModels
 from workbench.identification.state_space.question import RecordedQuestion
 
@@ -26,6 +27,8 @@ MOST_STATES_OF_DEVIATIONS = 24
 """Most states of a model for which standard deviations are computed: the cost grows with their
 cube.
 """
+LINEAR = "standard deviations take the plant as linear: they do not count its distortion"
+"""What deviations assume; the report of the record says how large the distortion is."""
 POLE_GIVEN = 1e-6
 """A model's pole within this distance of a known pole counts as that pole."""
 
@@ -68,8 +71,23 @@ def facts_of(
 
 
 def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list[str]:
-    """Sentences on how well the record determines both models, if their errors are white."""
-    return [word for name in MODELS for word in _uncertainty(program, getattr(answer, name), name)]
+    """Sentences on how well the record determines both models, and on what is not counted."""
+    words = [LINEAR]
+    for name in MODELS:
+        model = getattr(answer, name)
+        words += _uncertainty(program, model, name)
+        white = not_white(program, model, name)
+        if white:
+            words.append(f"{white}: deviations do not count what plant or noise have beyond it")
+    return words
+
+
+def not_white(program: RecordedQuestion, model: InnovationsModel, name: str) -> str:
+    """A sentence on one-step errors that are not white; empty if they are, or are not tested."""
+    if model.members or has_finite_response(model) or model.order > MOST_STATES_OF_DEVIATIONS:
+        return ""
+    found = model_whiteness(model, program.used, program.direct)
+    return "" if found.holds else f"{name}: one-step errors are not white, {found.words}"
 
 
 def simulator_deviations(
