@@ -103,9 +103,9 @@ def watched_by(watcher: Watcher) -> None:
 
 
 def compilations(
-    begin: Callable[[Any], None], end: Callable[[], None]
+    begin: Callable[[], None], end: Callable[[], None]
 ) -> AbstractContextManager[None]:
-    """Call ``begin`` with each function whose compilation starts inside, and ``end`` after it.
+    """Call ``begin`` before each compilation inside, and ``end`` after it.
 
     In the plain way no compilation is reported.
     """

@@ -13,7 +13,7 @@ COMPILATION = "numba:compile"
 
 
 def _listener(begin: Callable[[Any], None], end: Callable[[], None]) -> Any:
-    """Listener that calls ``begin`` with the function to be compiled, and ``end`` after it.
+    """Listener that calls ``begin`` with the event of a compilation, and ``end`` after it.
 
     Compilations are nested: the functions that a function calls are compiled within it. Code that
     is loaded from disk is not reported.
@@ -21,7 +21,7 @@ def _listener(begin: Callable[[Any], None], end: Callable[[], None]) -> Any:
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
-            begin(event.data["dispatcher"].py_func)
+            begin(event)
 
         def on_end(self, event: Any) -> None:
             end()
@@ -30,15 +30,15 @@ def _listener(begin: Callable[[Any], None], end: Callable[[], None]) -> Any:
 
 
 def report_compilations(begin: Callable[[Any], None], end: Callable[[], None]) -> None:
-    """Report compilations for the rest of the process."""
-    event.register(COMPILATION, _listener(begin, end))
+    """For the rest of the process, call ``begin`` with each function that will be compiled."""
+    told = _listener(lambda event: begin(event.data["dispatcher"].py_func), end)
+    event.register(COMPILATION, told)
 
 
 def reported_compilations(
-    begin: Callable[[Any], None], end: Callable[[], None]
+    begin: Callable[[], None], end: Callable[[], None]
 ) -> AbstractContextManager[None]:
-    """Report compilations inside a ``with`` statement."""
-    listening: AbstractContextManager[None] = event.install_listener(
-        COMPILATION, _listener(begin, end)
-    )
+    """Call ``begin`` and ``end`` for each compilation inside a ``with`` statement."""
+    told = _listener(lambda event: begin(), end)
+    listening: AbstractContextManager[None] = event.install_listener(COMPILATION, told)
     return listening

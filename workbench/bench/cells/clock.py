@@ -46,7 +46,7 @@ def running(limit: float | None, reason: str) -> Iterator[Clock]:
     """
     clock = Clock(limit, reason)
     try:
-        with compilations(lambda function: clock.stop(), clock.go_on):
+        with compilations(clock.stop, clock.go_on):
             yield clock
     finally:
         alarm(None)
