@@ -15,6 +15,7 @@ from workbench.solvers import Outcome
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.finish import fitted_cover, raised_cover
+from workbench.uncertainty.covers.joint.population import apart, least_inflations
 from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
 from workbench.uncertainty.covers.joint.starts import starts
 from workbench.uncertainty.covers.nominal import nominal_fit
@@ -33,6 +34,14 @@ DRAWN, DRAWN_SPREAD = 4, 0.5
 """Number of searches from random starts around each of these models, and standard deviation of the
 starts in units of the parameters. The end of a single search may depend on the data's last bits.
 """
+CLOSE_POWERS = (16, 32, 32, 64, 128, 256, 256)
+"""Powers of the norms for the inflation at all frequencies. The raw sets about the nominal are
+those at the start of each search, so the last one is repeated.
+"""
+ENDS = 3
+"""Number of the last searches whose covers are compared."""
+LEAST_CONTINUED = 3
+"""Number of models of least inflation that are continued at all frequencies."""
 ALIKE = 1e-3
 """Relative difference of sizes below which two models count as the same local optimum."""
 
@@ -62,7 +71,7 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
         return None, Outcome.FAILED, said
     fine = searched.thinned(FINAL_FREQUENCIES).refined()
     found = [
-        smallest_model(fine, start, FINAL_POWERS, context) for start in _apart(tried)[:CONTINUED]
+        smallest_model(fine, start, FINAL_POWERS, context) for start in apart(tried, ALIKE)[:CONTINUED]
     ]
     return _smallest_cover(program, found, context), Outcome.SOLVED, said
 
@@ -86,7 +95,7 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
         said.append(f"{model.size:.4g} from {name}")
         if math.isfinite(model.size):
             found.append(model)
-    for model in _apart(found)[:CONTINUED]:
+    for model in apart(found, ALIKE)[:CONTINUED]:
         drawn = [
             smallest_model(program, model, TRIAL_POWERS, context, DRAWN_SPREAD)
             for _ in range(DRAWN)
@@ -95,13 +104,24 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
     return found, f"mean square size {'; '.join(said)}"
 
 
-def _apart(found: list[FoundModel]) -> list[FoundModel]:
-    """Different models, by increasing size."""
-    apart: list[FoundModel] = []
-    for model in sorted(found, key=lambda model: model.size):
-        if not apart or model.size > apart[-1].size * (1 + ALIKE):
-            apart.append(model)
-    return apart
+@method(CircleCover, "inflation", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(StadiumCover, "inflation", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _inflation(program: UncertaintyCover, context: Context) -> Claim:
+    """Nominal and weights are optimised together for the least inflation over the raw sets."""
+    warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
+    searched = replace(program, zeros=program.useful_zeros)
+    trial = _trial(searched)
+    begun = [start for _, start, _ in starts(trial, context) if start is not None]
+    tried, said = _tried(trial, context)
+    ranked = least_inflations(trial, [*begun, *apart(tried, ALIKE)[:CONTINUED]], context)
+    if not ranked:
+        return None, Outcome.FAILED, said
+    fine = searched.thinned(FINAL_FREQUENCIES).refined()
+    covers = [
+        _closest_cover(program, fine, model, context) for model in ranked[:LEAST_CONTINUED]
+    ]
+    best = min(covers, key=lambda cover: _largest(program, cover))
+    return best, Outcome.SOLVED, f"{len(ranked)} local optima"
 
 
 def _smallest_cover(
@@ -129,3 +149,20 @@ def _smallest_cover(
     nominal, W_r = program.realisable(ranked[0].nominal), ranked[0].W_r
     third = program.third_set(program.away(nominal, program.points), W_r)
     return fitted_cover(program, first, nominal, third, W_r, context)
+
+
+def _closest_cover(
+    program: UncertaintyCover, fine: UncertaintyCover, model: FoundModel, context: Context
+) -> CoverSteps:
+    """The cover of least inflation from a model."""
+    found = [model]
+    for power in CLOSE_POWERS:
+        found.append(smallest_model(fine, found[-1], (power,), context, aim="inflation"))
+    covers = [_smallest_cover(program, [each], context) for each in found[-ENDS:]]
+    return min(covers, key=lambda cover: _largest(program, cover))
+
+
+def _largest(program: UncertaintyCover, cover: CoverSteps) -> float:
+    """The largest ratio that the method makes small."""
+    over = program.inflation(cover)
+    return float(max(over.about.max(), over.free.max(), over.rms_free))
