@@ -41,6 +41,11 @@ class Inflation(NamedTuple):
     rms: float
     rms_free: float
 
+    @property
+    def largest(self) -> float:
+        """Largest ratio. The third one is left out, since a nominal far from the plants lowers it."""
+        return float(max(self.about.max(), self.free.max(), self.rms_free))
+
 
 def inflation_of(responses: Responses, points: ComplexArray, answer: CoverSteps) -> Inflation:
     """Ratios of the sizes of a cover's sets to those of the raw ones around points (F, N)."""

@@ -5,6 +5,7 @@ sets.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
@@ -38,8 +39,8 @@ CLOSE_POWERS = (16, 32, 32, 64, 128, 256, 256)
 """Powers of the norms for the inflation at all frequencies. The raw sets about the nominal are
 those at the start of each search, so the last one is repeated.
 """
-ENDS = 3
-"""Number of the last searches whose covers are compared."""
+CLOSE_STEPS = 60
+"""Largest number of quasi-Newton steps in each of these searches."""
 LEAST_CONTINUED = 3
 """Number of models of least inflation that are continued at all frequencies."""
 ALIKE = 1e-3
@@ -70,10 +71,9 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     if not tried:
         return None, Outcome.FAILED, said
     fine = searched.thinned(FINAL_FREQUENCIES).refined()
-    found = [
-        smallest_model(fine, start, FINAL_POWERS, context) for start in apart(tried, ALIKE)[:CONTINUED]
-    ]
-    return _smallest_cover(program, found, context), Outcome.SOLVED, said
+    continued = apart(tried, ALIKE)[:CONTINUED]
+    found = [smallest_model(fine, start, FINAL_POWERS, context) for start in continued]
+    return _smallest_cover(program, found, context, program.refined().objective), Outcome.SOLVED, said
 
 
 def _trial(program: UncertaintyCover) -> UncertaintyCover:
@@ -117,52 +117,51 @@ def _inflation(program: UncertaintyCover, context: Context) -> Claim:
     if not ranked:
         return None, Outcome.FAILED, said
     fine = searched.thinned(FINAL_FREQUENCIES).refined()
-    covers = [
-        _closest_cover(program, fine, model, context) for model in ranked[:LEAST_CONTINUED]
-    ]
-    best = min(covers, key=lambda cover: _largest(program, cover))
-    return best, Outcome.SOLVED, f"{len(ranked)} local optima"
+    ends = [end for model in ranked[:LEAST_CONTINUED] for end in _ends(fine, model, context)]
+    cover = _smallest_cover(
+        program, ends or ranked, context, lambda cover: program.inflation(cover).largest
+    )
+    return cover, Outcome.SOLVED, f"{len(ranked)} local optima"
+
+
+def _ends(program: UncertaintyCover, model: FoundModel, context: Context) -> list[FoundModel]:
+    """Models at the ends of the searches from a model, with the inflation of their covers."""
+    ends = []
+    for power in CLOSE_POWERS:
+        model = smallest_model(program, model, (power,), context, 0.0, "inflation", CLOSE_STEPS)
+        try:
+            cover = raised_cover(program, program, program.raw, model, everywhere=False)
+        except SolverError:
+            continue
+        ends.append(model._replace(size=program.inflation(cover).largest))
+    return ends
 
 
 def _smallest_cover(
-    program: UncertaintyCover, found: list[FoundModel], context: Context
+    program: UncertaintyCover,
+    found: list[FoundModel],
+    context: Context,
+    measure: Callable[[CoverSteps], float],
 ) -> CoverSteps:
-    """The smallest cover from the models with raised gains; with a fitted complex weight if no gain
-    suffices.
+    """The cover of least measure from the models with raised gains; with a fitted complex weight if
+    no gain suffices.
     """
-    first, refined = program.first_set(program.points), program.refined()
-    fine = program if program.leave_out else refined
+    fine = program if program.leave_out else program.refined()
     ranked = sorted(found, key=lambda model: model.size)
     best, least = None, float("inf")
     for model in ranked:
         if least <= model.size:  # a cover is hardly ever smaller than its model
             break
         try:
-            cover = raised_cover(program, fine, first, model)
+            cover = raised_cover(program, fine, program.raw, model)
         except SolverError:
             continue
-        size = refined.objective(cover)
+        size = measure(cover)
         if size < least:
             best, least = cover, size
     if best is not None:
         return best
     nominal, W_r = program.realisable(ranked[0].nominal), ranked[0].W_r
     third = program.third_set(program.away(nominal, program.points), W_r)
-    return fitted_cover(program, first, nominal, third, W_r, context)
+    return fitted_cover(program, program.raw, nominal, third, W_r, context)
 
-
-def _closest_cover(
-    program: UncertaintyCover, fine: UncertaintyCover, model: FoundModel, context: Context
-) -> CoverSteps:
-    """The cover of least inflation from a model."""
-    found = [model]
-    for power in CLOSE_POWERS:
-        found.append(smallest_model(fine, found[-1], (power,), context, aim="inflation"))
-    covers = [_smallest_cover(program, [each], context) for each in found[-ENDS:]]
-    return min(covers, key=lambda cover: _largest(program, cover))
-
-
-def _largest(program: UncertaintyCover, cover: CoverSteps) -> float:
-    """The largest ratio that the method makes small."""
-    over = program.inflation(cover)
-    return float(max(over.about.max(), over.free.max(), over.rms_free))

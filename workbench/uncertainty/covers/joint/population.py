@@ -23,6 +23,8 @@ GENERATIONS, KEPT = 9, 6
 """Number of generations, and of models that each one starts from."""
 SEARCH_POWERS = (8, 16, 32)
 """Powers of the norms in the search."""
+SEARCH_STEPS = 100
+"""Largest number of quasi-Newton steps with each power."""
 SPREADS = (0.5, 0.2)
 """Standard deviations of random starts near a model, in units of the parameters."""
 ALIKE = 6e-3
@@ -35,13 +37,17 @@ def least_inflations(
     program: UncertaintyCover, starts: Iterable[FoundModel], context: Context
 ) -> list[FoundModel]:
     """Models by increasing inflation, each of which differs from those before."""
-    found = [
-        smallest_model(program, start, SEARCH_POWERS, context, aim="inflation") for start in starts
-    ]
+
+    def searched(start: FoundModel, spread: float) -> FoundModel:
+        """The model of least inflation near a start."""
+        powers, steps = SEARCH_POWERS, SEARCH_STEPS
+        return smallest_model(program, start, powers, context, spread, "inflation", steps)
+
+    found = [searched(start, 0.0) for start in starts]
     for _ in context.track(range(GENERATIONS), "generations"):
         best = apart(found, ALIKE)[:KEPT]
         found = best + [
-            smallest_model(program, start, SEARCH_POWERS, context, spread, "inflation")
+            searched(start, spread)
             for model in best
             for start, spread in _near(program, model, context.rng)
         ]

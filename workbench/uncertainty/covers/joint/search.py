@@ -240,11 +240,13 @@ def smallest_model(
     context: Context,
     spread: float = 0.0,
     aim: Aim = "size",
+    steps: int = MAX_BFGS_STEPS,
 ) -> FoundModel:
     """The model with the smallest sets found from a start, which is a local optimum.
 
     The search begins at a random point around the start, with a standard deviation of ``spread``
-    units of each parameter. It makes quasi-Newton steps on the coefficients of quadratic factors.
+    units of each parameter. It makes at most ``steps`` quasi-Newton steps with each power on the
+    coefficients of quadratic factors.
     Norms with the given increasing powers, which are powers of two, approximate the largest ratio
     of a needed radius to the complex weight.
     """
@@ -257,7 +259,7 @@ def smallest_model(
         x = x + spread * context.rng.standard_normal(x.size)
     for power in context.track(powers, "smallest sets"):
         data = size.data if aim == "size" else size.inflation_data(x * unit)
-        value, x, inverse = least_size(x, unit, inverse, data, power, MAX_BFGS_STEPS)
+        value, x, inverse = least_size(x, unit, inverse, data, power, steps)
     own = np.split(x * unit, size.ends[1:-1])
 
     def found(part: FactoredRational, vector: RealArray) -> Rational:
