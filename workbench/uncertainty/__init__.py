@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         real,
     )
     from workbench.uncertainty.covers.circle_cover import CircleCover
+    from workbench.uncertainty.covers.front import CoverFront, cover_front
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate
     from workbench.uncertainty.covers.orientation import (
@@ -61,6 +62,7 @@ else:
 __all__ = [
     "CircleCover",
     "Containment",
+    "CoverFront",
     "CoverSteps",
     "EstimateRegion",
     "GeneralisedPlant",
@@ -83,6 +85,7 @@ __all__ = [
     "cheapest_orientation",
     "complex_scalar",
     "contains",
+    "cover_front",
     "cover_of_estimate",
     "dead_time_approximation",
     "delay",

@@ -16,7 +16,6 @@ from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.responses.plants import Responses
 
-
 TINY = float(np.finfo(float).tiny)
 """Least size, against division by zero."""
 
@@ -43,7 +42,7 @@ class Inflation(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """Largest ratio. The third one is left out, since a nominal far from the plants lowers it."""
+        """Largest ratio, without ``rms``, which a nominal far from the plants makes small."""
         return float(max(self.about.max(), self.free.max(), self.rms_free))
 
 

@@ -35,6 +35,8 @@ DRAWN, DRAWN_SPREAD = 4, 0.5
 """Number of searches from random starts around each of these models, and standard deviation of the
 starts in units of the parameters. The end of a single search may depend on the data's last bits.
 """
+INFLATION_FREQUENCIES = 150
+"""Largest number of frequencies at which models of least inflation are sought."""
 CLOSE_POWERS = (16, 32, 32, 64, 128, 256, 256)
 """Powers of the norms for the inflation at all frequencies. The raw sets about the nominal are
 those at the start of each search, so the last one is repeated.
@@ -73,7 +75,11 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     fine = searched.thinned(FINAL_FREQUENCIES).refined()
     continued = apart(tried, ALIKE)[:CONTINUED]
     found = [smallest_model(fine, start, FINAL_POWERS, context) for start in continued]
-    return _smallest_cover(program, found, context, program.refined().objective), Outcome.SOLVED, said
+    return (
+        _smallest_cover(program, found, context, program.refined().objective),
+        Outcome.SOLVED,
+        said,
+    )
 
 
 def _trial(program: UncertaintyCover) -> UncertaintyCover:
@@ -110,7 +116,7 @@ def _inflation(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and weights are optimised together for the least inflation over the raw sets."""
     warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
     searched = replace(program, zeros=program.useful_zeros)
-    trial = _trial(searched)
+    trial = searched.refined().thinned(INFLATION_FREQUENCIES)
     begun = [start for _, start, _ in starts(trial, context) if start is not None]
     tried, said = _tried(trial, context)
     ranked = least_inflations(trial, [*begun, *apart(tried, ALIKE)[:CONTINUED]], context)
@@ -164,4 +170,3 @@ def _smallest_cover(
     nominal, W_r = program.realisable(ranked[0].nominal), ranked[0].W_r
     third = program.third_set(program.away(nominal, program.points), W_r)
     return fitted_cover(program, program.raw, nominal, third, W_r, context)
-

@@ -1,9 +1,9 @@
 """Size of the sets of a model that contains its plants, and its gradient, compiled.
 
 The size is the mean over log frequency of |W_c|^2 + length_weight |W_r|^2, in units of the
-deviations, or the inflation over the raw sets. W_c is scaled so that it reaches, at each frequency, the radius around the segment of
-W_r that each plant needs. A norm of high power replaces the largest ratio of a needed radius to
-|W_c|, so that the size is smooth.
+deviations, or the inflation over the raw sets. W_c is scaled so that it reaches, at each frequency,
+the radius around the segment of W_r that each plant needs. A norm of high power replaces the
+largest ratio of a needed radius to |W_c|, so that the size is smooth.
 """
 
 from __future__ import annotations

@@ -47,10 +47,9 @@ def with_moved_pair(
     old = ratio(poles, zeros)
     gain = np.exp(np.log(np.abs(old)).mean()) * np.sign(old.real.sum() or 1.0)
     place = wanted * np.exp(NEW_SPREAD * rng.standard_normal())
-    added = [
-        _pair(place * np.exp(APART * rng.standard_normal()), np.exp(rng.uniform(*np.log(NEW_DAMPING))))
-        for _ in range(2)
-    ]
+    damping = np.exp(rng.uniform(*np.log(NEW_DAMPING), 2))
+    places = place * np.exp(APART * rng.standard_normal(2))
+    added = [_pair(*each) for each in zip(places, damping, strict=True)]
     return Rational(
         np.concatenate([np.delete(function.zeros, zeros), added[0]]),
         np.concatenate([np.delete(function.poles, poles), added[1]]),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,10 @@ from workbench.uncertainty.covers.joint.moved_pairs import with_moved_pair
 from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
 from workbench.uncertainty.covers.weights import needed_radius
 
-GENERATIONS, KEPT = 9, 6
+GENERATIONS, KEPT = 8, 6
 """Number of generations, and of models that each one starts from."""
+PATIENCE = 3
+"""The search ends after this many generations that improve nothing."""
 SEARCH_POWERS = (8, 16, 32)
 """Powers of the norms in the search."""
 SEARCH_STEPS = 100
@@ -44,8 +47,13 @@ def least_inflations(
         return smallest_model(program, start, powers, context, spread, "inflation", steps)
 
     found = [searched(start, 0.0) for start in starts]
+    least, idle = np.inf, 0
     for _ in context.track(range(GENERATIONS), "generations"):
         best = apart(found, ALIKE)[:KEPT]
+        idle = idle + 1 if best and best[0].size > least * (1 - ALIKE) else 0
+        if not best or idle == PATIENCE:
+            break
+        least = best[0].size
         found = best + [
             searched(start, spread)
             for model in best
@@ -76,7 +84,8 @@ def _near(
         wanted = float(rng.choice(omega, p=weight / weight.sum()))
         moved = with_moved_pair(part, omega, wanted, rng)
         if moved is not None:
-            yield model._replace(**{name: moved}), 0.0
+            changed: dict[str, Any] = {name: moved}
+            yield model._replace(**changed), 0.0
 
 
 def _inflation(program: UncertaintyCover, model: FoundModel) -> RealArray:

@@ -34,6 +34,7 @@ from workbench.uncertainty.covers.cover import (
     RADIUS_ROUNDING,
     UncertaintyCover,
 )
+from workbench.uncertainty.covers.inflation import extent, plain_unit
 from workbench.uncertainty.covers.joint.descent import least_size
 from workbench.uncertainty.covers.joint.model_size import (
     CIRCLE,
@@ -42,7 +43,6 @@ from workbench.uncertainty.covers.joint.model_size import (
     SizeData,
     model_size,
 )
-from workbench.uncertainty.covers.inflation import extent, plain_unit
 from workbench.uncertainty.covers.sets import deviations, outermost
 from workbench.uncertainty.covers.weights import between, beyond
 
