@@ -7,7 +7,12 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.uncertainty import Responses, cover_front
-from workbench.uncertainty.covers.front import NEAR_BEST, CoverFront, FrontPoint, least_states
+from workbench.uncertainty.covers.front.cover_front import (
+    NEAR_BEST,
+    CoverFront,
+    FrontCover,
+    least_states,
+)
 
 OMEGA = np.geomspace(0.03, 30, 40)
 
@@ -60,7 +65,7 @@ def test_mu_of_a_loop_is_the_cost():
 
 
 def point(states, cost):
-    return FrontPoint((states, 0, 0), "joint", None, cost, cost, 1.0, cost, float("nan"))
+    return FrontCover((states, 0, 0), "joint", None, cost, cost, 1.0, cost, float("nan"))
 
 
 def test_dominated_covers_are_told():

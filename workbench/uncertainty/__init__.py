@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         real,
     )
     from workbench.uncertainty.covers.circle_cover import CircleCover
-    from workbench.uncertainty.covers.front import CoverFront, cover_front
+    from workbench.uncertainty.covers.front.cover_front import CoverFront, cover_front
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate
     from workbench.uncertainty.covers.orientation import (

@@ -18,7 +18,7 @@ from workbench.executor import Context
 from workbench.mu import performance_peak
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty import UncertaintyModel
-from workbench.uncertainty.covers.front import NEAR_BEST, least_states
+from workbench.uncertainty.covers.front.cover_front import NEAR_BEST, least_states
 from workbench.uncertainty.covers.storage import cover_sets
 
 from ..drive.plants import controller
@@ -45,7 +45,7 @@ PEAK_TOLERANCE = 1e-3
 
 
 def needs(
-    axis: str, frequencies: int = 400, method: Literal["joint", "inflation"] = "inflation", **_: Any
+    axis: str, frequencies: int = 400, cover: Literal["joint", "inflation"] = "inflation", **_: Any
 ) -> dict[str, Any]:
     """References to the stadiums of all orders."""
     name = f"cd/{axis}/stadium-cover"
@@ -53,7 +53,7 @@ def needs(
         "covers": [
             ref(
                 name,
-                method=method,
+                method=cover,
                 frequencies=frequencies,
                 order=order,
                 zeros=max(order - EXCESS, 0),
@@ -175,13 +175,13 @@ def cover_front(
     axis: Axis,
     covers: list[Run],
     frequencies: Frequencies = 400,
-    method: Literal["joint", "inflation"] = "inflation",
+    cover: Literal["joint", "inflation"] = "inflation",
 ) -> CoverFrontOfAxis:
     """Stadium covers of several orders: their size, and mu of the reference controller (5.4).
 
     The size of a cover is compared with that of the narrowest stadiums, about its nominal and with
     free centres. The chosen cover has the fewest states within 10 % of the smallest one.
 
-    frequencies: number of frequencies of the covers. method: of the covers.
+    frequencies: number of frequencies of the covers. cover: method of the covers.
     """
     return CoverFrontOfAxis(axis, covers)

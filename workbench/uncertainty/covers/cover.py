@@ -41,10 +41,10 @@ from workbench.uncertainty.covers.everywhere import (
     sampled_containment,
 )
 from workbench.uncertainty.covers.figures import cover_figures
-from workbench.uncertainty.covers.inflation import Inflation, inflation_of, plain_unit
 from workbench.uncertainty.covers.model import UncertaintyModel, contains
-from workbench.uncertainty.covers.set_checks import least_radii, set_check, set_off
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
+from workbench.uncertainty.covers.sizes.inflation import Inflation, inflation_of, plant_sizes
+from workbench.uncertainty.covers.sizes.set_checks import least_radii, set_check, set_off
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped
 from workbench.uncertainty.responses.plane import plane_function
@@ -252,7 +252,7 @@ class UncertaintyCover(Program):
         """
         if self.form == "multiplicative":
             return np.ones(self.responses.omega.size)
-        return plain_unit(self.points)
+        return plant_sizes(self.points)
 
     def away_scale(self, nominal: Rational) -> RealArray:
         """Size (F,) of plants plus nominal, in units of the deviations."""

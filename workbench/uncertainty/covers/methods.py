@@ -16,7 +16,7 @@ from workbench.solvers import Outcome
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.finish import fitted_cover, raised_cover
-from workbench.uncertainty.covers.joint.population import apart, least_inflations
+from workbench.uncertainty.covers.joint.population import different_models, least_inflations
 from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
 from workbench.uncertainty.covers.joint.starts import starts
 from workbench.uncertainty.covers.nominal import nominal_fit
@@ -73,7 +73,7 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     if not tried:
         return None, Outcome.FAILED, said
     fine = searched.thinned(FINAL_FREQUENCIES).refined()
-    continued = apart(tried, ALIKE)[:CONTINUED]
+    continued = different_models(tried, ALIKE)[:CONTINUED]
     found = [smallest_model(fine, start, FINAL_POWERS, context) for start in continued]
     return (
         _smallest_cover(program, found, context, program.refined().objective),
@@ -101,7 +101,7 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
         said.append(f"{model.size:.4g} from {name}")
         if math.isfinite(model.size):
             found.append(model)
-    for model in apart(found, ALIKE)[:CONTINUED]:
+    for model in different_models(found, ALIKE)[:CONTINUED]:
         drawn = [
             smallest_model(program, model, TRIAL_POWERS, context, DRAWN_SPREAD)
             for _ in range(DRAWN)
@@ -119,7 +119,7 @@ def _inflation(program: UncertaintyCover, context: Context) -> Claim:
     trial = searched.refined().thinned(INFLATION_FREQUENCIES)
     begun = [start for _, start, _ in starts(trial, context) if start is not None]
     tried, said = _tried(trial, context)
-    ranked = least_inflations(trial, [*begun, *apart(tried, ALIKE)[:CONTINUED]], context)
+    ranked = least_inflations(trial, [*begun, *different_models(tried, ALIKE)[:CONTINUED]], context)
     if not ranked:
         return None, Outcome.FAILED, said
     fine = searched.thinned(FINAL_FREQUENCIES).refined()

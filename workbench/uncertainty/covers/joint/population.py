@@ -15,9 +15,9 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench.executor import Context
 from workbench.uncertainty.covers.cover import UncertaintyCover
-from workbench.uncertainty.covers.inflation import extent
 from workbench.uncertainty.covers.joint.moved_pairs import with_moved_pair
 from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
+from workbench.uncertainty.covers.sizes.inflation import extent
 from workbench.uncertainty.covers.weights import needed_radius
 
 GENERATIONS, KEPT = 8, 6
@@ -49,7 +49,7 @@ def least_inflations(
     found = [searched(start, 0.0) for start in starts]
     least, idle = np.inf, 0
     for _ in context.track(range(GENERATIONS), "generations"):
-        best = apart(found, ALIKE)[:KEPT]
+        best = different_models(found, ALIKE)[:KEPT]
         idle = idle + 1 if best and best[0].size > least * (1 - ALIKE) else 0
         if not best or idle == PATIENCE:
             break
@@ -59,10 +59,10 @@ def least_inflations(
             for model in best
             for start, spread in _near(program, model, context.rng)
         ]
-    return apart(found, ALIKE)
+    return different_models(found, ALIKE)
 
 
-def apart(found: Iterable[FoundModel], alike: float) -> list[FoundModel]:
+def different_models(found: Iterable[FoundModel], alike: float) -> list[FoundModel]:
     """Models by increasing finite size that differ by more than a relative difference."""
     kept: list[FoundModel] = []
     finite = (model for model in found if math.isfinite(model.size))

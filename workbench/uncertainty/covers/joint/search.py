@@ -34,7 +34,6 @@ from workbench.uncertainty.covers.cover import (
     RADIUS_ROUNDING,
     UncertaintyCover,
 )
-from workbench.uncertainty.covers.inflation import extent, plain_unit
 from workbench.uncertainty.covers.joint.descent import least_size
 from workbench.uncertainty.covers.joint.model_size import (
     CIRCLE,
@@ -44,6 +43,7 @@ from workbench.uncertainty.covers.joint.model_size import (
     model_size,
 )
 from workbench.uncertainty.covers.sets import deviations, outermost
+from workbench.uncertainty.covers.sizes.inflation import extent, plant_sizes
 from workbench.uncertainty.covers.weights import between, beyond
 
 MAX_BFGS_STEPS = 200
@@ -152,7 +152,7 @@ class ModelSize:
         additive = program.form == "additive"
         size = np.abs(program.points).max(axis=1) / unit if additive else np.ones_like(unit)
         pairs = [self._pairs(k) for k in (REAL, CIRCLE)]
-        raw, plain = program.raw, plain_unit(program.points)
+        raw, plain = program.raw, plant_sizes(program.points)
         free = np.maximum(extent(raw) / plain, RADIUS_ROUNDING)
         reached = np.union1d(beyond(omega), between(omega, SEARCHED_LOG_STEP))
         log = np.log(omega)

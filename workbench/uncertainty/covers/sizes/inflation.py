@@ -50,7 +50,7 @@ def inflation_of(responses: Responses, points: ComplexArray, answer: CoverSteps)
     """Ratios of the sizes of a cover's sets to those of the raw ones around points (F, N)."""
     first, second, shares = answer.first, answer.second, responses.shares
     width, length = answer.model.sizes(responses.omega)
-    plain = plain_unit(points)
+    plain = plant_sizes(points)
     scale = np.ones_like(plain)
     if answer.model.form == "multiplicative":
         scale = np.abs(answer.model.nominal.response(responses.axis))
@@ -62,7 +62,7 @@ def inflation_of(responses: Responses, points: ComplexArray, answer: CoverSteps)
     )
 
 
-def plain_unit(points: ComplexArray) -> RealArray:
+def plant_sizes(points: ComplexArray) -> RealArray:
     """Root mean square (F,) of the plants' sizes at each frequency."""
     return np.asarray(np.sqrt(np.mean(np.abs(points) ** 2, axis=1)))
 

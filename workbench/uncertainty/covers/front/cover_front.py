@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -40,7 +40,7 @@ Loop = Callable[[UncertaintyModel], float]
 
 
 @dataclass(frozen=True)
-class FrontPoint:
+class FrontCover:
     """One certified cover of a front.
 
     ``inflation`` and ``rms`` compare its sets with the narrowest ones about its nominal,
@@ -73,31 +73,37 @@ class FrontPoint:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CoverFront(Answer):
-    """Certified covers of several orders; `points` are by increasing number of states.
+    """Certified covers of several orders, and the one that is chosen.
 
-    ``chosen`` has the fewest states among the covers whose cost is within 10 % of the least one.
+    ``points`` are by increasing number of states. ``failures`` are the reasons why there is no
+    cover, by orders.
+
+    Examples
+    --------
+    See `cover_front`.
     """
 
-    points: tuple[FrontPoint, ...]
-    failures: dict[Orders, str] = field(default_factory=dict)
+    points: tuple[FrontCover, ...]
+    _: KW_ONLY
+    failures: dict[Orders, str] = field(default_factory=dict, kw_only=True)
 
     @property
-    def front(self) -> tuple[FrontPoint, ...]:
+    def front(self) -> tuple[FrontCover, ...]:
         """The points of which none has as few states and costs less."""
-        kept: list[FrontPoint] = []
+        kept: list[FrontCover] = []
         for point in self.points:  # of equally many states the cheapest comes first
             if not kept or point.cost < kept[-1].cost:
                 kept.append(point)
         return tuple(kept)
 
     @property
-    def dominated(self) -> tuple[FrontPoint, ...]:
+    def dominated(self) -> tuple[FrontCover, ...]:
         """The other points."""
         front = self.front
         return tuple(point for point in self.points if all(point is not one for one in front))
 
     @property
-    def chosen(self) -> FrontPoint:
+    def chosen(self) -> FrontCover:
         """The point with the fewest states whose cost is within 10 % of the least one."""
         points = self.points
         return points[least_states([p.states for p in points], [p.cost for p in points])]
@@ -223,7 +229,7 @@ def cover_front(
         raise SolverError(f"no cover of any of the orders: {failures}")
     points.sort(key=lambda point: (point.states, point.cost))
     checker = CoverFrontChecker(programs, loop)
-    return CoverFront(tuple(points), failures).checked_by(checker)
+    return CoverFront(tuple(points), failures=failures).checked_by(checker)
 
 
 def least_states(states: ArrayLike, cost: ArrayLike) -> int:
@@ -260,9 +266,9 @@ def _program(responses: Responses, orders: Orders, form: Form) -> UncertaintyCov
 
 def _point(
     program: UncertaintyCover, orders: Orders, method: str, cover: CoverSteps, loop: Loop | None
-) -> FrontPoint:
+) -> FrontCover:
     over = program.inflation(cover)
-    return FrontPoint(
+    return FrontCover(
         orders,
         method,
         cover,
@@ -274,7 +280,7 @@ def _point(
     )
 
 
-def _named(point: FrontPoint, checks: Sequence[Check]) -> list[Check]:
+def _named(point: FrontCover, checks: Sequence[Check]) -> list[Check]:
     """Checks whose names begin with the orders of the point."""
     orders = ", ".join(map(str, point.orders))
     return [replace(check, name=f"{orders}: {check.name}") for check in checks]
