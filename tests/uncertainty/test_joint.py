@@ -17,6 +17,8 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.root_pairs import pair_logarithms
 from workbench.uncertainty import CircleCover, Responses, StadiumCover, limited_orientation
 from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT
+from workbench.uncertainty.covers.joint.model_size import model_size
+from workbench.uncertainty.covers.joint.moved_pairs import with_moved_pair
 from workbench.uncertainty.covers.joint.search import (
     BEYOND,
     BEYOND_DECADES,
@@ -77,6 +79,22 @@ def test_slopes_are_those_of_differences(kind, given_nominal, form, power):
         step = np.zeros(vector.size)
         step[i] = 1e-6 * max(abs(vector[i]), 1e-2)
         rise = size(vector + step, power)[0] - size(vector - step, power)[0]
+        assert rise / (2 * step[i]) == pytest.approx(gradient[i], rel=1e-4, abs=1e-5 * value)
+
+
+@pytest.mark.parametrize("form", ["multiplicative", "additive"])
+@pytest.mark.parametrize("given_nominal", [False, True])
+@pytest.mark.parametrize("kind", ["circle", "stadium"])
+def test_slopes_of_the_inflation_are_those_of_differences(kind, given_nominal, form):
+    size = size_of(kind, form=form, nominal=NOMINAL if given_nominal else None)
+    vector = size.start
+    data = size.inflation_data(vector)
+    value, gradient = model_size(vector, data, 16)
+    assert np.isfinite(value)
+    for i in range(vector.size):
+        step = np.zeros(vector.size)
+        step[i] = 1e-6 * max(abs(vector[i]), 1e-2)
+        rise = model_size(vector + step, data, 16)[0] - model_size(vector - step, data, 16)[0]
         assert rise / (2 * step[i]) == pytest.approx(gradient[i], rel=1e-4, abs=1e-5 * value)
 
 
@@ -217,3 +235,29 @@ def test_a_start_that_fits_exactly_is_left():
     solution = wb.solve(program, method="joint")
     assert solution.certificate.valid
     assert program.objective(solution.answer) <= 0.98e-3
+
+
+def test_a_moved_pair_is_where_it_is_wanted_and_changes_little_elsewhere():
+    """The pair that nearly cancels is taken out; the others and the mean size stay."""
+    pair = np.array([-1 + 30j, -1 - 30j])
+    kept = Rational([-5.0], [-3 + 9j, -3 - 9j], 2.0)
+    function = Rational([*kept.zeros, *(1.001 * pair)], [*kept.poles, *pair], 2.0)
+    moved = with_moved_pair(function, OMEGA, 300.0, np.random.default_rng(3))
+    far = OMEGA < 100
+    assert np.abs(moved.poles).max() == pytest.approx(300.0, rel=0.6)
+    assert moved.order == function.order
+    ratio = moved.response(OMEGA[far]) / kept.response(OMEGA[far])
+    assert np.abs(ratio - 1).max() < 0.5
+    assert with_moved_pair(REAL, OMEGA, 300.0, np.random.default_rng(3)) is None
+
+
+@pytest.mark.parametrize("kind", ["circle", "stadium"])
+def test_the_inflation_is_made_smaller_than_by_the_mean_size(kind):
+    """Judged by the ratios, which are computed from the certified covers."""
+    program = program_of(kind, plants(seed=4, omega=np.geomspace(3, 300, 40)))
+    ratios = {}
+    for method in ("joint", "inflation"):
+        solution = wb.solve(program, method=method)
+        assert solution.certificate.valid
+        ratios[method] = program.inflation(solution.answer).largest
+    assert ratios["inflation"] < ratios["joint"]

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     )
     from workbench.uncertainty.covers.circle_cover import CircleCover
     from workbench.uncertainty.covers.everywhere import containment_check
+    from workbench.uncertainty.covers.front.cover_front import CoverFront, cover_front
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate
     from workbench.uncertainty.covers.orientation import (
@@ -68,6 +69,7 @@ __all__ = [
     "CircleCover",
     "Containment",
     "CoverForm",
+    "CoverFront",
     "CoverSteps",
     "EstimateRegion",
     "GeneralisedPlant",
@@ -91,6 +93,7 @@ __all__ = [
     "complex_scalar",
     "containment_check",
     "contains",
+    "cover_front",
     "cover_function",
     "cover_of_estimate",
     "cover_sets",

@@ -42,8 +42,9 @@ from workbench.uncertainty.covers.everywhere import (
 )
 from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import UncertaintyModel, contains
-from workbench.uncertainty.covers.set_checks import least_radii, set_check, set_off
 from workbench.uncertainty.covers.sets import CoverForm, corners, deviations, kept
+from workbench.uncertainty.covers.sizes.inflation import Inflation, inflation_of, plant_sizes
+from workbench.uncertainty.covers.sizes.set_checks import least_radii, set_check, set_off
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped
 from workbench.uncertainty.responses.plane import plane_function
@@ -221,6 +222,11 @@ class UncertaintyCover(Program):
         found: Circle | Stadium = answer_of(self.first_program(points))
         return found
 
+    @cached_property
+    def raw(self) -> Circle | Stadium:
+        """Smallest shapes around the plants, with free centres."""
+        return self.first_set(self.points)
+
     @abstractmethod
     def second_set(self, away: ComplexArray) -> Stadium:
         """Smallest shapes around the deviations (F, N) from a nominal, centred on the nominal."""
@@ -246,7 +252,7 @@ class UncertaintyCover(Program):
         """
         if self.form == "multiplicative":
             return np.ones(self.responses.omega.size)
-        return np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
+        return plant_sizes(self.points)
 
     def away_scale(self, nominal: Rational) -> RealArray:
         """Size (F,) of plants plus nominal, in units of the deviations."""
@@ -274,6 +280,10 @@ class UncertaintyCover(Program):
         width, length = answer.model.sizes(self.responses.omega)
         square = width**2 + HALF_LENGTH_WEIGHT * length**2
         return float(self.responses.shares @ (square / self.unit**2))
+
+    def inflation(self, answer: CoverSteps) -> Inflation:
+        """Ratios of the sizes of the model's sets to those of the raw ones."""
+        return inflation_of(self.responses, self.points, answer)
 
     # --- the check --------------------------------------------------------------------------------
 
@@ -383,14 +393,17 @@ class UncertaintyCover(Program):
 
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
         model, second, shares = answer.model, answer.second, self.responses.shares
-        width, length = model.sizes(self.responses.omega)
-        size = np.maximum(second.radius + second.half_length, RADIUS_ROUNDING * (width + length))
+        width, _ = model.sizes(self.responses.omega)
+        over = self.inflation(answer)
         return {
             f"{self.size_name}_peak": float(second.radius.max()),
             f"{self.size_name}_rms": float(np.sqrt(shares @ second.radius**2)),
             f"{self.size_name}_peak_fitted": float(width.max()),
             f"{self.size_name}_rms_fitted": float(np.sqrt(shares @ width**2)),
-            "inflation": float(np.max((width + length) / size)),
+            "inflation": float(over.about.max()),
+            "inflation_free": float(over.free.max()),
+            f"{self.size_name}_rms_inflation": over.rms,
+            f"{self.size_name}_rms_inflation_free": over.rms_free,
             "order_nominal": model.nominal.order,
             "order_Wc": model.W_c.order,
             "outside": int(contains(model, self.responses, leave_out=self.leave_out).outside.sum()),

@@ -50,12 +50,17 @@ def fitted_cover(
 
 
 def raised_cover(
-    program: UncertaintyCover, fine: UncertaintyCover, first: Circle | Stadium, found: FoundModel
+    program: UncertaintyCover,
+    fine: UncertaintyCover,
+    first: Circle | Stadium,
+    found: FoundModel,
+    everywhere: bool = True,
 ) -> CoverSteps:
     """The cover from a model whose complex weight is multiplied by a gain until it reaches every
     radius.
 
-    ``fine`` is the program at all frequencies at which the plants are known.
+    ``fine`` is the program at all frequencies at which the plants are known. Known plants are
+    covered between them only if asked for ``everywhere``.
     """
     omega, nominal = fine.responses.axis, program.realisable(found.nominal)
     W_r = _realisable(found.W_r, fine)
@@ -63,7 +68,7 @@ def raised_cover(
     radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
     W_c = found.W_c.scaled(float((radius / np.abs(found.W_c.response(omega))).max()))
     W_c = reaching(W_c, omega, radius)
-    if not program.leave_out:
+    if everywhere and not program.leave_out:
         W_c = reaching_known(fine.responses, nominal, W_c, W_r, program.form)
     third = program.third_set(program.away(nominal, program.points), W_r)
     return _steps(program, first, nominal, third, W_r, W_c)

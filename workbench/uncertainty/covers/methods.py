@@ -5,6 +5,7 @@ sets.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
@@ -15,6 +16,7 @@ from workbench.solvers import Outcome
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.finish import fitted_cover, raised_cover
+from workbench.uncertainty.covers.joint.population import different_models, least_inflations
 from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
 from workbench.uncertainty.covers.joint.starts import starts
 from workbench.uncertainty.covers.nominal import nominal_fit
@@ -33,6 +35,16 @@ DRAWN, DRAWN_SPREAD = 4, 0.5
 """Number of searches from random starts around each of these models, and standard deviation of the
 starts in units of the parameters. The end of a single search may depend on the data's last bits.
 """
+INFLATION_FREQUENCIES = 150
+"""Largest number of frequencies at which models of least inflation are sought."""
+CLOSE_POWERS = (16, 32, 32, 64, 128, 256, 256)
+"""Powers of the norms for the inflation at all frequencies. The raw sets about the nominal are
+those at the start of each search, so the last one is repeated.
+"""
+CLOSE_STEPS = 60
+"""Largest number of quasi-Newton steps in each of these searches."""
+LEAST_CONTINUED = 3
+"""Number of models of least inflation that are continued at all frequencies."""
 ALIKE = 1e-3
 """Relative difference of sizes below which two models count as the same local optimum."""
 
@@ -61,10 +73,13 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     if not tried:
         return None, Outcome.FAILED, said
     fine = searched.thinned(FINAL_FREQUENCIES).refined()
-    found = [
-        smallest_model(fine, start, FINAL_POWERS, context) for start in _apart(tried)[:CONTINUED]
-    ]
-    return _smallest_cover(program, found, context), Outcome.SOLVED, said
+    continued = different_models(tried, ALIKE)[:CONTINUED]
+    found = [smallest_model(fine, start, FINAL_POWERS, context) for start in continued]
+    return (
+        _smallest_cover(program, found, context, program.refined().objective),
+        Outcome.SOLVED,
+        said,
+    )
 
 
 def _trial(program: UncertaintyCover) -> UncertaintyCover:
@@ -86,7 +101,7 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
         said.append(f"{model.size:.4g} from {name}")
         if math.isfinite(model.size):
             found.append(model)
-    for model in _apart(found)[:CONTINUED]:
+    for model in different_models(found, ALIKE)[:CONTINUED]:
         drawn = [
             smallest_model(program, model, TRIAL_POWERS, context, DRAWN_SPREAD)
             for _ in range(DRAWN)
@@ -95,37 +110,63 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
     return found, f"mean square size {'; '.join(said)}"
 
 
-def _apart(found: list[FoundModel]) -> list[FoundModel]:
-    """Different models, by increasing size."""
-    apart: list[FoundModel] = []
-    for model in sorted(found, key=lambda model: model.size):
-        if not apart or model.size > apart[-1].size * (1 + ALIKE):
-            apart.append(model)
-    return apart
+@method(CircleCover, "inflation", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(StadiumCover, "inflation", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _inflation(program: UncertaintyCover, context: Context) -> Claim:
+    """Nominal and weights are optimised together for the least inflation over the raw sets."""
+    warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
+    searched = replace(program, zeros=program.useful_zeros)
+    trial = searched.refined().thinned(INFLATION_FREQUENCIES)
+    begun = [start for _, start, _ in starts(trial, context) if start is not None]
+    tried, said = _tried(trial, context)
+    ranked = least_inflations(trial, [*begun, *different_models(tried, ALIKE)[:CONTINUED]], context)
+    if not ranked:
+        return None, Outcome.FAILED, said
+    fine = searched.thinned(FINAL_FREQUENCIES).refined()
+    ends = [end for model in ranked[:LEAST_CONTINUED] for end in _ends(fine, model, context)]
+    cover = _smallest_cover(
+        program, ends or ranked, context, lambda cover: program.inflation(cover).largest
+    )
+    return cover, Outcome.SOLVED, f"{len(ranked)} local optima"
+
+
+def _ends(program: UncertaintyCover, model: FoundModel, context: Context) -> list[FoundModel]:
+    """Models at the ends of the searches from a model, with the inflation of their covers."""
+    ends = []
+    for power in CLOSE_POWERS:
+        model = smallest_model(program, model, (power,), context, 0.0, "inflation", CLOSE_STEPS)
+        try:
+            cover = raised_cover(program, program, program.raw, model, everywhere=False)
+        except SolverError:
+            continue
+        ends.append(model._replace(size=program.inflation(cover).largest))
+    return ends
 
 
 def _smallest_cover(
-    program: UncertaintyCover, found: list[FoundModel], context: Context
+    program: UncertaintyCover,
+    found: list[FoundModel],
+    context: Context,
+    measure: Callable[[CoverSteps], float],
 ) -> CoverSteps:
-    """The smallest cover from the models with raised gains; with a fitted complex weight if no gain
-    suffices.
+    """The cover of least measure from the models with raised gains; with a fitted complex weight if
+    no gain suffices.
     """
-    first, refined = program.first_set(program.points), program.refined()
-    fine = program if program.leave_out else refined
+    fine = program if program.leave_out else program.refined()
     ranked = sorted(found, key=lambda model: model.size)
     best, least = None, float("inf")
     for model in ranked:
         if least <= model.size:  # a cover is hardly ever smaller than its model
             break
         try:
-            cover = raised_cover(program, fine, first, model)
+            cover = raised_cover(program, fine, program.raw, model)
         except SolverError:
             continue
-        size = refined.objective(cover)
+        size = measure(cover)
         if size < least:
             best, least = cover, size
     if best is not None:
         return best
     nominal, W_r = program.realisable(ranked[0].nominal), ranked[0].W_r
     third = program.third_set(program.away(nominal, program.points), W_r)
-    return fitted_cover(program, first, nominal, third, W_r, context)
+    return fitted_cover(program, program.raw, nominal, third, W_r, context)

@@ -1,9 +1,9 @@
-"""Mean square size of the sets of a model that contains its plants, and its gradient, compiled.
+"""Size of the sets of a model that contains its plants, and its gradient, compiled.
 
 The size is the mean over log frequency of |W_c|^2 + length_weight |W_r|^2, in units of the
-deviations. W_c is scaled so that it reaches, at each frequency, the radius around the segment of
-W_r that each plant needs. A norm of high power replaces the largest ratio of a needed radius to
-|W_c|, so that the size is smooth.
+deviations, or the inflation over the raw sets. W_c is scaled so that it reaches, at each frequency,
+the radius around the segment of W_r that each plant needs. A norm of high power replaces the
+largest ratio of a needed radius to |W_c|, so that the size is smooth.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ RESOLVED_MARGIN = 1.02
 """Least damping of roots of weights, relative to the damping that the frequencies resolve."""
 NOMINAL, REAL, CIRCLE = 0, 1, 2
 """Parts of a model: the nominal, W_r and W_c."""
+BLEND = 8.0
+"""Power of the norm that replaces the larger one of two ratios."""
 
 
 class SizeData(NamedTuple):
@@ -46,6 +48,12 @@ class SizeData(NamedTuple):
     ``damping`` and ``tone`` (K, P + 1) give the logarithms of damping and frequency of the pairs of
     roots of the weights, the last column without parameters. ``gap`` are the distances of
     neighbours of log omega and ``middle`` their middles.
+
+    The inflation needs radius plus half-length of the raw sets: ``about`` (F,) of those about a
+    nominal, in units of the deviations, and ``free`` (F,) of those with free centres, in units
+    ``plain`` (F,) of the plants. ``free_square`` is the mean square of the latter's radii.
+    ``given`` (R,) tells which of the frequencies ``reached`` are given ones. For the mean square
+    size ``about`` is empty.
     """
 
     omega: RealArray
@@ -73,12 +81,17 @@ class SizeData(NamedTuple):
     gap: RealArray
     multiplicative: bool
     length_weight: float
+    about: RealArray
+    free: RealArray
+    plain: RealArray
+    free_square: float
+    given: np.ndarray
 
 
 @unchecked
 def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, RealArray]:
-    """Mean square size and its gradient (P,), with a norm of the given power, which is a power of
-    two.
+    """Mean square size, or inflation, and its gradient (P,), with a norm of the given power, which
+    is a power of two.
 
     If a pair of roots of a weight has less damping than the frequencies resolve, the response
     between them is unknown, and a penalty enlarges the size.
@@ -88,15 +101,68 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
     nominal, by_nominal = data.nominal, np.zeros((count, 0), dtype=np.complex128)
     end = np.zeros(count, dtype=np.complex128)
     by_end = np.zeros((count, 0), dtype=np.complex128)
+    far = np.zeros(data.far.size, dtype=np.complex128)
+    by_far = np.zeros((data.far.size, 0), dtype=np.complex128)
     if first > 0:
         nominal, by_nominal = _part(vector, data.omega, data, NOMINAL)
     if second > first:
         end, by_end = _part(vector, data.omega, data, REAL)
+        far, by_far = _part(vector, data.far, data, REAL)
     circle, by_circle = _part(vector, data.reached, data, CIRCLE)
+    width = np.abs(circle)
 
-    away = np.empty(
-        (count, plants), dtype=np.complex128
-    )  # distance from the nearest point of the segment
+    away, along, radius = _needed(nominal, end, data)
+    norm, pull, own = _reached(radius, width, data, power)
+    far_square = 0.0
+    for f in range(data.far.size):
+        far_square += (far[f].real ** 2 + far[f].imag ** 2) / data.far_unit[f] ** 2
+
+    if data.about.size > 0:
+        value, by_width, by_gain, by_length, by_plant, by_square = _inflation(
+            norm, width, np.abs(end), np.abs(nominal), far_square, data, power
+        )
+    else:
+        value, by_width, by_gain, by_length, by_plant, by_square = _mean_square(
+            norm, width, np.abs(end), far_square, data
+        )
+
+    gradient = np.zeros(vector.size)
+    for k in range(data.reached.size):
+        back = (by_width[k] - by_gain * own[k]) * circle[k].conjugate() / width[k] ** 2
+        _add(gradient, second, back, by_circle[k])
+    for f in range(count):
+        to = end[f] / data.unit[f]
+        at_nominal, at_end = complex(by_plant[f] / nominal[f]), complex(0.0)
+        scale = 1 / nominal[f] if data.multiplicative else complex(1 / data.unit[f])
+        for i in range(plants):
+            if pull[f, i] > 0.0:
+                size = max(np.sqrt(away[f, i].real ** 2 + away[f, i].imag ** 2), TINY)
+                turned = by_gain * pull[f, i] / radius[f, i] / size * away[f, i].conjugate()
+                at_end -= turned * along[f, i]
+                if data.multiplicative:
+                    turned *= data.points[f, i] * scale
+                at_nominal -= turned * scale
+        if first > 0 and at_nominal != 0.0:
+            _add(gradient, 0, at_nominal, by_nominal[f])
+        if second > first:
+            at_end += by_length[f] * to.conjugate() / max(abs(to), TINY)
+            _add(gradient, first, at_end / data.unit[f], by_end[f])
+    if second > first:
+        for f in range(data.far.size):
+            back = 2 * by_square * far[f].conjugate() / data.far_unit[f] ** 2
+            _add(gradient, first, back, by_far[f])
+    return _resolved(value, gradient, vector, data)
+
+
+@unchecked
+def _needed(
+    nominal: ComplexArray, end: ComplexArray, data: SizeData
+) -> tuple[ComplexArray, RealArray, RealArray]:
+    """Distance (F, N) of each plant from the nearest point of the segment, the place of that point
+    on the segment, and the radius that the plant needs.
+    """
+    count, plants = data.points.shape
+    away = np.empty((count, plants), dtype=np.complex128)
     along = np.empty((count, plants))
     radius = np.empty((count, plants))
     for f in range(count):
@@ -111,13 +177,21 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
             away[f, i] = deviation - along[f, i] * to
             size = away[f, i].real ** 2 + away[f, i].imag ** 2
             radius[f, i] = max(np.sqrt(size), TINY) + data.floor[f]
+    return away, along, radius
 
-    # The norm of the ratios; `pull` is the share of each radius in the norm's logarithm.
-    rows = data.reached.size
-    width, ratio, most = np.empty(rows), np.empty((rows, plants)), 0.0
+
+@unchecked
+def _reached(
+    radius: RealArray, width: RealArray, data: SizeData, power: int
+) -> tuple[float, RealArray, RealArray]:
+    """Norm of the ratios of needed radii to |W_c|, and the derivatives of its logarithm: by the
+    logarithms of the radii (F, N), and of |W_c| (R,) less the sign.
+    """
+    count, plants = radius.shape
+    rows, most = data.reached.size, 0.0
+    ratio = np.empty((rows, plants))
     for k in range(rows):
         f, onward = data.row[k], data.onward[k]
-        width[k] = np.sqrt(circle[k].real ** 2 + circle[k].imag ** 2)
         scale = data.unit[f] / width[k]
         for i in range(plants):
             ratio[k, i] = radius[f, i] * scale
@@ -133,56 +207,109 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
             share = ratio[k, i] / most
             ratio[k, i] = _raised(share, power) if share > least else 0.0
             total += ratio[k, i]
-    gain = (most * total ** (1 / power)) ** 2
-    pull = np.zeros((count, plants))
-    mean = 0.0
+    pull, own = np.zeros((count, plants)), np.zeros(rows)
     for k in range(rows):
         f, onward = data.row[k], data.onward[k]
         for i in range(plants):
             ratio[k, i] /= total
+            own[k] += ratio[k, i]
             pull[f, i] += (1 - onward) * ratio[k, i]
         if onward > 0.0:
             for i in range(plants):
                 pull[f + 1, i] += onward * ratio[k, i]
-        mean += data.counted[k] * (width[k] / data.unit[f]) ** 2
-    value = gain * mean
+    return most * total ** (1 / power), pull, own
 
-    gradient = np.zeros(vector.size)
-    slope = 2 * value  # derivative of the size by the logarithm of the norm
+
+Measure = tuple[float, RealArray, float, RealArray, RealArray, float]
+"""A size and its derivatives: by the logarithms of |W_c| (R,) and of the norm, by |W_r| in its unit
+(F,), by the logarithm of |G| (F,), and by the sum of squares of W_r outside the frequencies.
+"""
+
+
+@unchecked
+def _mean_square(
+    norm: float, width: RealArray, length: RealArray, far_square: float, data: SizeData
+) -> Measure:
+    """Mean square of the sets' sizes."""
+    gain = norm**2
+    by_width, by_length = np.zeros(width.size), np.zeros(length.size)
+    mean = 0.0
+    for k in range(width.size):
+        square = gain * data.counted[k] * (width[k] / data.unit[data.row[k]]) ** 2
+        by_width[k] = 2 * square
+        mean += square
+    value = mean + far_square
+    for f in range(length.size):
+        share = data.length_weight * data.shares[f] * length[f] / data.unit[f]
+        value += share * length[f] / data.unit[f]
+        by_length[f] = 2 * share
+    return value, by_width, 2 * mean, by_length, np.zeros(length.size), 1.0
+
+
+@unchecked
+def _inflation(
+    norm: float,
+    width: RealArray,
+    length: RealArray,
+    plant: RealArray,
+    far_square: float,
+    data: SizeData,
+    power: int,
+) -> Measure:
+    """A smooth maximum of three ratios of the model's sets to the raw ones: the largest extent over
+    that of the narrowest sets about the nominal and with free centres, and the root mean square of
+    the width over that of those with free centres.
+    """
+    rows, count = width.size, length.size
+    by_width, by_length = np.zeros(rows), np.zeros(count)
+    by_plant = np.zeros(count)
+    size = plant / data.plain if data.multiplicative else np.ones(count)
+    square = far_square / data.free_square
+    squares = np.zeros(rows)
     for k in range(rows):
-        own = 0.0
-        for i in range(plants):
-            own += ratio[k, i]
-        change = 2 * gain * data.counted[k] * (width[k] / data.unit[data.row[k]]) ** 2
-        back = (change - slope * own) * circle[k].conjugate() / width[k] ** 2
-        _add(gradient, second, back, by_circle[k])
-    for f in range(count):
-        to = end[f] / data.unit[f]
-        at_nominal, at_end, pulled = complex(0.0), complex(0.0), False
-        scale = 1 / nominal[f] if data.multiplicative else complex(1 / data.unit[f])
-        for i in range(plants):
-            if pull[f, i] > 0.0:
-                pulled = True
-                size = max(np.sqrt(away[f, i].real ** 2 + away[f, i].imag ** 2), TINY)
-                turned = slope * pull[f, i] / radius[f, i] / size * away[f, i].conjugate()
-                at_end -= turned * along[f, i]
-                if data.multiplicative:
-                    turned *= data.points[f, i] * scale
-                at_nominal -= turned * scale
-        if pulled:
-            _add(gradient, 0, at_nominal, by_nominal[f])
-        if second > first:
-            length = data.length_weight * data.shares[f]
-            value += length * (to.real * to.real + to.imag * to.imag)
-            at_end += 2 * length * to.conjugate()
-            _add(gradient, first, at_end / data.unit[f], by_end[f])
-    if second > first:
-        end, by_end = _part(vector, data.far, data, REAL)
-        for f in range(data.far.size):
-            to = end[f] / data.far_unit[f] ** 2
-            value += to.real * end[f].real + to.imag * end[f].imag
-            _add(gradient, first, 2 * to.conjugate(), by_end[f])
-    return _resolved(value, gradient, vector, data)
+        f = data.row[k]
+        squares[k] = data.counted[k] * (norm * size[f] * width[k] / data.unit[f]) ** 2
+        squares[k] /= data.free_square
+        square += squares[k]
+    mean = np.sqrt(square)
+
+    # Raw sets are known at the given frequencies.
+    about, free, largest = np.zeros(rows), np.zeros(rows), 0.0
+    for k in range(rows):
+        if data.given[k]:
+            f = data.row[k]
+            extent = (norm * width[k] + length[f]) / data.unit[f]
+            about[k], free[k] = extent / data.about[f], size[f] * extent / data.free[f]
+            largest = max(largest, about[k], free[k])
+    total = 0.0
+    for k in range(rows):
+        if data.given[k]:
+            about[k] = data.counted[k] * _raised(about[k] / largest, power)
+            free[k] = data.counted[k] * _raised(free[k] / largest, power)
+            total += about[k] + free[k]
+    peak = largest * total ** (1 / power)
+
+    most = max(mean, peak)
+    pulls = (mean / most) ** BLEND, (peak / most) ** BLEND
+    value = most * (pulls[0] + pulls[1]) ** (1 / BLEND)
+    by_mean = value * pulls[0] / (pulls[0] + pulls[1])  # by the logarithm
+    by_peak = value - by_mean
+    by_gain = 0.0
+    for k in range(rows):
+        f = data.row[k]
+        change = by_mean * squares[k] / square
+        by_width[k] += change
+        by_plant[f] += change
+        if data.given[k]:
+            change = by_peak * (about[k] + free[k]) / total
+            whole = norm * width[k] + length[f]
+            by_width[k] += change * norm * width[k] / whole
+            by_length[f] += change * data.unit[f] / whole
+            by_plant[f] += by_peak * free[k] / total
+        by_gain += by_width[k]
+    if not data.multiplicative:
+        by_plant[:] = 0.0
+    return value, by_width, by_gain, by_length, by_plant, by_mean / square / data.free_square / 2
 
 
 @unchecked

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -42,7 +42,8 @@ from workbench.uncertainty.covers.joint.model_size import (
     SizeData,
     model_size,
 )
-from workbench.uncertainty.covers.sets import outermost
+from workbench.uncertainty.covers.sets import deviations, outermost
+from workbench.uncertainty.covers.sizes.inflation import extent, plant_sizes
 from workbench.uncertainty.covers.weights import between, beyond
 
 MAX_BFGS_STEPS = 200
@@ -60,6 +61,10 @@ frequencies at which it is evaluated.
 """
 
 
+Aim = Literal["size", "inflation"]
+"""What a search minimises: the mean square size of the sets, or the inflation over the raw sets."""
+
+
 class FoundModel(NamedTuple):
     """Nominal, real weight (None for circles) and complex weight, and their mean square size.
 
@@ -70,6 +75,11 @@ class FoundModel(NamedTuple):
     W_r: Rational | None
     W_c: Rational
     size: float = np.inf
+
+    def parts(self, *, fixed: bool) -> dict[str, Rational]:
+        """Functions by name, without the nominal if it is fixed."""
+        named = {"nominal": None if fixed else self.nominal, "W_r": self.W_r, "W_c": self.W_c}
+        return {name: part for name, part in named.items() if part is not None}
 
 
 @dataclass(frozen=True)
@@ -145,6 +155,8 @@ class ModelSize:
         additive = program.form == "additive"
         size = np.abs(program.points).max(axis=1) / unit if additive else np.ones_like(unit)
         pairs = [self._pairs(k) for k in (REAL, CIRCLE)]
+        raw, plain = program.raw, plant_sizes(program.points)
+        free = np.maximum(extent(raw) / plain, RADIUS_ROUNDING)
         reached = np.union1d(beyond(omega), between(omega, SEARCHED_LOG_STEP))
         log = np.log(omega)
         place = np.interp(np.log(reached), log, np.arange(omega.size))
@@ -178,7 +190,25 @@ class ModelSize:
             gap=np.diff(log),
             multiplicative=not additive,
             length_weight=HALF_LENGTH_WEIGHT,
+            about=np.zeros(0),
+            free=free,
+            plain=plain,
+            free_square=float(responses.shares @ (raw.radius / plain) ** 2),
+            given=np.isin(reached, omega),
         )
+
+    def inflation_data(self, vector: RealArray) -> SizeData:
+        """The data for the inflation over the raw sets about the nominal of given parameters."""
+        program, omega = self.program, self.program.responses.axis
+        if self.nominal is None:
+            nominal = program.nominal.response(omega)
+        else:
+            nominal = self.nominal.response(vector[: self.ends[1]], omega)
+        responses = program.responses
+        away = deviations(program.points, nominal, program.form, responses)
+        raw = program.second_set(away)
+        size = extent(raw) / program.unit
+        return self.data._replace(about=np.maximum(size, RADIUS_ROUNDING))
 
     def _pairs(self, k: int) -> tuple[RealArray, RealArray]:
         """Logarithms of damping and frequency of the root pairs of a weight, as functions of the
@@ -212,11 +242,14 @@ def smallest_model(
     powers: tuple[int, ...],
     context: Context,
     spread: float = 0.0,
+    aim: Aim = "size",
+    steps: int = MAX_BFGS_STEPS,
 ) -> FoundModel:
     """The model with the smallest sets found from a start, which is a local optimum.
 
     The search begins at a random point around the start, with a standard deviation of ``spread``
-    units of each parameter. It makes quasi-Newton steps on the coefficients of quadratic factors.
+    units of each parameter. It makes at most ``steps`` quasi-Newton steps with each power on the
+    coefficients of quadratic factors.
     Norms with the given increasing powers, which are powers of two, approximate the largest ratio
     of a needed radius to the complex weight.
     """
@@ -228,7 +261,8 @@ def smallest_model(
     if spread:
         x = x + spread * context.rng.standard_normal(x.size)
     for power in context.track(powers, "smallest sets"):
-        value, x, inverse = least_size(x, unit, inverse, size.data, power, MAX_BFGS_STEPS)
+        data = size.data if aim == "size" else size.inflation_data(x * unit)
+        value, x, inverse = least_size(x, unit, inverse, data, power, steps)
     own = np.split(x * unit, size.ends[1:-1])
 
     def found(part: FactoredRational, vector: RealArray) -> Rational:

@@ -1,0 +1,1 @@
+"""Covers of several orders: the trade-off between size and states."""
