@@ -217,7 +217,7 @@ KALMAN = KalmanEstimator(BELIEVED, Noise(0.1, 0.1, 0.1, 1.0))
         ),
         "rotation": (lambda: DisturbedPlant(DISC, 5.0), "must be a Rotation, not float"),
         "colour": (lambda: DisturbedPlant(DISC, Rotation(5.0), colour="a"), "the colour must be"),
-        "no number": (lambda: Rotation("a"), "frequency is 'a'"),
+        "no number": (lambda: Rotation("a"), "frequency_hz is 'a'"),
         "harmonics": (lambda: Rotation(5.0, harmonics=1), "harmonics are 1"),
         "range": (
             lambda: Rotation(5.0, harmonics=(1,), adaptation=1.0, range_hz=(1,)),

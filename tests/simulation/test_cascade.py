@@ -141,7 +141,7 @@ def test_refusals():
         Cascade(["e"], [])
     with pytest.raises(InputError, match="gives 1 outputs"):
         Part("K", linear_controller(LAW, PERIOD), ["e"], tells=["u", "v"])
-    with pytest.raises(InputError, match=r"sample time 0\.002 s, the loop 0\.001 s"):
+    with pytest.raises(InputError, match=r"dt = 0\.002 s, the loop dt = 0\.001 s"):
         run(Cascade(["e"], [Part("K", linear_controller(LAW, 2e-3), ["e"], tells=["u"])]))
     with pytest.raises(InputError, match="a cascade of 2 measurements"):
         run(Cascade(["e", "f"], [law()]))

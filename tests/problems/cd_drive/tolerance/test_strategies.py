@@ -265,7 +265,7 @@ def test_refusals():
     with pytest.raises(UnknownNameError, match="no strategy is called 'D'"):
         made.named("D")
     other = control.ss(0.5, 1.0, 1.0, 0.0, 1e-4)
-    with pytest.raises(InputError, match=r"a controller of period 0\.0001 s"):
+    with pytest.raises(InputError, match=r"the controller has dt = 0\.0001 s"):
         Strategies("focus", 1.0, 5.5, F=other).named("C")
     broken = Controller(_broken, np.zeros(1), np.zeros(0))
     cascade = Cascade(MEASUREMENTS, [Part("my strategy", broken, ["f_en"], tells=["u"])])
