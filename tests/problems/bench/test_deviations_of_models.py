@@ -27,9 +27,15 @@ OF_A_CHANNEL = {"two inputs": 3}
 """Order of a plant of several inputs for Box-Jenkins, which has a polynomial for each."""
 NOISE = {"prediction-error": 0.0, "box-jenkins": 0.8}
 """Factor of the noise from sample to sample, of the methods whose model of the noise holds it."""
-DRIVEN = {"lag": (1, 0.5), "damping 0.1": (2, 0.1), "zero to the right": (2, 0.2)}
+DRIVEN = {
+    "lag": (1, 0.5),
+    "damping 0.1": (2, 0.1),
+    "zero to the right": (2, 0.2),
+    "integrator": (2, 0.2),
+}
 """Order of the plant, and gain of the controller that closes its loop."""
-METHODS = ("two-stage", "instrumental-variables", "indirect")
+NOISE_STATES = {"two-stage": 0, "instrumental-variables": 0, "indirect": 0, "direct": 1}
+"""States of the noise, of which the direct method has a model, by the methods for loops."""
 SIZE = 0.1
 """Standard deviation of the noise over that of the output without it."""
 PLACES = 7
@@ -87,25 +93,28 @@ def driven(name, seed):
     return r[before:], u[before:], (clean + v)[before:]
 
 
-def held_in_a_loop(name, seed):
-    """Of each method the frequencies at which the band of the magnitude holds the true one."""
+def held_in_a_loop(name, seed, methods=NOISE_STATES):
+    """Of each method the frequencies at which the band of the magnitude holds the true one.
+
+    ``methods`` are the states beside those of the plant, by the method.
+    """
     import control
 
     order, gain = DRIVEN[name]
     at = np.unique(np.geomspace(1, 0.8 * PLANTS[name].band[1] * PERIOD, PLACES).round()) / PERIOD
     r, u, y = driven(name, seed)
     controller = control.ss([], [], [], [[gain]], 1.0)
-    program = ClosedLoopFit(
-        u,
-        y,
-        orders=(order,),
-        direct=False,
-        excitation=r,
-        controller=controller,
-        period_samples=PERIOD,
-    )
     exact, found = np.abs(PLANTS[name].channels[0].response(at)), []
-    for method in METHODS:
+    for method, states in methods.items():
+        program = ClosedLoopFit(
+            u,
+            y,
+            orders=(order + states,),
+            direct=False,
+            excitation=r,
+            controller=controller,
+            period_samples=PERIOD,
+        )
         model = solve(program, method=method).answer.simulator
         response = model.response(at)[:, 0, 0]
         covariance = closed_loop_covariance(program, method, model, at)[:, 0, 0]
@@ -140,6 +149,17 @@ def test_bands_of_closed_loops_hold_the_truth_in_a_hundred_records():
     ]
     assert np.mean([share for share, _ in found]) >= LEAST
     assert min(end for _, end in found) >= LEAST_OF_A_CASE
+
+
+@pytest.mark.cases(0)
+@pytest.mark.parametrize(("name", "states"), [("integrator", 1), ("lag", 0)])
+def test_bands_of_the_direct_method_hold_in_a_loop(name, states):
+    """About an integrator they held 0.56 to 0.64: searches stopped at poles on the unit circle.
+
+    With too few states for the noise feedback biases the plant, and the deviations are infinite.
+    """
+    shares = [held_in_a_loop(name, [k, 13], {"direct": states}) for k in range(8)]
+    assert np.mean(shares) >= 0.75
 
 
 @pytest.mark.cases(0)
