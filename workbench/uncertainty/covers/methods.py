@@ -36,14 +36,17 @@ DRAWN, DRAWN_SPREAD = 4, 0.5
 starts in units of the parameters. The end of a single search may depend on the data's last bits.
 """
 INFLATION_FREQUENCIES = 150
-"""Largest number of frequencies at which models of least inflation are sought."""
+"""Largest number of frequencies at which models of least inflation are sought, if those of known
+resonances are among them. Which frequencies lead to the better local optimum differs from case to
+case, so the search runs with and without them.
+"""
 CLOSE_POWERS = (16, 32, 32, 64, 128, 256, 256)
 """Powers of the norms for the inflation at all frequencies. The raw sets about the nominal are
 those at the start of each search, so the last one is repeated.
 """
 CLOSE_STEPS = 60
 """Largest number of quasi-Newton steps in each of these searches."""
-LEAST_CONTINUED = 3
+LEAST_CONTINUED = 2
 """Number of models of least inflation that are continued at all frequencies."""
 ALIKE = 1e-3
 """Relative difference of sizes below which two models count as the same local optimum."""
@@ -116,14 +119,20 @@ def _inflation(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and weights are optimised together for the least inflation over the raw sets."""
     warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
     searched = replace(program, zeros=program.useful_zeros)
-    trial = searched.refined().thinned(INFLATION_FREQUENCIES)
-    begun = [start for _, start, _ in starts(trial, context) if start is not None]
-    tried, said = _tried(trial, context)
-    ranked = least_inflations(trial, [*begun, *different_models(tried, ALIKE)[:CONTINUED]], context)
+    fine = searched.thinned(FINAL_FREQUENCIES).refined()
+    ranked: list[FoundModel] = []
+    ends: list[FoundModel] = []
+    for trial in (_trial(searched), searched.refined().thinned(INFLATION_FREQUENCIES)):
+        begun = [start for _, start, _ in starts(trial, context) if start is not None]
+        tried, said = _tried(trial, context)
+        found = least_inflations(
+            trial, [*begun, *different_models(tried, ALIKE)[:CONTINUED]], context
+        )
+        ranked += found
+        for model in found[:LEAST_CONTINUED]:
+            ends += _ends(fine, model, context)
     if not ranked:
         return None, Outcome.FAILED, said
-    fine = searched.thinned(FINAL_FREQUENCIES).refined()
-    ends = [end for model in ranked[:LEAST_CONTINUED] for end in _ends(fine, model, context)]
     cover = _smallest_cover(
         program, ends or ranked, context, lambda cover: program.inflation(cover).largest
     )

@@ -47,8 +47,8 @@ def with_moved_pair(
     old = ratio(poles, zeros)
     gain = np.exp(np.log(np.abs(old)).mean()) * np.sign(old.real.sum() or 1.0)
     place = wanted * np.exp(NEW_SPREAD * rng.standard_normal())
-    least, most = np.log(NEW_DAMPING)
-    damping = np.exp(rng.uniform(least, most, 2))
+    least, largest = np.log(NEW_DAMPING)
+    damping = np.exp(rng.uniform(least, largest, 2))
     places = place * np.exp(APART * rng.standard_normal(2))
     added = [_pair(*each) for each in zip(places, damping, strict=True)]
     return Rational(

@@ -20,7 +20,7 @@ from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
 from workbench.uncertainty.covers.sizes.inflation import extent
 from workbench.uncertainty.covers.weights import needed_radius
 
-GENERATIONS, KEPT = 8, 6
+GENERATIONS, KEPT = 6, 5
 """Number of generations, and of models that each one starts from."""
 PATIENCE = 3
 """The search ends after this many generations that improve nothing."""
