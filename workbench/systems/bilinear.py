@@ -11,6 +11,7 @@ import numpy as np
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
+from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.conversion import as_states
 from workbench.systems.joints import system_of
 from workbench.systems.realisation import Matrices, realisation
@@ -36,13 +37,12 @@ def to_continuous(sampled: Matrices) -> Matrices:
     """
     A, B, C, D = sampled
     n = len(A)
-    shifted = A + np.eye(n)
-    if n and np.linalg.cond(shifted) > 1.0 / (100 * n * np.finfo(float).eps):
+    if n and pole_may_be_at(-1.0, A):
         raise InputError(
             "the system has a pole at z = -1, half the sampling rate; the bilinear transformation "
             "takes it to infinity: filter it or sample at another rate"
         )
-    back = np.linalg.inv(shifted)
+    back = np.linalg.inv(A + np.eye(n))
     root = math.sqrt(2.0)
     return back @ (A - np.eye(n)), root * back @ B, root * C @ back, D - C @ back @ B
 
