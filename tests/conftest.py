@@ -149,7 +149,7 @@ class Root(Program):
 
         if not self.drawn:
             return {}
-        figure, (panel,) = axes()
+        figure, (panel,) = axes(1, 1)
         panel.plot(self.targets, answer)
         return {"roots": figure}
 

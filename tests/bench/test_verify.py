@@ -320,6 +320,17 @@ def test_nothing_stored_is_executed(project, run, monkeypatch):
 # --- what surrounds the folder ----------------------------------------------------------------
 
 
+def test_a_metric_that_only_later_code_has_is_a_note(project, run):
+    """What the stored run says must be true still."""
+    project.edit(
+        '"count": len(self.targets)', '"count": len(self.targets), "sum": float(answer.sum())'
+    )
+    found = wb.verify(run.path)
+    assert found.holds and "metrics that its code did not have: sum" in found.notes
+    edit(run.path, "metrics.json", put("largest", 3.0))
+    assert not wb.verify(run.path).holds
+
+
 def test_other_code_is_a_note(project, run):
     project.edit("OFFSET = 0.0", "OFFSET = 0.0  # other code")
     found = wb.verify(run.path)

@@ -176,5 +176,5 @@ def test_refusals():
         Controller(print, np.zeros(0), np.zeros(0))
     with pytest.raises(InputError, match="1 measurements for a controller of 2"):
         linear_controller(control.ss([], [], [], [[1.0, 2.0]]), PERIOD)
-    with pytest.raises(InputError, match="period"):
+    with pytest.raises(InputError, match="the controller has dt = "):
         linear_controller(control.ss(0.5, 1.0, 1.0, 0.0, 2e-3), PERIOD)

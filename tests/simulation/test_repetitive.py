@@ -72,7 +72,7 @@ def test_a_periodic_disturbance_is_forgotten():
 def test_refusals():
     with pytest.raises(InputError, match="rotation frequency is 0"):
         Repetitive(0.0, PERIOD, 200.0)
-    with pytest.raises(InputError, match="gain above 0 to 1"):
+    with pytest.raises(InputError, match="gain above 0 and at most 1"):
         Repetitive(5.0, PERIOD, 200.0, gain=1.5)
     with pytest.raises(InputError, match="corner_hz is 600"):
         Repetitive(5.0, PERIOD, corner_hz=600.0)

@@ -113,6 +113,7 @@ def verify_folder(
             bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
             notes += _other_code(run, bound, again.problem) if again.problem else []
             answer = _recheck(run, bound, deep)
+            notes += answer.notes
             found += answer.wrong + answer.failures + cell_of(run)
             if run.problem == COMPARISON:
                 wrong, said = _cells(run, rerun, deep)
@@ -198,12 +199,13 @@ def _other_code(run: Run, bound: Bound, problem: Problem) -> list[str]:
 
 @dataclass(frozen=True)
 class _Rechecked:
-    """The recomputed certificate, disagreements with stored files, and failures."""
+    """The recomputed certificate, disagreements with stored files, failures, and notes."""
 
     certificate: Certificate | None
     wrong: list[str] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     deep: tuple[Check, ...] = ()
+    notes: list[str] = field(default_factory=list)
 
 
 def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
@@ -231,6 +233,8 @@ def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
     stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())
     wrong += [f"certificate.json: {text}" for text in certificates_apart(stored, fresh)]
     stored, fresh = read_json(run.path / "metrics.json"), plain(task.metrics(answer))
+    added = _metrics_of_later_code(run, bound, stored, fresh)
+    fresh = {name: value for name, value in fresh.items() if name not in added}
     wrong += [f"metrics.json: {text}" for text in metrics_apart(stored, fresh, task)]
     wrong += [
         f"{name} is not what the arrays give"
@@ -240,7 +244,17 @@ def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
     dear = deep_checks(task, answer) if deep and certificate.valid else ()
     wrong += [f"deep: {check.failure}" for check in dear if not check.holds]
     failures = [f"certificate: {text}" for text in certificate.failures]
-    return _Rechecked(certificate, wrong, failures, dear)
+    notes = [f"metrics that its code did not have: {', '.join(added)}"] if added else []
+    return _Rechecked(certificate, wrong, failures, dear, notes)
+
+
+def _metrics_of_later_code(
+    run: Run, bound: Bound, stored: object, fresh: dict[str, float]
+) -> list[str]:
+    """Names of metrics that this code computes, and the run's code did not."""
+    if not isinstance(stored, dict) or run.info["code"] == bound.code(run.method):
+        return []
+    return sorted(fresh.keys() - stored.keys())
 
 
 def _rerun(run: Run, problem: Problem, notes: list[str]) -> list[str]:

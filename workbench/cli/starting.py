@@ -11,7 +11,6 @@ import click
 
 from workbench.cli.group import main
 from workbench.errors import InputError
-from workbench.input_checks import need_positive
 
 
 def share(text: str | None, option: str) -> float | None:
@@ -30,6 +29,8 @@ def share(text: str | None, option: str) -> float | None:
 def positive(_: Any, option: click.Parameter, number: float | None) -> float | None:
     """A positive number, or None if none is given; an error names the option, as it was typed."""
     if number is not None:
+        from workbench.input_checks import need_positive
+
         need_positive(number, option.opts[0])
     return number
 

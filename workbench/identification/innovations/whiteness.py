@@ -50,10 +50,10 @@ class Whiteness:
 def model_whiteness(model: InnovationsModel, record: Experiments, direct: bool) -> Whiteness:
     """Whether a model's one-step errors on a record are white; ``direct``: whether D is free."""
     criterion = Criterion(model, record, 0.0, direct)
-    return whiteness(criterion, criterion.start(model))
+    return whiteness_of_errors(criterion, criterion.start(model))
 
 
-def whiteness(criterion: Criterion, theta: RealArray) -> Whiteness:
+def whiteness_of_errors(criterion: Criterion, theta: RealArray) -> Whiteness:
     """Whether the one-step errors of a criterion's parameters (P,) are white."""
     errors = criterion.errors(theta)
     outputs = errors.shape[1]
