@@ -17,12 +17,13 @@ import sys
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from workbench._core.arrays import read_only
 from workbench._core.heavy_types import Dataset, Figure
+from workbench._core.on_demand import no_more_names
 from workbench.accuracy import (
     ANY_ACCURACY_ALIKE,
     DEFAULT_TOLERANCE,
@@ -34,6 +35,9 @@ from workbench.errors import InputError, RegistryError, SolverError, UnknownName
 from workbench.executor import Context
 from workbench.input_checks import need_kind
 from workbench.solvers import ConicSolver, Outcome, for_every_conic_solver
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = ["ANY_ACCURACY_ALIKE", "EVERY_ACCURACY", "Program", "conic_method", "method"]
 

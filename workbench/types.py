@@ -5,6 +5,8 @@ any. `StateSpace` and `TransferFunction` are python-control's, `DataArray` and `
 xarray's, and `Axes` and `Figure` are Matplotlib's.
 """
 
+from typing import TYPE_CHECKING
+
 from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench._core.heavy_types import (
     Axes,
@@ -14,6 +16,10 @@ from workbench._core.heavy_types import (
     StateSpace,
     TransferFunction,
 )
+from workbench._core.on_demand import no_more_names
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = [
     "Array",

@@ -6,4 +6,8 @@ store, results, files, netcdf, crate             folders that appear whole or no
 verify                                           a folder checked from its arrays alone
 cells, compare, comparison                       problems by methods by accuracy levels
 describe, report                                 what people read
+
+Takes: a problem's name, its parameters and a method.
+Gives: a folder with question, arrays, certificate and checksums, which anybody can verify.
+Rests on: SHA-256; two questions with the same key are the same question.
 """

@@ -1,4 +1,9 @@
-"""Readers for problems in other formats: SDPA, CBF, and plants from MATLAB files."""
+"""Readers for problems in other formats: SDPA, CBF, and plants from MATLAB files.
+
+Takes: files of public collections.
+Gives: conic programs and generalised plants.
+Rests on: the definitions of these formats; no theorem is needed.
+"""
 
 from typing import TYPE_CHECKING
 

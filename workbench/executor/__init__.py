@@ -2,6 +2,10 @@
 
 There is one interface: `concurrent.futures.Executor`. Whoever submits tasks need not know whether
 they run in this process, in a pool of processes that can be killed, or on a cluster.
+
+Takes: functions with their arguments, and a time limit.
+Gives: their results as they end, progress, and states from which an interrupted run resumes.
+Rests on: no theorem; results depend neither on the place nor on the order of the work.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,9 @@
-"""The first study of a user's own plants, generated from measured records."""
+"""The first study of a user's own plants, generated from measured records.
+
+Takes: files of records, demands on the loop, and limits of the input.
+Gives: a folder with a plant, weights, a cover, a controller, C code and simulated loops.
+Rests on: the certificates of the rooms that it calls; its first choices are only proposals.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,9 @@
-"""Studies: arrays, checks, metrics, tables and figures, each declared once as a function."""
+"""Studies: arrays, checks, metrics, tables and figures, each declared once as a function.
+
+Takes: functions with decorators, and parameters.
+Gives: a Study, whose arrays are stored, checked, tabulated and drawn.
+Rests on: binomial intervals and the bootstrap, for statements about random draws.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -3,8 +3,8 @@
     e = d + f - H G (1 + W_c delta_c + W_r delta_r) K e,     u_f = F e,
 
 where d is the disturbance, f the fault, and H a filter of the measurement inside the loop. F S maps
-the fault and the disturbance alike to the estimate: what whatever share of a fault is estimated,
-the same share of a disturbance leaks. F has no filter H before it: d and f are the disturbance and
+the fault and the disturbance alike to the estimate, so whatever share of a fault is estimated, the
+same share of a disturbance leaks. F has no filter H before it: d and f are the disturbance and
 the fault after H.
 """
 

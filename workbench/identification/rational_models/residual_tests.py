@@ -74,7 +74,7 @@ def residual_tests(
         expected = terms * scale * float(law.mean()) - unknowns * spread_factor(degrees, together)
         deviation = scale * float(law.std()) * np.sqrt(terms * max(share, 0.0))
         cost_p = float(stats.norm.sf((cost - expected) / deviation)) if deviation else float("nan")
-    return ResidualTests(cost, expected, cost_p, whiteness(residual))
+    return ResidualTests(cost, expected, cost_p, p_of_white_residuals(residual))
 
 
 def least_degrees(together: int) -> float:
@@ -91,7 +91,7 @@ def spread_factor(degrees: float, together: int) -> float:
     return found
 
 
-def whiteness(residual: ComplexArray) -> float:
+def p_of_white_residuals(residual: ComplexArray) -> float:
     """p-value of no correlation between residuals (F, p, m) of neighbouring frequencies.
 
     At each lag k, sum_f r_f^H r_(f + k) over the root of its sum of squares is nearly a complex
