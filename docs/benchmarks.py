@@ -16,7 +16,7 @@ import psutil
 import workbench as wb
 from workbench import figures
 from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results" / "bench"
@@ -205,7 +205,7 @@ def fits(runs: Mapping[str, wb.Run]) -> str:
         for use in fit["use"].values.tolist()
         for output in fit["output"].values.tolist()
     ]
-    return markdown(["use", "output", "workbench [%]", "SIPPY [%]"], cells)
+    return markdown_table(["use", "output", "workbench [%]", "SIPPY [%]"], cells)
 
 
 # --- the figure ------------------------------------------------------------------------------
@@ -272,7 +272,7 @@ def page(runs: Mapping[str, wb.Run]) -> str:
         "until its proven peak is at most 0.975; dkpy ends with 1.036, and with 1.025 after six "
         "iterations with orders up to 4 that it finds by itself; its documentation reaches 1.0144. "
         "A ratio below 1 means that the other tool is faster.\n",
-        markdown(HEADS, [row.cells() for row in rows(runs)]),
+        markdown_table(HEADS, [row.cells() for row in rows(runs)]),
         "## How times grow\n",
         "![Times over the size of a matrix, the number of frequencies and the number of states]"
         "(benchmarks.svg)\n",
@@ -287,7 +287,7 @@ def page(runs: Mapping[str, wb.Run]) -> str:
         "everything.\n",
         fits(runs),
         "## Versions\n",
-        markdown(["tool", "version"], [["workbench", wb.__version__], *names]),
+        markdown_table(["tool", "version"], [["workbench", wb.__version__], *names]),
         f"Python {info['versions']['python']}, {info['started'][:10]}, on {psutil.cpu_count()} "
         f"cores with a load of {psutil.getloadavg()[0]:.0f}. A load above the number of cores "
         "distorts the ratios of calls that take a few milliseconds.\n",

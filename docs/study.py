@@ -8,7 +8,7 @@ import numpy as np
 
 import workbench as wb
 from workbench._core.heavy_types import Dataset, Figure
-from workbench._core.tables import markdown
+from workbench._core.tables import markdown_table
 from workbench.bench.comparison.layout import METHOD, NOT_COMPARED, cell_labels, command, tried
 from workbench.bench.comparison.numbers import (
     badge,
@@ -135,7 +135,7 @@ def sections(data: Dataset) -> Iterator[str]:
         names = ", ".join(f"`{name}`" for name in of_kind["problem"].values)
         yield f"## {KINDS[program]}\n\n{verdict(found)}\n"
         heads = ["method", "cells", "certified", "false claims", "time [s]", "above the best"]
-        yield markdown(heads, rows)
+        yield markdown_table(heads, rows)
         yield f"Problems: {names}.\n"
         unasked = (of_kind["outcome"].values == NOT_COMPARED).any(axis=(0, 2, 3))
         if unasked.any():
