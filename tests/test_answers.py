@@ -16,10 +16,12 @@ from workbench.certificate import Certificate
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Real, Structure
 from workbench.uncertainty import (
+    GeneralisedPlant,
     Responses,
     UncertaintyModel,
     append,
     contains,
+    cover_front,
     cover_of_estimate,
     delay,
     dynamics,
@@ -174,7 +176,7 @@ ANSWERS = {
     "coprime_margin": lambda: mu.coprime_margin(LAG, GAIN),
     "margin_sensitivity": lambda: mu.margin_sensitivity(CLOSED, tolerance=1e-2),
     "guaranteed_probability": lambda: mu.guaranteed_probability(
-        OF_PARAMETERS, gain=0.67, tolerance=0.1
+        OF_PARAMETERS, gain=0.67, width=0.1
     ),
     "h_infinity_norm": lambda: mu.h_infinity_norm(N),
     "linf_norm": lambda: mu.linf_norm(FAST),
@@ -195,6 +197,18 @@ ANSWERS = {
         control.ss([[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]),
         measurements=1,
         controls=1,
+    ),
+    "least_norm_in_box": lambda: synthesis.least_norm_in_box(
+        GeneralisedPlant(
+            control.ss(
+                [[1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
+            ),
+            None,
+            1,
+            1,
+        ),
+        [[-10.0]],
+        [[10.0]],
     ),
     "reduce_order": lambda: synthesis.reduce_order(plant(), STATIC),
     "reduced controller": lambda: synthesis.reduce_order(plant(), STATIC).tried[0],
@@ -233,6 +247,11 @@ ANSWERS = {
     "fit_response": lambda: fitting.fit_response(OMEGA, 3 / (1j * OMEGA + 2), order=1),
     "fit_rational_model": estimate,
     "fit_parameters": parameters,
+    "cover_front": lambda: cover_front(
+        Responses(omega=OMEGA, values=np.array([g / (1j * OMEGA + 1) for g in (0.9, 1.0, 1.1)]).T),
+        orders=[1],
+        shape="circle",
+    ),
     "cover_of_estimate": lambda: cover_of_estimate(estimate().uncertainty, 1),
 }
 EAGER = {"hinf", "fit_response", "fit_rational_model", "fit_parameters"}

@@ -13,6 +13,11 @@ SOLVERS = {
     "clarabel": "interior points of cones", "cvxopt": "interior points of cones", "scs": SPLITTING,
 }  # fmt: skip
 NONLINEAR = {"ipopt": "interior points of a nonlinear program"}
+COVERS = {
+    "steps": "a fit to centres",
+    "joint": "quasi-Newton descent of the mean square size",
+    "inflation": "quasi-Newton descent of the largest ratio to the raw sets",
+}
 MATHEMATICS = {
     "ConicProgram": SOLVERS,
     "CvxpyProgram": SOLVERS,
@@ -31,8 +36,8 @@ MATHEMATICS = {
     "ResponseFit": SOLVERS
     | NONLINEAR
     | {"vector-fitting": "relocation of poles", "sb10yd": "least squares", "best": ""},
-    "CircleCover": SOLVERS | {"steps": "a fit to centres", "joint": "quasi-Newton descent"},
-    "StadiumCover": SOLVERS | {"steps": "a fit to centres", "joint": "quasi-Newton descent"},
+    "CircleCover": SOLVERS | COVERS,
+    "StadiumCover": SOLVERS | COVERS,
     "MatrixSets": SOLVERS | {"barrier": "interior points along geodesics"},
     "MatrixCover": {
         "steps": "linear programs and one semidefinite program",

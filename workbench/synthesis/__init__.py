@@ -76,7 +76,8 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.mu_controller import MuController
     from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
-    from workbench.synthesis.mu.structured.norm.branching import GainBoxBound, least_norm_in_box
+    from workbench.synthesis.mu.structured.norm.branching import least_norm_in_box
+    from workbench.synthesis.mu.structured.norm.gain_box import GainBoxBound
     from workbench.synthesis.operation.kept_demands import KeptDemands
     from workbench.synthesis.operation.working_loop import WorkingLoop
     from workbench.synthesis.records.inequalities import FeedbackCriterion, ProvenFeedback

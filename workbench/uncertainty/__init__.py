@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     )
     from workbench.uncertainty.covers.circle_cover import CircleCover
     from workbench.uncertainty.covers.everywhere import containment_check
-    from workbench.uncertainty.covers.front.cover_front import CoverFront, cover_front
+    from workbench.uncertainty.covers.front.cover_front import cover_front
+    from workbench.uncertainty.covers.front.points import CoverFront
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate
     from workbench.uncertainty.covers.orientation import (

@@ -16,8 +16,7 @@ from workbench.executor import Context
 from workbench.mu import performance_peak
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.types import DataArray, Figure, RealArray
-from workbench.uncertainty import UncertaintyModel, cover_sets
-from workbench.uncertainty.covers.front.cover_front import NEAR_BEST, least_states
+from workbench.uncertainty import CoverFront, UncertaintyModel, cover_sets
 
 from ..drive.plants import controller
 from ..drive.shared_parameters import TABLES, Frequencies
@@ -121,7 +120,7 @@ class CoverFrontOfAxis(Study):
         costs = _largest(over_narrowest), peak.sel(bound="upper").fillna(np.inf).values
         found = {}
         for name, cost in zip(("chosen", "chosen_for_mu"), costs, strict=True):
-            k = least_states(states.values, cost)
+            k = CoverFront.choice(states.values, cost)
             found[f"{name}_states"] = float(states[k])
             parts = zip(("nominal", "Wc", "Wr"), ORDERS[k], strict=True)
             found |= {f"{name}_order_{part}": float(order) for part, order in parts}
@@ -151,7 +150,7 @@ class CoverFrontOfAxis(Study):
         cost = _largest(over_narrowest)
         best = np.minimum.accumulate(cost[np.argsort(states.values, kind="stable")])
         left.step(np.sort(states.values), best, where="post", color="0.6", label="front")
-        left.axhline(best[-1] * (1 + NEAR_BEST), color="0.4", linewidth=0.8)
+        left.axhline(best[-1] * (1 + CoverFront.near_best), color="0.4", linewidth=0.8)
         right.plot(states, peak.sel(bound="upper"), "o", label="fitted stadiums")
         right.plot(states, peak_of_sets, "+", label="narrowest sets alone")
         size = "size over the narrowest sets'"

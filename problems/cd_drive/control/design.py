@@ -19,7 +19,7 @@ from ..uncertainty.parametric_model import parametric_plant
 from .control_problem import generalised
 
 UncertaintyForm = Literal["parametric", "circle", "stadium"]
-CoverMethod = Literal["steps", "joint"]
+CoverMethod = Literal["steps", "joint", "inflation"]
 MEASUREMENT_NOISE = 0.1
 """Measurement noise above the filter's corner, relative to f_en; it keeps poles below 0.4 MHz."""
 

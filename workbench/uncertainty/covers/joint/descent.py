@@ -8,7 +8,8 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.compiled import unchecked
-from workbench.uncertainty.covers.joint.model_size import SizeData, model_size
+from workbench.uncertainty.covers.joint.model_size import model_size
+from workbench.uncertainty.covers.joint.size_data import SizeData
 
 FALL, RISE = 1e-4, 0.9
 """Constants of the weak Wolfe conditions: least share of the predicted decrease of a step, and

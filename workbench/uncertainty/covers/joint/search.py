@@ -35,13 +35,8 @@ from workbench.uncertainty.covers.cover import (
     UncertaintyCover,
 )
 from workbench.uncertainty.covers.joint.descent import least_size
-from workbench.uncertainty.covers.joint.model_size import (
-    CIRCLE,
-    NOMINAL,
-    REAL,
-    SizeData,
-    model_size,
-)
+from workbench.uncertainty.covers.joint.model_size import model_size
+from workbench.uncertainty.covers.joint.size_data import CIRCLE, NOMINAL, REAL, SizeData
 from workbench.uncertainty.covers.sets import deviations, outermost
 from workbench.uncertainty.covers.sizes.inflation import extent, plant_sizes
 from workbench.uncertainty.covers.weights import between, beyond

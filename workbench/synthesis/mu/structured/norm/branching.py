@@ -18,11 +18,15 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 
 from workbench._core.arrays import Array, ComplexArray, RealArray
-from workbench.certificate import Certificate, Check
-from workbench.certify.proofs.gain_boxes import box_corners, is_unstable_box, level_of_box
+from workbench.certify.proofs.gain_boxes import box_corners
 from workbench.errors import InputError
 from workbench.executor.clock import tick
 from workbench.input_checks import as_array, need_kind, need_positive, need_whole
+from workbench.synthesis.mu.structured.norm.gain_box import (
+    BoxProof,
+    GainBoxBound,
+    GainBoxChecker,
+)
 from workbench.synthesis.mu.structured.norm.loop_norm import peak_of
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import StandardPlant, standard_plant
@@ -33,126 +37,6 @@ FREQUENCIES, DECADES = 120, 3.0
 """Number of frequencies that are tried, and decades that they extend beyond the plant's poles."""
 BESIDE = 1.001
 """Ratio of the frequencies tried beside a resonance of the plant to the resonance."""
-VOLUME_ROUNDING = 1e-9
-"""Rounding error of the sum of volumes, relative to the volume of the whole box."""
-
-
-Matrix = tuple[RealArray, RealArray]
-"""The lowest and the highest gains of a box."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Proof:
-    """The proof for a box of gains: a form proves that none stabilises, or a frequency proves a
-    level.
-    """
-
-    plant: StandardPlant
-    box: Matrix
-    form: RealArray | None = None
-    omega: float = math.nan
-    driven: tuple[Array, Array] | None = None
-    dual: bool = False
-
-    def level(self) -> float:
-        """The level proven for the box, in ball arithmetic; infinite if no gain stabilises."""
-        P = self.plant
-        if self.form is not None:
-            return math.inf if is_unstable_box(P.A, P.B2, P.C2, self.box, self.form) else 0.0
-        if self.driven is None:
-            return 0.0
-        sides = len(P.C1), P.B1.shape[1]
-        return level_of_box(
-            (P.A, P.B, P.C, P.D), sides, self.box, self.omega, self.driven, self.dual
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class GainBoxBound:
-    """Proven bound on the norms of loops with the gains K of a box, low <= K <= high.
-
-    ``lower`` is a proven lower bound on the norm of every loop with a stabilising gain of the box;
-    it is infinite if none stabilises. ``gain`` is the best gain that was found, and ``upper`` the
-    norm of its loop, in doubles; infinite without such a gain. The certificate makes all proofs
-    again.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.synthesis import least_norm_in_box
-    >>> from workbench.uncertainty import GeneralisedPlant
-    >>> B, C, D = [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
-    >>> plant = GeneralisedPlant(control.ss([[1.0]], B, C, D), None, 1, 1)
-    >>> found = least_norm_in_box(plant, [[-10.0]], [[10.0]])
-    >>> found.holds, 2.5 < found.lower < found.upper < 2.8
-    (True, True)
-    """
-
-    low: RealArray
-    high: RealArray
-    lower: float
-    upper: float
-    gain: RealArray
-    finished: bool
-    """Whether lower came as close to upper as demanded, before the largest number of boxes was
-    reached.
-    """
-    proofs: tuple[_Proof, ...] = field(repr=False)
-
-    @property
-    def boxes(self) -> int:
-        """Number of boxes with proofs."""
-        return len(self.proofs)
-
-    @cached_property
-    def certificate(self) -> Certificate:
-        """Checks that make the proofs of all boxes again in ball arithmetic, and whether the boxes
-        fill the whole box.
-        """
-        least = min(proof.level() for proof in self.proofs)
-        behind = 0.0 if least >= self.lower else 1.0 - least / self.lower
-        moving = self.low < self.high
-        whole = (self.high - self.low)[moving]
-        filled = sum(
-            float(np.prod((h - b)[moving] / whole)) for b, h in (p.box for p in self.proofs)
-        )
-        over = f"all gains in {self.boxes} boxes"
-        return Certificate(
-            (
-                Check(
-                    "lower",
-                    "share by which the least level proven for a box lies below lower",
-                    behind,
-                    0.0,
-                    over=over,
-                    proven=True,
-                ),
-                Check(
-                    "cover",
-                    "share of the whole box's volume that the boxes leave out",
-                    abs(1.0 - filled),
-                    VOLUME_ROUNDING,
-                    over=over,
-                ),
-            )
-        )
-
-    @property
-    def holds(self) -> bool:
-        """Whether the certificate holds."""
-        return self.certificate.holds
-
-    def __repr__(self) -> str:
-        ends = ", ".join(
-            f"{a:.4g} to {b:.4g}" for a, b in zip(self.low.flat, self.high.flat, strict=True)
-        )
-        if math.isinf(self.lower):
-            return f"no gain in {ends} stabilises, proven on {self.boxes} boxes"
-        far = f", distance {self.upper / self.lower - 1:.1%}" if self.lower else ""
-        return (
-            f"{self.upper:.4g} reached; no gain in {ends} has a norm below {self.lower:.4g}, "
-            f"proven on {self.boxes} boxes{far}"
-        )
 
 
 def least_norm_in_box(
@@ -200,7 +84,8 @@ def least_norm_in_box(
     >>> B, C, D = [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
     >>> plant = GeneralisedPlant(control.ss([[1.0]], B, C, D), None, 1, 1)
     >>> least_norm_in_box(plant, [[0.0]], [[10.0]])  # positive feedback does not stabilise
-    no gain in 0 to 10 stabilises, proven on 1 boxes
+    GainBoxBound: no gain in 0 to 10 stabilises, proven on 1 boxes
+      for all gains of the box; certificate made when asked for
     """
     need_kind(plant, GeneralisedPlant, "plant")
     need_positive(distance, "distance")
@@ -247,7 +132,7 @@ class _Search:
     high: RealArray
     upper: float = math.inf
     gain: RealArray = field(default_factory=lambda: np.zeros((0, 0)))
-    proofs: list[_Proof] = field(default_factory=list)
+    proofs: list[BoxProof] = field(default_factory=list)
 
     def bounded(self, distance: float, most_boxes: int) -> GainBoxBound:
         """Halve the box with the least bound until this bound is close to the best norm."""
@@ -270,9 +155,10 @@ class _Search:
                 found, made = self._proof_of_box(*half)
                 heapq.heappush(open_boxes, (found, number, made))
         self.proofs += [proof for _, _, proof in open_boxes]
-        return GainBoxBound(
+        answer = GainBoxBound(
             self.low, self.high, lower, self.upper, self.gain, finished, tuple(self.proofs)
         )
+        return answer.checked_by(GainBoxChecker(self.P, self.low, self.high))
 
     def _halves(self, low: RealArray, high: RealArray) -> list[tuple[RealArray, RealArray]]:
         """Both halves of the box, cut along the gain whose range is the largest share of its
@@ -284,15 +170,15 @@ class _Search:
         below[place] = above[place] = (low[place] + high[place]) / 2
         return [(low, below), (above, high)]
 
-    def _proof_of_box(self, low: RealArray, high: RealArray) -> tuple[float, _Proof]:
+    def _proof_of_box(self, low: RealArray, high: RealArray) -> tuple[float, BoxProof]:
         """The proven level of a box, and its proof."""
         centre, box = (low + high) / 2, (low, high)
         peak = math.nan
         if np.linalg.eigvals(self._closed(centre)).real.max(initial=-1.0) < 0:
             peak = self._peak_frequency(centre)
         else:
-            proof = _Proof(self.P, box, self._decreasing_form(low, high))
-            if proof.form is not None and math.isinf(proof.level()):
+            proof = BoxProof(box, self._decreasing_form(low, high))
+            if proof.form is not None and math.isinf(proof.level(self.P)):
                 return math.inf, proof
         omega = np.append(self._omega, peak if self._off_poles(np.array([peak]))[0] else np.inf)
         best = max(
@@ -302,8 +188,8 @@ class _Search:
             ),
             key=lambda each: each[0],
         )
-        proof = _Proof(self.P, box, None, *best[1:])
-        return proof.level(), proof
+        proof = BoxProof(box, None, *best[1:])
+        return proof.level(self.P), proof
 
     @property
     def _possible_proofs(self) -> list[bool]:

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.uncertainty import Responses, cover_front
-from workbench.uncertainty.covers.front.cover_front import (
-    NEAR_BEST,
-    CoverFront,
-    FrontCover,
-    least_states,
-)
+from workbench.uncertainty import CoverFront, Responses, cover_front
+from workbench.uncertainty.covers.front.points import FrontCover
 
 OMEGA = np.geomspace(0.03, 30, 40)
 
@@ -80,9 +75,9 @@ def test_dominated_covers_are_told():
 def test_the_fewest_states_near_the_best_are_chosen(seed):
     rng = np.random.default_rng(seed)
     states, cost = rng.integers(1, 9, 12), rng.uniform(1, 1.5, 12)
-    k = least_states(states, cost)
-    assert cost[k] <= cost.min() * (1 + NEAR_BEST)
-    assert not np.any((states < states[k]) & (cost <= cost.min() * (1 + NEAR_BEST)))
+    k = CoverFront.choice(states, cost)
+    assert cost[k] <= cost.min() * (1 + CoverFront.near_best)
+    assert not np.any((states < states[k]) & (cost <= cost.min() * (1 + CoverFront.near_best)))
 
 
 @pytest.mark.parametrize(
@@ -102,3 +97,27 @@ def test_bad_input_is_named(changes, message):
     responses = changes.pop("responses", lags())
     with pytest.raises(InputError, match=message):
         cover_front(responses, **changes)
+
+
+def raised(model):
+    raise AttributeError("'NoneType' object has no attribute 'upper'")
+
+
+@pytest.mark.parametrize(
+    ("loop", "message"),
+    [
+        (raised, r"loop raised AttributeError for the cover of orders \(1, 1, 0\): 'NoneType'"),
+        (lambda model: float("nan"), "inf if the loop is unstable.*it returned nan"),
+        (lambda model: -1.0, "a number of 0 or more.*it returned -1.0"),
+        (lambda model: None, "it returned None"),
+        (lambda model: "1.0", "it returned '1.0'"),
+    ],
+)
+def test_a_loop_that_gives_no_mu_is_named(loop, message):
+    with pytest.raises(InputError, match=message):
+        cover_front(lags(), orders=[1], shape="circle", loop=loop)
+
+
+def test_unstable_loops_cost_infinitely_much():
+    front = cover_front(lags(), orders=[1], shape="circle", loop=lambda model: float("inf"))
+    assert front.value == float("inf") and front.holds

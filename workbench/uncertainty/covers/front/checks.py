@@ -1,0 +1,88 @@
+"""Checks and figures of a front of covers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench import figures
+from workbench._core.heavy_types import Figure
+from workbench.certificate import Check, Checker, relative_excess
+from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.front.points import CoverFront, FrontCover, Loop, Orders
+
+REPEATED = 1e-6
+"""Rounding error by which a told cost may be below the recomputed one, relative."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoverFrontChecker(Checker):
+    """Checks every cover of a front by the program of its orders, and the costs that are told."""
+
+    programs: dict[Orders, UncertaintyCover]
+    loop: Loop | None
+
+    @property
+    def quantifier(self) -> str:
+        return "for every cover of the front"
+
+    def checks(self, answer: CoverFront, tolerance: float) -> list[Check]:
+        found = []
+        for point in answer.points:
+            program = self.programs[point.orders]
+            found += _named(point, program.checks(point.cover, tolerance))
+            again = FrontCover.of_cover(program, point.orders, point.method, point.cover, self.loop)
+            excess = relative_excess(again.cost, point.cost)
+            statement = "recomputed cost over the told one, less 1"
+            found += _named(point, [Check("cost", statement, excess, REPEATED)])
+        return found
+
+    def second_opinion(self, answer: CoverFront) -> list[Check]:
+        return [
+            check
+            for point in answer.points
+            for check in _named(point, self.programs[point.orders].second_opinion(point.cover))
+        ]
+
+    def figures(self, answer: CoverFront) -> dict[str, Figure]:
+        return {"front": front_figure(answer)}
+
+
+def _named(point: FrontCover, checks: Sequence[Check]) -> list[Check]:
+    """Checks whose names begin with the orders of the point."""
+    orders = ", ".join(map(str, point.orders))
+    return [replace(check, name=f"{orders}: {check.name}") for check in checks]
+
+
+def front_figure(answer: CoverFront) -> Figure:
+    """Cost of the covers over their number of states."""
+    from matplotlib.ticker import MaxNLocator
+
+    figure, axes = figures.axes(1, 2, size=(9.0, 4.0))
+    states = [point.states for point in answer.points]
+    for name, label, colour in (
+        ("inflation", "about the nominal", figures.BLUE),
+        ("inflation_free", "free centres", figures.ORANGE),
+    ):
+        axes[0].plot(states, [getattr(p, name) for p in answer.points], "o", color=colour,
+                     label=f"extent, {label}")  # fmt: skip
+        name = name.replace("inflation", "rms")
+        axes[0].plot(states, [getattr(p, name) for p in answer.points], "+", color=colour,
+                     label=f"rms of the radius, {label}")  # fmt: skip
+    figures.label(axes[0], x="states of G, W_c and W_r", y="size over that of the narrowest sets")
+    front = answer.front
+    axes[1].step([p.states for p in front], [p.cost for p in front], where="post",
+                 color=figures.BLUE, label="front")  # fmt: skip
+    axes[1].plot(states, [p.cost for p in answer.points], "o", color="0.6", label="covers")
+    chosen = answer.chosen
+    axes[1].plot(
+        chosen.states, chosen.cost, "o", color=figures.ORANGE, label=f"chosen, {chosen.orders}"
+    )
+    cost = "largest ratio" if np.isnan(chosen.mu) else "mu of the loop"
+    figures.label(axes[1], x="states of G, W_c and W_r", y=cost)
+    for panel in axes:
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+        panel.legend(fontsize=7)
+    return figure

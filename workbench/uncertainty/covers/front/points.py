@@ -1,0 +1,158 @@
+"""Certified covers of several orders: which are on the front, and which one is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.answer import Answer
+from workbench.errors import InputError
+from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.model import UncertaintyModel
+from workbench.uncertainty.covers.steps import CoverSteps
+
+Orders = tuple[int, int, int]
+"""Orders of the nominal, of W_c and of W_r; the last one is 0 for circles."""
+Loop = Callable[[UncertaintyModel], float]
+"""Function of a model that returns a bound on mu of a loop, infinite for an unstable one."""
+
+
+@dataclass(frozen=True)
+class FrontCover:
+    """One certified cover of a front.
+
+    ``inflation`` and ``rms`` compare its sets with the narrowest ones about its nominal,
+    ``inflation_free`` and ``rms_free`` with those whose centres are free: the largest radius plus
+    half-length, and the root mean square of the radius. ``mu`` is that of the loop, NaN without
+    one. ``cost`` is what the front compares.
+    """
+
+    orders: Orders
+    method: str
+    cover: CoverSteps
+    inflation: float
+    inflation_free: float
+    rms: float
+    rms_free: float
+    mu: float
+
+    @classmethod
+    def of_cover(
+        cls,
+        program: UncertaintyCover,
+        orders: Orders,
+        method: str,
+        cover: CoverSteps,
+        loop: Loop | None,
+    ) -> FrontCover:
+        """The point of a cover, with its sizes and mu of the loop computed."""
+        over = program.inflation(cover)
+        return cls(
+            orders,
+            method,
+            cover,
+            float(over.about.max()),
+            float(over.free.max()),
+            over.rms,
+            over.rms_free,
+            float("nan") if loop is None else _mu(loop, cover.model, orders),
+        )
+
+    @property
+    def states(self) -> int:
+        """Sum of the orders, which is the number of states of the uncertain plant."""
+        return sum(self.orders)
+
+    @property
+    def cost(self) -> float:
+        """Mu of the loop or, without a loop, the largest ratio to the narrowest sets."""
+        if np.isnan(self.mu):
+            return max(self.inflation, self.inflation_free, self.rms_free)
+        return self.mu
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CoverFront(Answer):
+    """Certified covers of several orders, and the one that is chosen.
+
+    ``points`` are by increasing number of states. ``failures`` are the reasons why there is no
+    cover, by orders. `cover_front` returns it.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import CoverFront
+    >>> CoverFront.choice(states=[2, 4, 6, 8], cost=[3.0, 1.05, 1.02, 1.0])
+    1
+    """
+
+    near_best: ClassVar[float] = 0.1
+    """The chosen cover costs at most this much more than the best one, relative."""
+
+    points: tuple[FrontCover, ...]
+    _: KW_ONLY
+    failures: dict[Orders, str] = field(default_factory=dict, kw_only=True)
+
+    @property
+    def front(self) -> tuple[FrontCover, ...]:
+        """The points of which none has as few states and costs less."""
+        kept: list[FrontCover] = []
+        for point in self.points:  # of equally many states the cheapest comes first
+            if not kept or point.cost < kept[-1].cost:
+                kept.append(point)
+        return tuple(kept)
+
+    @property
+    def dominated(self) -> tuple[FrontCover, ...]:
+        """The other points."""
+        front = self.front
+        return tuple(point for point in self.points if all(point is not one for one in front))
+
+    @property
+    def chosen(self) -> FrontCover:
+        """The point with the fewest states whose cost is within 10 % of the least one."""
+        points = self.points
+        return points[self.choice([p.states for p in points], [p.cost for p in points])]
+
+    @classmethod
+    def choice(cls, states: ArrayLike, cost: ArrayLike) -> int:
+        """Index of the fewest states (N,) whose cost (N,) is within 10 % of the least cost."""
+        states, cost = np.asarray(states), np.asarray(cost)
+        near = cost <= cost.min() * (1 + cls.near_best)
+        return int(np.lexsort((cost, np.where(near, states, np.inf)))[0])
+
+    @property
+    def value(self) -> float:
+        """Cost of the chosen point."""
+        return self.chosen.cost
+
+    def said(self) -> str:
+        heads = "states  orders (G, W_c, W_r)  inflation  free   rms    rms free  mu"
+        front = self.front
+        rows = [
+            f"{p.states:6d}  {p.orders!s:21s} {p.inflation:9.3f}  {p.inflation_free:5.3f}  "
+            f"{p.rms:5.3f}  {p.rms_free:5.3f}     {'-' if np.isnan(p.mu) else f'{p.mu:.3f}'}"
+            + (" *" if p is self.chosen else "" if p in front else "  (dominated)")
+            for p in self.points
+        ]
+        missing = [f"  {orders}: {why}" for orders, why in self.failures.items()]
+        return "\n".join(["CoverFront (* chosen)", heads, *rows, *missing])
+
+
+def _mu(loop: Loop, model: UncertaintyModel, orders: Orders) -> float:
+    """What the user's function returns for a model, or an `InputError`."""
+    try:
+        given: Any = loop(model)
+    except Exception as error:
+        raise InputError(
+            f"loop raised {type(error).__name__} for the cover of orders {orders}: {error}"
+        ) from error
+    if not isinstance(given, float | int | np.number) or not given >= 0:
+        raise InputError(
+            f"loop must return mu, a number of 0 or more (inf if the loop is unstable); for the "
+            f"cover of orders {orders} it returned {given!r}"
+        )
+    return float(given)
