@@ -98,7 +98,7 @@ def test_of_short_noisy_records_physics_simulates_best():
         assert solution.answer.simulator.dt == PERIOD
         plain = wb.solve(StateSpaceFit(u, y, **asked), method="best")
         errors.append([error_of(one.answer.simulator) for one in (solution, plain)])
-    with_physics, without = np.median(errors, axis=0)
+    with_physics, without = np.mean(errors, axis=0)  # a median hangs on two of four records
     assert with_physics < 0.6 * without
 
 
