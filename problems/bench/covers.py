@@ -148,14 +148,15 @@ class CoverSpeed(Study):
     slow = check(
         title="steps over conic",
         statement=f"time over the peer's, at most {1 / LEAST_RATIO:.3g}",
-        value=lambda seconds: 1 / _over(seconds, "conic"),
+        value=lambda seconds: 1 / _time_over_steps(seconds, "conic"),
         at_most=1 / LEAST_RATIO,
     )
     longest = check(
         title="large over conic",
         statement="longest cover of the family, over the peer's of twelve drives",
         value=lambda seconds: (
-            max(_over(seconds, k) for k in TASKS if "large" in k) / _over(seconds, "conic")
+            max(_time_over_steps(seconds, k) for k in TASKS if "large" in k)
+            / _time_over_steps(seconds, "conic")
         ),
         at_most=LARGE_OVER_CONIC,
     )
@@ -166,13 +167,15 @@ class CoverSpeed(Study):
         at_most=GIBIBYTES,
     )
 
-    steps_over_conic = metric(lambda seconds: _over(seconds, "conic"))
-    large_over_small = metric(lambda seconds: _over(seconds, "large, steps"))
+    steps_over_conic = metric(lambda seconds: _time_over_steps(seconds, "conic"))
+    large_over_small = metric(lambda seconds: _time_over_steps(seconds, "large, steps"))
     memory_gib = metric(lambda memory: memory)
 
     @figure
     def ratios(self, seconds: DataArray) -> Figure:
-        found = {label.format(self.plants): _over(seconds, k) for k, label in TASKS.items()}
+        found = {
+            label.format(self.plants): _time_over_steps(seconds, k) for k, label in TASKS.items()
+        }
         return ratio_bars(found, "time over that of the seven steps, in one run")
 
 
@@ -181,7 +184,7 @@ def _drive_responses(frequencies: int) -> Responses:
     return replace(measured_drives("focus", frequencies, 5.0, 5000.0), known=())
 
 
-def _over(seconds: DataArray, task: str) -> float:
+def _time_over_steps(seconds: DataArray, task: str) -> float:
     """Time of a task, divided by that of the seven steps for twelve drives."""
     return float(seconds.sel(task=task) / seconds.sel(task="steps"))
 

@@ -99,7 +99,7 @@ class MuLowerYardstick(Study):
 
     @check()
     def near_the_limit(self, seconds: DataArray) -> list[Check]:
-        over = _over(seconds, "search")
+        over = _time_over_eigenvalues(seconds, "search")
         return [
             Check(
                 f"{kind} at size {size}",
@@ -111,15 +111,19 @@ class MuLowerYardstick(Study):
             for size in SIZES
         ]
 
-    ratios = metric("{kind}_{size}", value=lambda seconds: _over(seconds, "search"))
+    ratios = metric(
+        "{kind}_{size}", value=lambda seconds: _time_over_eigenvalues(seconds, "search")
+    )
 
     @figure
     def times(self, seconds: DataArray) -> Figure:
-        return ratios_by_size(_over(seconds, "search"), dict.fromkeys(SIZES, WANTED))
+        return ratios_by_size(
+            _time_over_eigenvalues(seconds, "search"), dict.fromkeys(SIZES, WANTED)
+        )
 
     @table
     def sizes(self, seconds: DataArray) -> tuple[list[str], list[list[str]]]:
-        ratios = [_over(seconds, what) for what in ("search", "bound")]
+        ratios = [_time_over_eigenvalues(seconds, what) for what in ("search", "bound")]
         rows = [
             [kind, str(size)]
             + [f"{1e6 * float(seconds.sel(kind=kind, size=size, what=one)):.4g}" for one in WHAT]
@@ -131,7 +135,7 @@ class MuLowerYardstick(Study):
         return [*heads, "ratio of the search", "ratio with proof"], rows
 
 
-def _over(seconds: DataArray, what: str) -> DataArray:
+def _time_over_eigenvalues(seconds: DataArray, what: str) -> DataArray:
     """Time of a search or of proven bounds, divided by that of eigenvalues (kind, size)."""
     return seconds.sel(what=what, drop=True) / seconds.sel(what="eigenvalues", drop=True)
 

@@ -120,7 +120,7 @@ class MuYardstick(Study):
 
     @check()
     def near_the_limit(self, seconds: DataArray) -> list[Check]:
-        over = _over(seconds)
+        over = _time_over_eigenvalues(seconds)
         return [
             Check(
                 f"{kind} at size {size}",
@@ -138,7 +138,7 @@ class MuYardstick(Study):
         at_most=REPEATED_WANTED,
     )
     def repeated_scalar(self, repeated: DataArray) -> float:
-        return float(_over(repeated))
+        return float(_time_over_eigenvalues(repeated))
 
     @check(
         title="sweep",
@@ -149,18 +149,18 @@ class MuYardstick(Study):
         return _share(sweep).max()
 
     sweep_shares = metric("sweep_{kind}", value=lambda sweep: _share(sweep))
-    ratios = metric("{kind}_{size}", value=lambda seconds: _over(seconds))
+    ratios = metric("{kind}_{size}", value=lambda seconds: _time_over_eigenvalues(seconds))
     repeated_ratio = metric(
-        template="repeated_scalar", value=lambda repeated: float(_over(repeated))
+        template="repeated_scalar", value=lambda repeated: float(_time_over_eigenvalues(repeated))
     )
 
     @figure
     def times(self, seconds: DataArray) -> Figure:
-        return ratios_by_size(_over(seconds), WANTED)
+        return ratios_by_size(_time_over_eigenvalues(seconds), WANTED)
 
     @table
     def sizes(self, seconds: DataArray, repeated: DataArray) -> tuple[list[str], list[list[str]]]:
-        over = _over(seconds)
+        over = _time_over_eigenvalues(seconds)
         rows = [
             [kind, str(size)]
             + [f"{1e6 * float(seconds.sel(kind=kind, size=size, what=one)):.4g}" for one in WHAT]
@@ -169,12 +169,12 @@ class MuYardstick(Study):
             for size in SIZES
         ]
         times = [f"{1e6 * float(repeated.sel(what=one)):.4g}" for one in WHAT]
-        last = f"{float(_over(repeated)):.3g}"
+        last = f"{float(_time_over_eigenvalues(repeated)):.3g}"
         rows.append(["real scalar 10 times, full 2x2", str(Structure(REPEATED).rows), *times, last])
         return ["structure", "size", "bound [us]", "eigenvalues [us]", "ratio"], rows
 
 
-def _over(seconds: DataArray) -> DataArray:
+def _time_over_eigenvalues(seconds: DataArray) -> DataArray:
     """Time of bounds, divided by that of eigenvalues."""
     return seconds.sel(what="bound", drop=True) / seconds.sel(what="eigenvalues", drop=True)
 

@@ -96,17 +96,17 @@ class NormsSpeed(Study):
 
     @check()
     def near_the_yardstick(self, seconds: DataArray) -> list[Check]:
-        over = _over(seconds)
+        over = _time_over_yardstick(seconds)
         return [
             Check(case, f"time over that of {what}", float(over.sel(case=case)), wanted)
             for case, (what, wanted) in CASES.items()
         ]
 
-    ratios = metric("{case}", value=lambda seconds: _over(seconds))
+    ratios = metric("{case}", value=lambda seconds: _time_over_yardstick(seconds))
 
     @figure
     def times(self, seconds: DataArray) -> Figure:
-        over = {case: float(_over(seconds).sel(case=case)) for case in CASES}
+        over = {case: float(_time_over_yardstick(seconds).sel(case=case)) for case in CASES}
         wanted = [limit for _, limit in CASES.values()]
         return ratio_bars(over, "time over that of the yardstick", wanted)
 
@@ -115,13 +115,13 @@ class NormsSpeed(Study):
         rows = [
             [case, what]
             + [f"{1e3 * float(seconds.sel(case=case, step=one)):.4g}" for one in STEPS]
-            + [f"{float(_over(seconds).sel(case=case)):.3g}", f"{wanted:g}"]
+            + [f"{float(_time_over_yardstick(seconds).sel(case=case)):.3g}", f"{wanted:g}"]
             for case, (what, wanted) in CASES.items()
         ]
         return ["case", "over", "workbench [ms]", "yardstick [ms]", "ratio", "asked"], rows
 
 
-def _over(seconds: DataArray) -> DataArray:
+def _time_over_yardstick(seconds: DataArray) -> DataArray:
     """Time of the workbench, divided by that of the yardstick (case,)."""
     return seconds.sel(step="workbench", drop=True) / seconds.sel(step="yardstick", drop=True)
 

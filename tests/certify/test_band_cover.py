@@ -6,7 +6,12 @@ import control
 import numpy as np
 import pytest
 
-from workbench.certify.band_cover import BandCover, CertifiedInterval, FrequencyBounds, without
+from workbench.certify.band_cover import (
+    BandCover,
+    CertifiedInterval,
+    FrequencyBounds,
+    parts_left_open,
+)
 from workbench.certify.stable_system import stable_system
 
 ONE = np.ones((1, 1))
@@ -41,7 +46,7 @@ GRID = np.array([0.0, 0.1, 1.0, 10.0, math.inf])
     ],
 )
 def test_what_an_interval_leaves_of_a_gap(ends, left):
-    assert without((1.0, 9.0), ends) == left
+    assert parts_left_open((1.0, 9.0), ends) == left
 
 
 def test_linear_multipliers_follow_their_slopes():

@@ -412,7 +412,7 @@ class BandCover:
             return False
         D_left, D_right, G = multipliers
         self.intervals.append(CertifiedInterval(*ends, omega, D_left, D_right, G, slopes))
-        self.open = [rest for one in self.open for rest in without(one, ends)]
+        self.open = [rest for one in self.open for rest in parts_left_open(one, ends)]
         return True
 
     def _linear_step(self, gap: tuple[float, float]) -> None:
@@ -487,7 +487,9 @@ def _wide(low: float, high: float) -> bool:
     return high - low > 1e-11 * low if math.isfinite(high) else True
 
 
-def without(gap: tuple[float, float], ends: tuple[float, float]) -> list[tuple[float, float]]:
+def parts_left_open(
+    gap: tuple[float, float], ends: tuple[float, float]
+) -> list[tuple[float, float]]:
     """The parts of a gap that an interval leaves open."""
     if ends[1] < gap[0] or ends[0] > gap[1]:
         return [gap]

@@ -23,7 +23,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.systems.balancing import balancing
 
-ROUNDING = 1e-10
+RESPONSE_ROUNDING = 1e-10
 """Relative error of the responses, by which bounds are raised."""
 BISECTIONS = 60
 """Number of bisections of the bracket of mu."""
@@ -172,12 +172,12 @@ def _bounds(
     with np.errstate(invalid="ignore"):  # an infinite disc times a weight of zero is no disc
         reach = (np.abs(T) + T_off) * (np.abs(c) + c_off)
     if W_r is None:
-        return np.abs(T * c), reach * (1 + ROUNDING)
+        return np.abs(T * c), reach * (1 + RESPONSE_ROUNDING)
     r, r_off = _weight(W_r, middle, half)
     with np.errstate(invalid="ignore"):
         away = (np.abs(T) + T_off) * r_off + T_off * np.abs(r)
     here = _mu(T * r, np.abs(T * c))
-    return here * (1 - ROUNDING), _mu(T * r, reach + away) * (1 + ROUNDING)
+    return here * (1 - RESPONSE_ROUNDING), _mu(T * r, reach + away) * (1 + RESPONSE_ROUNDING)
 
 
 def _sensitivity(

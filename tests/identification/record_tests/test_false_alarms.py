@@ -6,7 +6,7 @@ from scipy.stats import beta
 from simulated_records import denied, open_record
 
 from workbench.identification.record_tests.clipping import clipping
-from workbench.identification.record_tests.collinear import apart
+from workbench.identification.record_tests.collinear import independent_inputs
 from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
 from workbench.identification.record_tests.flags import flags
@@ -18,8 +18,8 @@ from workbench.identification.record_tests.spikes import spikes
 from workbench.identification.record_tests.stuck import stuck
 
 TESTS = (
-    flags, excitation, apart, spikes, clipping, stuck, quantisation, complete_outputs, instants,
-    drift, long_record, prompt_outputs, nonlinearity,
+    flags, excitation, independent_inputs, spikes, clipping, stuck, quantisation,
+    complete_outputs, instants, drift, long_record, prompt_outputs, nonlinearity,
 )  # fmt: skip
 SEED = 4711
 """Of the judgement; 631 to 635 were those of the development."""

@@ -45,7 +45,12 @@ def bilinear_enclosures(
     found = exact(X) + small
     moved, back = (Enclosure(found.mid[:, at], found.rad[:, at]) for at in (slice(n), enters))
     out = (exact(across[0]) + across[1]).H
-    return _over(moved, 2.0, period), _over(back, 4.0, period), out, direct
+    return (
+        _scaled_over_period(moved, 2.0, period),
+        _scaled_over_period(back, 4.0, period),
+        out,
+        direct,
+    )
 
 
 def _shifted_solution(
@@ -64,7 +69,7 @@ def _shifted_solution(
     return None if small is None else (X, small)
 
 
-def _over(matrix: Enclosure, factor: float, period: float) -> Enclosure:
+def _scaled_over_period(matrix: Enclosure, factor: float, period: float) -> Enclosure:
     """The matrix times a power of two, divided by the period."""
     mid = matrix.mid * factor / period
     return Enclosure(mid, (matrix.rad * factor / period + 0.5 * EPS * np.abs(mid)) * UPWARD + TINY)

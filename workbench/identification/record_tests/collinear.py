@@ -24,7 +24,7 @@ WEIGHTY = 1e-3
 """Another input is named if it has at least this share in an input."""
 
 
-def apart(record: RecordData) -> TestedAssumption:
+def independent_inputs(record: RecordData) -> TestedAssumption:
     """Test whether the inputs move independently of each other."""
     assumption = "inputs move apart"
     record = unflagged(record)

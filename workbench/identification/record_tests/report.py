@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.identification.record_tests.clipping import clipping
-from workbench.identification.record_tests.collinear import apart
+from workbench.identification.record_tests.collinear import independent_inputs
 from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
 from workbench.identification.record_tests.finding import Finding, TestedAssumption
@@ -26,7 +26,7 @@ TESTS: tuple[Callable[[RecordData], TestedAssumption], ...] = (
     open_loop,
     flags,
     excitation,
-    apart,
+    independent_inputs,
     spikes,
     clipping,
     stuck,

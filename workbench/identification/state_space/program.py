@@ -251,7 +251,10 @@ class StateSpaceFit(RecordedQuestion, Program):
         name, statement = "convolution", "error by convolution less that by simulation"
         opinions = []
         if self.poles != "any":
-            apart = max(self._apart(answer.simulator, u, y) for u, y in self._judged_pieces())
+            apart = max(
+                self._simulation_difference(answer.simulator, u, y)
+                for u, y in self._judged_pieces()
+            )
             opinions.append(Check(name, statement, apart, CONVOLUTION_ROUNDING, over=self.held_out))
         for use in MODELS:
             model = getattr(answer, use)
@@ -271,7 +274,7 @@ class StateSpaceFit(RecordedQuestion, Program):
             (u[:CONVOLVED], y[:CONVOLVED]) for u, y in self.rest.pieces() if len(u) > self.washed
         ]
 
-    def _apart(self, m: InnovationsModel, u: RealArray, y: RealArray) -> float:
+    def _simulation_difference(self, m: InnovationsModel, u: RealArray, y: RealArray) -> float:
         """Difference between a simulation's relative errors by convolution and by recursion."""
         washout, runs = self.washed, []
         for one in m.members or (m,):

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
-from workbench.certify.band_cover import BoundsAt, FrequencyBounds, without
+from workbench.certify.band_cover import BoundsAt, FrequencyBounds, parts_left_open
 from workbench.certify.interval import proven_in_doubles
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.frequency.complex_part import complex_part_added
@@ -119,7 +119,7 @@ def _left_open(
         multipliers = found.D_left[k], found.D_right[k], found.G[k]
         ends, _ = proven_in_doubles(system, multipliers, 1.0, omega)
         if ends is not None:
-            bands = tuple(rest for gap in bands for rest in without(gap, ends))
+            bands = tuple(rest for gap in bands for rest in parts_left_open(gap, ends))
     return bands
 
 

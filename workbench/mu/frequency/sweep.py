@@ -154,7 +154,7 @@ def frequency_sweep(
         if not isinstance(system, StableSystem):
             warn_far_frequencies(points, system)
         found = bounds_at(stable, structure, np.unique(stable.plane(points)), executor)
-    value, Delta = _below(found, structure, lower)
+    value, Delta = _lower_bounds(found, structure, lower)
     need_agreement(value, found.upper, place=lambda index: f"at {found.omega[index]:.6g} rad/s")
     parts = (
         stable.angular(found.omega),
@@ -168,7 +168,7 @@ def frequency_sweep(
     return Sweep(*parts, value, Delta).checked_by(checker)
 
 
-def _below(
+def _lower_bounds(
     found: FrequencyBounds, structure: Structure, method: str
 ) -> tuple[RealArray, ComplexArray]:
     """Lower bounds (F,) and their Deltas; a slower method searches where the fast one leaves a

@@ -64,7 +64,7 @@ def solve_each(
             if not solved:
                 _identity(pattern, x)
                 early_t, gaps[f], iterations[f] = follow(
-                    M, pattern, _above(M), x, early, accuracy, PATH_ITERATIONS, enough
+                    M, pattern, _squared_gain_bound(M), x, early, accuracy, PATH_ITERATIONS, enough
                 )
             last_scale = scale if early_t > 0.0 else 0.0
             copy(E, last_E)
@@ -98,6 +98,6 @@ def _same(x: np.ndarray, y: np.ndarray) -> bool:
 
 
 @unchecked_kernel
-def _above(M: np.ndarray) -> float:
+def _squared_gain_bound(M: np.ndarray) -> float:
     """A number above the square of the largest singular value."""
     return 1.05 * inner(M, M)

@@ -71,8 +71,8 @@ def opinion(
         given = [] if bounds.Delta is None else [bounds.Delta[place]]
         given = [Delta for Delta in given if np.isfinite(Delta).all()]
         for Delta in [*given, *drawn(M, structure)]:
-            suggested = max(suggested, _over(1 / float(np.linalg.norm(Delta, 2)), bound))
-            excess = _over(proven_bound(balls(M), structure, Delta), bound)
+            suggested = max(suggested, _relative_excess(1 / float(np.linalg.norm(Delta, 2)), bound))
+            excess = _relative_excess(proven_bound(balls(M), structure, Delta), bound)
             if excess > proven:
                 proven, where = excess, named(place)
         multipliers = bounds.D_left[place], bounds.D_right[place], bounds.G[place]
@@ -118,6 +118,6 @@ def drawn(M: ComplexArray, structure: Structure) -> list[ComplexArray]:
     return found
 
 
-def _over(lower: float, upper: float) -> float:
+def _relative_excess(lower: float, upper: float) -> float:
     """Relative excess of a lower bound over an upper one."""
     return (lower - upper) / max(upper, float(np.finfo(float).tiny))

@@ -36,7 +36,7 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ...laboratory.experiment import Laboratory
 from ...laboratory.known_values import CONFIDENCE
-from .sets import AGEING, Design, all_known, designed, life, narrowed, over, peak_of, plant_of
+from .sets import AGEING, Design, aged_model, all_known, designed, life, narrowed, peak_of, plant_of
 from .start import StartUp, Suspension
 
 SOFTENINGS = (1.0, 0.75, 0.5)
@@ -125,8 +125,8 @@ class Ageing(Study):
         for softening, row in zip(SOFTENINGS, starts, strict=True):
             whole = life(self.axis, softening)
             models = [
-                over(self.axis, whole),
-                over(self.axis, narrowed(whole, row[0])),
+                aged_model(self.axis, whole),
+                aged_model(self.axis, narrowed(whole, row[0])),
                 all_known(self.axis, softening),
             ]
             every.append([plant_of(self.axis, one) for one in models])

@@ -63,7 +63,7 @@ def narrowed(known: dict[str, Range], suspension: Suspension) -> dict[str, Range
     return left
 
 
-def over(axis: Axis, ranges: dict[str, Range]) -> ParametricModel:
+def aged_model(axis: Axis, ranges: dict[str, Range]) -> ParametricModel:
     """R and k2 uncertain as in Table 5.3, and k1 and b1 within these ranges."""
     others = [one for one in uncertain_parameters(axis) if one.name not in AGEING]
     ageing = [

@@ -216,7 +216,11 @@ class PositionEstimator(EstimatorTrials):
             claim
             for name, one in largest.items()
             for claim in (
-                Claim("", f"{name}: at most 1 um in 5 ms after", _after(one) <= THESIS_SPIKE),
+                Claim(
+                    "",
+                    f"{name}: at most 1 um in 5 ms after",
+                    _errors_after_scratch(one) <= THESIS_SPIKE,
+                ),
                 Claim("", f"{name}: nearer than f_en in it", one.sel(phase="during") < measured),
             )
         ]
@@ -244,7 +248,7 @@ def _kalman(error: DataArray, case: str) -> DataArray:
     return error.sel(estimator="Kalman", case=case, size="largest")
 
 
-def _after(error: DataArray) -> DataArray:
+def _errors_after_scratch(error: DataArray) -> DataArray:
     """Errors after a scratch."""
     return error.sel(phase="after")
 

@@ -25,11 +25,11 @@ SIMULATED = {"A": ("A.1", "A.4"), "B": ("A.2", "A.5"), "C": ("A.3", "A.6"), "K_p
 
 def strategy_figures(answer: Dataset, axis: Axis) -> dict[str, Figure]:
     """A figure of each strategy with the reference strategy, and one of all drives, by name."""
-    found = {stem: _against(answer, name, axis) for name, stem in STEMS.items()}
+    found = {stem: _comparison(answer, name, axis) for name, stem in STEMS.items()}
     return found | {"drives": _drives(answer, axis)}
 
 
-def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
+def _comparison(answer: Dataset, name: str, axis: Axis) -> Figure:
     figure, panels = figures.axes(3, 2, size=(8.4, 8.6))
     one, colour = answer.sel(strategy=name), COLOURS[name]
     for panel, signal, label in zip(

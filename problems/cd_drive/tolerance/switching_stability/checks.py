@@ -46,7 +46,11 @@ def switching_checks(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
     ]
     found += [_ordered(answer), _bounded(answer), _in_laboratory(answer)]
     found += [_replayed(drives, answer)]
-    found += [_between(drives, answer), _cells(drives, answer), _in_cells(drives, answer)]
+    found += [
+        _errors_between_frequencies(drives, answer),
+        _cells(drives, answer),
+        _in_cells(drives, answer),
+    ]
     return found + _figure(drives, answer)
 
 
@@ -180,7 +184,7 @@ def _played(
     return worst
 
 
-def _between(drives: SwitchedDrives, answer: Dataset) -> Check:
+def _errors_between_frequencies(drives: SwitchedDrives, answer: Dataset) -> Check:
     """Compare errors of one defect at more frequencies with those at the stored ones."""
     worst, where = 0.0, ""
     for strategy in answer["strategy"].values:

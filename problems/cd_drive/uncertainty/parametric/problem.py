@@ -189,7 +189,7 @@ class ParametricSpread(Study):
     def deviation_sizes(self, answer: Dataset) -> dict[str, DataArray]:
         """Peak of the deviations of each set and of the drives, and their median above 100 Hz."""
         sizes = {("deviation", s): answer["deviation"].sel(set=n) for n, s in SUFFIXES.items()}
-        away = _away(answer).max("drive")
+        away = _deviations(answer).max("drive")
         sizes |= {("drives", f"_{gain}"): away.sel(gain=gain) for gain in GAINS}
         high = (answer["frequency"] > 100).values
         return {
@@ -205,7 +205,7 @@ class ParametricSpread(Study):
     @metric
     def drives_beyond(self, answer: Dataset) -> dict[str, DataArray]:
         """Share of frequencies and drives with a larger deviation than that of a set."""
-        beyond = (_away(answer) > answer["deviation"]).mean(("drive", "frequency"))
+        beyond = (_deviations(answer) > answer["deviation"]).mean(("drive", "frequency"))
         return {
             f"drives_{gain}_beyond{suffix or '_nine'}": beyond.sel(gain=gain, set=name)
             for gain in GAINS
@@ -277,6 +277,6 @@ def _placed(values: Any, box: Sequence[Parameter]) -> RealArray:
     return result
 
 
-def _away(answer: Dataset) -> DataArray:
+def _deviations(answer: Dataset) -> DataArray:
     """Relative deviations (gain, drive, frequency) of the drives from the nominal."""
     return abs(answer["drives"] / answer["nominal"] - 1)

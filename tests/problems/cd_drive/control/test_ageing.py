@@ -8,11 +8,11 @@ import pytest
 from workbench.plants.cd_drive.control.ageing.problem import CONTROLLERS, SETS, SOFTENINGS
 from workbench.plants.cd_drive.control.ageing.sets import (
     AGEING,
+    aged_model,
     all_known,
     designed,
     life,
     narrowed,
-    over,
     peak_of,
     plant_of,
 )
@@ -68,7 +68,7 @@ def test_ranges_of_a_life_and_what_a_start_leaves_of_them():
 def test_models_hold_their_members():
     """Where all is known it is the plant of Table 5.2 with that suspension."""
     omega = np.array([30.0, 200.0, 3000.0])
-    model = over("focus", life("focus", 0.5))
+    model = aged_model("focus", life("focus", 0.5))
     names = [one.name for one in model.parameters]
     assert set(AGEING) < set(names)
     known = all_known("focus", 0.5)
@@ -87,7 +87,7 @@ def test_more_uncertainty_never_lowers_the_peak():
     K = control.ss(controller("focus"))
     peaks = [
         peak_of(plant_of("focus", model), K)
-        for model in (all_known("focus", 1.0), over("focus", life("focus", 0.75)))
+        for model in (all_known("focus", 1.0), aged_model("focus", life("focus", 0.75)))
     ]
     assert peaks[0][0] <= peaks[1][1]
     assert peak_of(plant_of("focus", all_known("focus", 1.0)), -K) == (np.inf, np.inf)
@@ -134,7 +134,7 @@ def test_another_seed_changes_no_verdict():
     whole = life("focus", 0.5)
     found = narrowed(whole, StartUp("focus", 0.5).found(7))
     options = Options()
-    plants = [plant_of("focus", over("focus", one)) for one in (whole, found)]
+    plants = [plant_of("focus", aged_model("focus", one)) for one in (whole, found)]
     for_life, for_found = (designed("focus", plant, "fixed", options) for plant in plants)
     on_it = [peak_of(plants[1], K)[1] for K in (for_life, for_found)]
     assert 1 - on_it[1] / on_it[0] < 0.05

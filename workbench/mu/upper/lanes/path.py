@@ -32,11 +32,11 @@ from workbench.mu.upper.lanes.state import (
 )
 from workbench.mu.upper.lanes.system import (
     add_diagonal,
-    along,
     between_M,
     half_adjoint,
     inequality,
     inequality_adjoint,
+    newton_column,
     newton_matrix,
 )
 
@@ -318,7 +318,7 @@ def _newton_system(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     between_M(places, M, Z, lanes.U_M, lanes.U_C)
     newton_matrix(places, t, lanes)
     real_cholesky(lanes.H, lanes.pivots, m)
-    along(places, t, lanes, lanes.x, lanes.u, schur)
+    newton_column(places, t, lanes, lanes.x, lanes.u, schur)
     for k in range(m):
         put(lanes.b, k, 0.0)
     add_diagonal(places, Z, lanes.b)
@@ -389,7 +389,7 @@ def _correct(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     half_adjoint(places, M, t, V, lanes.MX, lanes.other)
     for k in range(N):
         put(second, k, of_lanes(dt, 0) * of_lanes(dx, k))
-    along(places, t, lanes, second, lanes.trial, numbers.ahead)
+    newton_column(places, t, lanes, second, lanes.trial, numbers.ahead)
     _trace(places, Q, x, numbers.step)
     target = -0.5 * of_lanes(numbers.step, 0) - of_lanes(numbers.ahead, 0)
     for j in range(r):

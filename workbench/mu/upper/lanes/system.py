@@ -185,7 +185,7 @@ def _skew_row(places: Places, t: Lane, lanes: Lanes, k: int) -> None:
 
 
 @unchecked_kernel
-def along(places: Places, t: Lane, lanes: Lanes, d: Lane, u: Lane, inside: Lane) -> None:
+def newton_column(places: Places, t: Lane, lanes: Lanes, d: Lane, u: Lane, inside: Lane) -> None:
     """u = F*(V) and <V, D_r> (LANES,) of V, the Hermitian part of S^-1 E Z, E the D_r of d (N,).
 
     From what `newton_matrix` leaves: V itself is not needed.
