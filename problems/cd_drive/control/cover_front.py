@@ -87,7 +87,7 @@ class CoverFrontOfAxis(Study):
 
     @array(dims=(cover, bound), unit="1", meaning="certified bounds of the peak of mu, w_p to z_p")
     def peak(self, context: Context) -> RealArray:
-        """NaN if the nominal loop is unstable."""
+        """Infinite if the nominal loop is unstable."""
         exogenous, performance = CHANNELS[CHANNEL]
         K, found = controller(self.axis), []
         for run in context.track(self.covers, "peaks"):
@@ -95,7 +95,7 @@ class CoverFrontOfAxis(Study):
                 performance=performance, exogenous=exogenous
             )
             one = performance_peak(plant, K, tolerance=PEAK_TOLERANCE)
-            found.append([np.nan] * 2 if one is None else [one.lower, one.upper])
+            found.append([np.inf] * 2 if one is None else [one.lower, one.upper])
         return np.array(found)
 
     @array(dims=(cover,), unit="1", meaning="largest mu of the narrowest sets about the nominal")
@@ -110,14 +110,15 @@ class CoverFrontOfAxis(Study):
 
     @check(title="peaks", statement="lower over upper bound of a peak", at_most=1.0)
     def peaks_in_order(peak: DataArray) -> DataArray:  # noqa: N805
-        return peak.sel(bound="lower") / peak.sel(bound="upper")
+        lower, upper = peak.sel(bound="lower"), peak.sel(bound="upper")
+        return (lower / upper).where(lower != upper, 1.0)  # both are infinite for unstable loops
 
     @metric
     def chosen(
         self, states: DataArray, over_narrowest: DataArray, peak: DataArray
     ) -> dict[str, float]:
         """The covers with the fewest states within 10 % of the least size, and of the least mu."""
-        costs = _largest(over_narrowest), peak.sel(bound="upper").fillna(np.inf).values
+        costs = _largest(over_narrowest), peak.sel(bound="upper").values
         found = {}
         for name, cost in zip(("chosen", "chosen_for_mu"), costs, strict=True):
             k = CoverFront.choice(states.values, cost)

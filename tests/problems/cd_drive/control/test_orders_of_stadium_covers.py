@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from workbench.plants.cd_drive.control.cover_front import ORDERS, RATIOS, CoverFrontOfAxis, needs
 
@@ -36,6 +37,17 @@ def test_wrong_peaks_are_rejected(solved):
     wrong = answer.assign(peak=answer["peak"] * [1.5, 1.0])
     failed = {check.name for check in study.certify(wrong, 1e-6).checks if not check.holds}
     assert failed == {"peaks"}
+
+
+def test_an_unstable_nominal_loop_has_an_infinite_peak_and_is_not_chosen(solved):
+    study, answer = solved[0], solved[1].answer
+    peak = answer["peak"].copy()
+    peak[0] = np.inf
+    unstable = answer.assign(peak=peak)
+    assert study.certify(unstable, 1e-6).valid
+    assert study.metrics(unstable)["chosen_for_mu_states"] > min(map(sum, ORDERS))
+    peak[0] = np.nan
+    assert not study.certify(answer.assign(peak=peak), 1e-6).valid
 
 
 def test_its_table_and_figure_show_every_cover(solved):

@@ -78,7 +78,7 @@ def cover_front(
         raise InputError(f"responses must be Responses, not {type(responses).__name__}")
     if loop is not None and not callable(loop):
         raise InputError(f"loop must be a function of a model, not {loop!r}")
-    programs = {each: _program(responses, each, form) for each in _orders(orders, shape)}
+    programs = {each: _program(responses, each, shape, form) for each in _orders(orders, shape)}
     points, failures = [], {}
     for each, program in programs.items():
         found, said = [], ""
@@ -117,8 +117,8 @@ def _orders(given: Any, shape: str) -> list[Orders]:
     return list(found)
 
 
-def _program(responses: Responses, orders: Orders, form: CoverForm) -> UncertaintyCover:
+def _program(responses: Responses, orders: Orders, shape: str, form: CoverForm) -> UncertaintyCover:
     nominal, circle, real = orders
-    if real:
+    if shape == "stadium":
         return StadiumCover(responses, nominal, complex_order=circle, real_order=real, form=form)
     return CircleCover(responses, nominal, complex_order=circle, form=form)

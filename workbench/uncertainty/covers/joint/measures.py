@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench._core.compiled import unchecked
-from workbench.uncertainty.covers.joint.radii import raised
+from workbench.uncertainty.covers.joint.radii import to_power
 from workbench.uncertainty.covers.joint.size_data import SizeData
 
 BLEND = 8.0
@@ -78,8 +78,8 @@ def smooth_inflation(
     total = 0.0
     for k in range(rows):
         if data.given[k]:
-            about[k] = data.counted[k] * raised(about[k] / largest, power)
-            free[k] = data.counted[k] * raised(free[k] / largest, power)
+            about[k] = data.counted[k] * to_power(about[k] / largest, power)
+            free[k] = data.counted[k] * to_power(free[k] / largest, power)
             total += about[k] + free[k]
     peak = largest * total ** (1 / power)
 

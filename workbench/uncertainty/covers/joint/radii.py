@@ -63,7 +63,7 @@ def norm_of_ratios(
     for k in range(rows):
         for i in range(plants):
             share = ratio[k, i] / most
-            ratio[k, i] = raised(share, power) if share > least else 0.0
+            ratio[k, i] = to_power(share, power) if share > least else 0.0
             total += ratio[k, i]
     pull, own = np.zeros((count, plants)), np.zeros(rows)
     for k in range(rows):
@@ -79,7 +79,7 @@ def norm_of_ratios(
 
 
 @unchecked
-def raised(value: float, power: int) -> float:
+def to_power(value: float, power: int) -> float:
     """The value raised to a power that is a power of two."""
     while power > 1:
         value *= value
