@@ -71,9 +71,9 @@ def closed_loop_deviations(
     more. They are of first order: if a criterion has several minima, estimates scatter more. They
     do not contain a bias of the model: the order must be that of the plant. For the direct method
     it must be that of plant and noise together; if its errors are not white, all deviations are
-    infinite. So are those of methods "two-stage" and "indirect" without a period, if the responses
-    to the excitation have not died out where their estimates end, or if the model has a mode that
-    is slower than a tenth of the record. With thirty parts a deviation is
+    infinite. Without a period, so are those of the other methods if the model has a mode slower
+    than a tenth of the record, and those of "two-stage" and "indirect" if the responses to the
+    excitation have not died out where their estimates end. With thirty parts a deviation is
     accurate to about 13 percent.
 
     They are far too large if the model has a mode that is hardly excited.
@@ -164,8 +164,8 @@ def closed_loop_covariance(
         moves = _of_instruments(program, model, record, parts, cycles_per_sample)
     else:
         moves = _of_errors(program, clean_input, model, record, parts, cycles_per_sample)
-        if program.doubts_of_free_runs(model):
-            return _infinite(moves.shape[1:])
+    if program.doubts(model, method):
+        return _infinite(moves.shape[1:])
     apart = moves - moves.mean(axis=0)
     both = np.stack([apart.real, apart.imag], axis=-1)
     share = (len(moves) - 1) / len(moves)
