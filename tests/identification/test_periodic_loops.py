@@ -7,7 +7,7 @@ import pytest
 from workbench import solve
 from workbench.errors import InputError
 from workbench.identification import ClosedLoopFit, Experiments, arx, response_deviations
-from workbench.identification.closed_loop.explained import explained_part, steady_response
+from workbench.identification.closed_loop.explained import mean_period, steady_response
 
 PERIOD, PERIODS = 500, 24
 LINES = np.unique(np.rint(np.geomspace(2, 100, 20)).astype(int))
@@ -55,8 +55,8 @@ def error(model):
 
 def test_the_loop_is_explained_line_by_line():
     quiet, noisy = (Experiments(u, y, excitation=r) for r, u, y in (loop(0.0), loop(0.05)))
-    found = explained_part(noisy, PERIOD)
-    exact = explained_part(quiet, PERIOD)
+    found = mean_period(noisy, PERIOD)
+    exact = mean_period(quiet, PERIOD)
     np.testing.assert_allclose(exact.u, quiet.u, atol=1e-6)
     apart = [np.std(a - b) for a, b in ((noisy.u, exact.u), (found.u, exact.u))]
     assert apart[1] < 0.15 * apart[0]  # 20 lines of 250, and the mean of 24 periods

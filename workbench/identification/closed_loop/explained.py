@@ -14,8 +14,9 @@ import numpy as np
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.innovations.impulse_responses import impulse_model
+from workbench.identification.innovations.impulse_responses import impulse_model_that_ends
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.recursions import observability, predictions
 from workbench.identification.state_space.validation import nrmse_fit
 
 SILENT = 1e-6
@@ -24,18 +25,43 @@ REPEATS = 1e-6
 """Largest difference between periods of an excitation, relative to its range, that is allowed."""
 
 
-def explained_part(record: Experiments, period: int | None) -> Experiments | None:
-    """The record with only the excitation's part of u and y; None if it is too short.
+def explained_part(record: Experiments, period: int | None) -> tuple[Experiments | None, bool]:
+    """The record with only the excitation's part of u and y, and whether it is the whole part.
 
     With a period, this is the mean over the periods at the lines of the excitation: no model is
     needed, and no noise remains except at these lines. Without a period, it is the response of
-    estimated impulse responses, at most 70 samples long, to the excitation.
+    estimated impulse responses to the excitation; where they have not died out at their end, what
+    the excitation did before is lacking. None if the record is too short.
     """
     if period is not None:
-        return mean_period(record, period)
+        return mean_period(record, period), True
     r, joint = excitation_of(record), np.hstack([record.u, record.y])
-    model = impulse_model(Experiments(r, joint))
-    return None if model is None else _with_signals(record, model.free_run(r, joint, model.order))
+    model, ended = impulse_model_that_ends(Experiments(r, joint))
+    if model is None:
+        return None, False
+    return _with_signals(record, _driven(model, r, joint)), ended
+
+
+def _driven(model: InnovationsModel, r: RealArray, joint: RealArray) -> RealArray:
+    """Signals (N, channels) that an excitation r (N, nr) causes by finite impulse responses.
+
+    The states are past excitations. Those before the record are estimated from the first signals
+    ``joint``, with a prior of their mean and spread: freely they would follow the noise.
+    """
+    drive, measured = r - model.u_offset, joint - model.y_offset
+    matrices, count = model.matrices(np.zeros_like(model.K)), model.order
+    left = measured - predictions(*matrices, np.zeros(count), drive, measured)
+    noise = np.maximum(np.nanstd(left[count:], axis=0), SILENT * np.nanstd(measured, axis=0))
+    rows = observability(model.A, matrices[2], count) / noise[:, None]
+    early = left[:count] / noise
+    seen = np.isfinite(early)
+    prior = np.diag(1 / np.repeat(drive.std(axis=0), count // drive.shape[1]))
+    x0 = np.linalg.lstsq(
+        np.vstack([rows.reshape((*seen.shape, count))[seen], prior]),
+        np.concatenate([early[seen], np.zeros(count)]),
+        rcond=None,
+    )[0]
+    return np.asarray(predictions(*matrices, x0, drive, measured) + model.y_offset)
 
 
 def mean_period(record: Experiments, period: int) -> Experiments:

@@ -31,6 +31,21 @@ from workbench.input_checks import need_count
 SAME_TIME = 1e-6
 """Largest relative difference of the sampling times of controller and record."""
 
+SETTLED = 10
+"""A mode that takes longer than a record over this many sums up the unknown offset of its input."""
+ENDLESS = (
+    "the responses to the excitation have not died out where their estimates end: models of "
+    "methods two-stage and indirect may be biased, and their deviations are infinite; take "
+    "instrumental-variables, a longer record, or a periodic excitation with period_samples"
+)
+"""Said where the explained part lacks what the excitation did long before."""
+DRIFTS = (
+    "sums up the unknown offset of the input for more than a tenth of the record: models of all "
+    "methods but direct may be biased, and their deviations are infinite; take direct, or a "
+    "periodic excitation with period_samples"
+)
+"""Said of a pole near the unit circle."""
+
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoopFit(StateSpaceFit):
@@ -50,8 +65,10 @@ class ClosedLoopFit(StateSpaceFit):
     period_samples
         Period of the excitation [samples], if it is periodic throughout the record. Then its
         explained part is found without a model, line by line. Without a period it is found from
-        impulse responses of at most 70 samples: do not sample so fast that the loop takes longer to
-        respond.
+        impulse responses. They are at most 560 samples long, and at most a sixth of the record
+        (both for one excitation). Where the loop takes longer to respond, models of methods
+        "two-stage" and "indirect" may be biased, and where the plant integrates, those of
+        "instrumental-variables" too; the certificate says so, and their deviations are infinite.
 
     The other parameters are those of `StateSpaceFit`.
 
@@ -140,15 +157,31 @@ class ClosedLoopFit(StateSpaceFit):
         return driven
 
     @cached_property
-    def _explained(self) -> dict[int, tuple[Experiments, Experiments | None]]:
+    def _explained(self) -> dict[int, tuple[Experiments, Experiments | None, bool]]:
         return {}
 
     def explained(self, record: Experiments) -> Experiments | None:
         """The explained part of a piece of the record; None if the piece is too short."""
+        return self._explained_of(record)[0]
+
+    def doubts(self, model: InnovationsModel, method: str) -> list[str]:
+        """Reasons why a method's model may be biased by more than its deviations.
+
+        With a periodic excitation there is none: its lines tell neither offset nor initial state.
+        """
+        if self.period_samples is not None or method == "direct":
+            return []
+        endless = method != "instrumental-variables" and not self._explained_of(self.used)[1]
+        reasons = [ENDLESS] if endless else []
+        if (1 - model.radius) * len(self.used) < SETTLED:
+            reasons.append(f"a pole of modulus {model.radius:.6g} {DRIFTS}")
+        return reasons
+
+    def _explained_of(self, record: Experiments) -> tuple[Experiments | None, bool]:
         # the piece is stored, so that no other object gets its id
         if id(record) not in self._explained:
-            self._explained[id(record)] = record, explained_part(record, self.period_samples)
-        return self._explained[id(record)][1]
+            self._explained[id(record)] = record, *explained_part(record, self.period_samples)
+        return self._explained[id(record)][1:]
 
     def _fits_of(
         self, predictor: InnovationsModel, simulator: InnovationsModel, record: Experiments
@@ -169,6 +202,7 @@ class ClosedLoopFit(StateSpaceFit):
     def facts(self, answer: IdentifiedModels) -> list[str]:
         where = "standard deviations depend on the method: closed_loop_deviations tells them"
         found = [*facts_of(self, answer, self.tasks), where, LINEAR]
+        found += self.doubts(answer.simulator, "two-stage")
         white = not_white(self, answer.predictor, "predictor")
         if white:
             found.append(f"{white}: those of method direct are infinite; take more states")

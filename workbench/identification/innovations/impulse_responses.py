@@ -9,23 +9,28 @@ factors).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
+from scipy.signal import lfilter
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.impulse_ends import has_ended
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.regression import LEAST_NOISE, lagged_triangle
+from workbench.identification.innovations.regression import BLOCK, LEAST_NOISE, triangle_of_blocks
 from workbench.identification.innovations.scaling import Scaling
 
-TAPS = 70
-"""Largest number of samples of an impulse response."""
+TAPS, MOST_TAPS = 70, 560
+"""Samples of an impulse response at first, and at most in all inputs; between them it is doubled
+until it ends.
+"""
 ROWS_FOR_EACH = 3
 """Fewest samples in the record for each tap."""
 DECAYS = (0.5, 0.8, 0.95)
@@ -37,13 +42,24 @@ class _Posterior:
     """Posterior distribution of the taps, for signals scaled to unit spread.
 
     It has the means (ny, nu, taps), the levels (ny,), and for each output a root (nu taps, nu taps)
-    of the covariance of its taps.
+    of the covariance of its taps. The kernels' parameters (ny, 2 nu) are those of the search.
     """
 
     response: RealArray
     level: RealArray
     roots: list[RealArray]
+    kernels: RealArray
     scaling: Scaling
+
+    def ended(self, late: Experiments, direct: bool) -> bool:
+        """Whether the responses to delayed inputs have died out before their last tap."""
+        u, y = self.scaling.scaled(*max(late.pieces(), key=lambda piece: len(piece[0])))
+        padded = np.pad(self.response, ((0, 0), (0, 0), (0 if direct else 1, 0)))
+        made = np.zeros(y.shape)
+        for o, j in np.ndindex(padded.shape[:2]):
+            made[:, o] += lfilter(padded[o, j], [1.0], u[:, j])
+        errors = (y - made - self.level)[padded.shape[-1] :]
+        return has_ended(self.response, self.roots, errors)
 
 
 def impulse_response(
@@ -53,6 +69,7 @@ def impulse_response(
 
     Prior covariance c d^max(i, j) of samples i and j (the tuned and correlated kernel), with a
     scale c and a decay d for each pair of channels at which the marginal likelihood is largest.
+    There are 70 samples, or up to 560 for all inputs together if the responses take longer to end.
     ``delay_samples`` [samples]: how much later each input acts.
     Raises `InputError` if a finding of the record's report forbids its use.
 
@@ -75,13 +92,21 @@ def impulse_model(
     record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
 ) -> InnovationsModel | None:
     """As `impulse_response`, for a record that has been checked."""
+    return impulse_model_that_ends(record, direct=direct, delay=delay)[0]
+
+
+def impulse_model_that_ends(
+    record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
+) -> tuple[InnovationsModel | None, bool]:
+    """As `impulse_model`, and whether the responses have died out before their last tap."""
     late = record.delayed(delay)
-    found = _posterior(late, direct)
+    found, ended = _posterior(late, direct)
     if found is None:
-        return None
+        return None, False
     model = _shift_register(found.response, found.level, direct)
     model = found.scaling.restored(model, late)
-    return replace(model, delay_samples=tuple(delay)) if any(delay) else model
+    model = replace(model, delay_samples=tuple(delay)) if any(delay) else model
+    return model, ended
 
 
 def impulse_response_deviations(
@@ -94,7 +119,8 @@ def impulse_response_deviations(
     """Standard deviations (F, ny, nu) of |G - truth| for the model of `impulse_response`.
 
     They are those of the posterior distribution, given the record: the prior responses decay as the
-    kernel says, and the outputs have white noise. ``cycles_per_sample`` (F,)
+    kernel says, and the outputs have white noise. They are infinite if the responses have not died
+    out before their last sample. ``cycles_per_sample`` (F,)
     [cycles/sample]. ``delay_samples`` [samples]: how much later each input acts. Raises
     `InputError` if the record is too short for a model.
 
@@ -111,18 +137,22 @@ def impulse_response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    changes = impulse_response_changes(
+    changes, ended = impulse_response_changes(
         record, cycles_per_sample, direct=direct, delay=delay_samples
     )
-    return np.sqrt((np.abs(changes) ** 2).sum(axis=0))
+    found = np.sqrt((np.abs(changes) ** 2).sum(axis=0))
+    return found if ended else np.full(found.shape, np.inf)
 
 
 def impulse_response_changes(
     record: Experiments, frequency: ArrayLike, *, direct: bool = True, delay: Sequence[int] = ()
-) -> ComplexArray:
-    """Independent changes (Q, F, ny, nu) of the response, each of one standard deviation."""
+) -> tuple[ComplexArray, bool]:
+    """Independent changes (Q, F, ny, nu) of the response, each of one standard deviation.
+
+    And whether the responses have died out before their last tap; else the changes are too small.
+    """
     late = record.delayed(delay)
-    found = _posterior(late, direct)
+    found, ended = _posterior(late, direct)
     if found is None:
         raise InputError(
             f"{len(late)} samples are too few for impulse responses; take a longer record"
@@ -137,7 +167,7 @@ def impulse_response_changes(
     for o, root in enumerate(found.roots):
         each = root.reshape(nu, taps, -1)
         changes[:, :, o] = np.einsum("ft,utq->qfu", turn, each) * after * units[o]
-    return changes
+    return changes, ended
 
 
 def has_finite_response(model: InnovationsModel) -> bool:
@@ -145,46 +175,79 @@ def has_finite_response(model: InnovationsModel) -> bool:
     return bool(model.order) and not model.K.any() and not np.triu(model.A).any()
 
 
-def _posterior(late: Experiments, direct: bool) -> _Posterior | None:
-    """Impulse responses of delayed experiments; None if the record is too short."""
-    nu, ny = late.u.shape[1], late.y.shape[1]
-    scaling = Scaling.of(late)
-    taps = min(TAPS, len(late) // (ROWS_FOR_EACH * (nu + 1)))
-    if taps < 2:
+def _posterior(late: Experiments, direct: bool) -> tuple[_Posterior | None, bool]:
+    """Impulse responses of delayed experiments, as long as they must be to end, and if they do.
+
+    None if the record is too short.
+    """
+    nu = late.u.shape[1]
+    most = len(late) // (ROWS_FOR_EACH * (nu + 1))
+    taps, longest = min(TAPS, most), min(max(TAPS, MOST_TAPS // nu), most)
+    found = _posterior_of(late, direct, taps, None) if taps >= 2 else None
+    if found is None:
+        return None, False
+    while not (ended := found.ended(late, direct)) and taps < longest:
+        taps = min(2 * taps, longest)
+        longer = _posterior_of(late, direct, taps, found.kernels)
+        if longer is None:
+            break
+        found = longer
+    return found, ended
+
+
+def _posterior_of(
+    late: Experiments, direct: bool, taps: int, kernels: RealArray | None
+) -> _Posterior | None:
+    """Impulse responses of so many samples, and one more for a direct term.
+
+    The search for the kernels begins at ``kernels``. None if too many samples are missing.
+    """
+    nu, ny, count = late.u.shape[1], late.y.shape[1], taps + direct
+    scaling, rows = Scaling.of(late), 0
+
+    def blocks() -> Iterator[RealArray]:
+        nonlocal rows
+        for piece in late.pieces():
+            u, y = scaling.scaled(*piece)
+            if len(u) <= taps:
+                continue
+            past = sliding_window_view(u, taps + 1, axis=0)[:, :, ::-1][:, :, taps + 1 - count :]
+            for first in range(0, len(past), BLOCK):
+                lags, now = past[first : first + BLOCK], y[taps + first : taps + first + BLOCK]
+                each = lags.reshape(len(lags), -1)
+                block = np.hstack([np.ones((len(now), 1)), each, now])
+                known = np.isfinite(block).all(axis=1)
+                rows += int(known.sum())
+                yield block[known]
+
+    factor = triangle_of_blocks(blocks(), 1 + count * nu + ny)
+    if rows < ROWS_FOR_EACH * taps:
         return None
-    lagged = lagged_triangle((scaling.scaled(*piece) for piece in late.pieces()), taps, nu + ny)
-    if lagged.rows < ROWS_FOR_EACH * taps:
-        return None
-    r, m, last = lagged.factor, nu + ny, lagged.factor.shape[1]
-    places = [[1 + (lag - 1) * m + j for lag in range(1, taps + 1)] for j in range(nu)]
-    if direct:
-        places = [[last - m + j, *lags] for j, lags in enumerate(places)]
-    order = [0, *(place for lags in places for place in lags), *range(last - ny, last)]
-    factor = np.asarray(np.linalg.qr(r[:, order], mode="r"))
     inside = factor[1:, 1:]  # without means
-    count = len(places[0])
     R, targets = inside[: count * nu, : count * nu], inside[: count * nu, count * nu :]
     rest = inside[count * nu :, count * nu :]
-    free = max(lagged.rows - 1 - count * nu, 1)
-    response, roots = np.empty((ny, nu, count)), []
+    free = max(rows - 1 - count * nu, 1)
+    response, roots, found = np.empty((ny, nu, count)), [], []
     for o in range(ny):
         noise = float(rest[:, o] @ rest[:, o]) / free
         noise = max(noise, LEAST_NOISE)
-        mean, root = _regularised(R, targets[:, o], noise, nu, count)
+        start = None if kernels is None else kernels[o]
+        mean, root, kernel = _regularised(R, targets[:, o], noise, nu, count, start)
         response[o] = mean.reshape(nu, count)
         roots.append(root)
-    level = factor[0, order.index(last - ny) :] / factor[0, 0]
+        found.append(kernel)
+    level = factor[0, 1 + count * nu :] / factor[0, 0]
     means = factor[0, 1 : 1 + count * nu] / factor[0, 0]
     level = level - response.reshape(ny, -1) @ means
-    return _Posterior(response, level, roots, scaling)
+    return _Posterior(response, level, roots, np.array(found), scaling)
 
 
 def _regularised(
-    R: RealArray, target: RealArray, noise: float, nu: int, count: int
-) -> tuple[RealArray, RealArray]:
-    """Posterior mean (nu count,) of the taps, and a root of their covariance.
+    R: RealArray, target: RealArray, noise: float, nu: int, count: int, start: RealArray | None
+) -> tuple[RealArray, RealArray, RealArray]:
+    """Posterior mean (nu count,) of the taps, a root of their covariance, and the hyperparameters.
 
-    The hyperparameters maximise the marginal likelihood.
+    These maximise the marginal likelihood; the search begins at ``start`` if there is one.
     """
     later = np.maximum.outer(np.arange(count), np.arange(count))
 
@@ -207,14 +270,14 @@ def _regularised(
         return half + float(target @ cho_solve(factor, target))
 
     starts = [np.tile([0.0, np.log(d / (1 - d))], nu) for d in DECAYS]
-    start = min(starts, key=cost)
-    best = minimize(cost, start, method="Nelder-Mead", options={"maxiter": 120 * nu, "fatol": 0.1})
+    begin = min(starts, key=cost) if start is None else start
+    best = minimize(cost, begin, method="Nelder-Mead", options={"maxiter": 120 * nu, "fatol": 0.1})
     root = kernel_root(np.clip(best.x, -15, 15))
     rows = np.vstack([R @ root, np.sqrt(noise) * np.eye(root.shape[1])])
     Q, triangle = np.linalg.qr(rows)
     white = solve_triangular(triangle, Q[: len(R)].T @ target)
     spread = solve_triangular(triangle, root.T, trans="T").T  # root triangle^-1
-    return np.asarray(root @ white), np.sqrt(noise) * np.asarray(spread)
+    return np.asarray(root @ white), np.sqrt(noise) * np.asarray(spread), np.asarray(best.x)
 
 
 def _shift_register(response: RealArray, level: RealArray, direct: bool) -> InnovationsModel:

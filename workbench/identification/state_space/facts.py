@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.arrays import RealArray
 from workbench.identification.innovations.impulse_responses import (
     has_finite_response,
     impulse_response_changes,
@@ -29,6 +29,11 @@ cube.
 """
 LINEAR = "standard deviations take the plant as linear: they do not count its distortion"
 """What deviations assume; the report of the record says how large the distortion is."""
+ENDLESS = (
+    "its impulse responses have not died out where they end, so deviations are infinite; "
+    "take a longer record, larger steps of time, or another method"
+)
+"""What is said of impulse responses that are too short."""
 POLE_GIVEN = 1e-6
 """A model's pole within this distance of a known pole counts as that pole."""
 
@@ -101,17 +106,19 @@ def simulator_deviations(
     if model.members:
         return None
     if has_finite_response(model):
-        return of_magnitudes(_of_impulses(program, frequency), model.response(frequency))
+        return _of_impulses(program, frequency, model.response(frequency))
     if model.order > MOST_STATES_OF_DEVIATIONS:
         return None
     return magnitude_deviations(model, program.used, frequency, program.direct, program.known)
 
 
-def _of_impulses(program: RecordedQuestion, frequency: ArrayLike) -> ComplexArray:
-    """Changes (Q, F, ny, nu) of impulse responses by one standard deviation each."""
-    return impulse_response_changes(
+def _of_impulses(program: RecordedQuestion, frequency: ArrayLike, response: ArrayLike) -> RealArray:
+    """Deviations (F, ny, nu) of magnitudes of impulse responses; infinite if these do not end."""
+    changes, ended = impulse_response_changes(
         program.used, frequency, direct=program.direct, delay=program.delays_samples
     )
+    found = of_magnitudes(changes, np.asarray(response))
+    return found if ended else np.full(found.shape, np.inf)
 
 
 def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) -> list[str]:
@@ -120,13 +127,12 @@ def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) 
         return [f"{name}: no standard deviations of an average of models are computed"]
     if has_finite_response(model):
         gains = static_gain(model)
-        return [
-            _gain_told(program, name, gains, of_magnitudes(_of_impulses(program, [0.0]), gains)[0])
-        ]
+        deviations = _of_impulses(program, [0.0], gains)[0]
+        words = [_gain_told(program, name, gains, deviations)]
+        return words if np.isfinite(deviations).all() else [*words, f"{name}: {ENDLESS}"]
     if model.order > MOST_STATES_OF_DEVIATIONS:
         return [f"{name}: no standard deviations of {model.order} states are computed"]
-    found = model_deviations(model, program.used, program.direct, program.known)
-    words = []
+    found, words = model_deviations(model, program.used, program.direct, program.known), []
     if len(found.poles):
         slowest = int(np.argmax(np.abs(found.poles)))
         size, deviation = abs(found.poles[slowest]), found.pole_deviations[slowest]

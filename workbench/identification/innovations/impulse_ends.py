@@ -1,0 +1,53 @@
+"""Whether estimated impulse responses have died out where they end.
+
+What an input did longer ago acts as an error of the model, and later steps take it for a part of
+the plant. The last quarter of the samples tells whether it is small.
+
+Source: L. Ljung, System Identification, 2nd ed., 1999, sections 9.4 (the covariance of a response)
+and 6.4 (the spectrum of what a model leaves).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import freqz
+
+from workbench._core.arrays import RealArray
+from workbench.identification.innovations.autoregression import chosen_autoregression
+
+ENDED, SURE = 0.02, 3.0
+"""Largest response of the last quarter of the samples, relative to the whole response, of a
+response that has ended; and standard deviations beyond which noise does not explain a larger one.
+"""
+MOST_COLOUR = 4.0
+"""Largest factor of the noise's power at a frequency: beyond it, slow residuals rather come from a
+response that is cut off than from noise.
+"""
+FINE = 4096
+"""Frequencies over which the spectrum of the residuals is averaged."""
+
+
+def has_ended(response: RealArray, roots: Sequence[RealArray], residuals: RealArray) -> bool:
+    """Whether impulse responses (ny, nu, taps) have died out, as far as the record tells.
+
+    ``roots`` (nu taps, nu taps) are those of the covariance for each output, if the noise is white;
+    the residuals (N, ny) tell its spectrum.
+    """
+    ny, nu, taps = response.shape
+    last = np.arange(taps) >= taps - taps // 4
+    tail = np.abs(np.fft.rfft(response * last, axis=-1))
+    size = np.abs(np.fft.rfft(response, axis=-1)).max(axis=-1, keepdims=True)
+    tails = np.reshape(roots, (ny, nu, taps, -1)) * last[:, None]
+    colours = np.array([_colour(errors, taps) for errors in residuals.T])
+    power = (np.abs(np.fft.rfft(tails, axis=2)) ** 2).sum(axis=-1) * colours[:, None]
+    return not ((tail > ENDED * size) & (tail > SURE * np.sqrt(power))).any()
+
+
+def _colour(errors: RealArray, samples: int) -> RealArray:
+    """Spectrum of errors (N,) over that of white ones as large, at the lines of so many samples."""
+    whitening = np.concatenate([[1.0], -chosen_autoregression(errors)])
+    power = 1 / np.abs(np.fft.fft(whitening, FINE)) ** 2
+    lines = freqz([1.0], whitening, 2 * np.pi * np.arange(samples // 2 + 1) / samples)[1]
+    return np.minimum(np.abs(lines) ** 2 / power.mean(), MOST_COLOUR)
