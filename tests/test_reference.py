@@ -39,11 +39,14 @@ LOOPS = {entry.name for entry in wb.problems("strangers/*/loop")} | {"bench/regi
 BROUGHT = {"bench/compleib"}
 """These need data that a user brings."""
 
+TOO_LARGE = {"cd/radial/cover-front"}
+"""With its covers the stored results would pass 25 MB; focus is the same study."""
+
 
 def test_every_problem_has_a_reference_result():
     """The slow ones a small one, so that the gallery shows them."""
     named = {wb.open_run(folder).problem for folder in FOLDERS}
-    assert named >= {entry.name for entry in wb.problems()} - TIMES - LOOPS - BROUGHT
+    assert named >= {entry.name for entry in wb.problems()} - TIMES - LOOPS - BROUGHT - TOO_LARGE
 
 
 KEPT = {
