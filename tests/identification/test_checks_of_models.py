@@ -65,7 +65,7 @@ def test_poles_of_models_and_of_their_predictors(radius, predictor_radius, count
 def test_errors_of_a_predictor_decay(monkeypatch):
     """A is stable, and A - K C is not, or is."""
     program, one, none = fit(), np.ones((1, 1)), np.zeros((1, 1))
-    monkeypatch.setattr(StateSpaceFit, "_apart", lambda self, model, u, y: 0.0)
+    monkeypatch.setattr(StateSpaceFit, "_simulation_difference", lambda self, model, u, y: 0.0)
     for gain, holds in ((0.2, True), (-0.8, False)):
         C = np.array([[1.0], [0.0]])
         K = np.array([[gain, 0.0]])

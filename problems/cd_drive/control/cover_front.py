@@ -151,12 +151,13 @@ class CoverFrontOfAxis(Study):
         cost = _largest(over_narrowest)
         best = np.minimum.accumulate(cost[np.argsort(states.values, kind="stable")])
         left.step(np.sort(states.values), best, where="post", color="0.6", label="front")
-        left.axhline(best[-1] * (1 + CoverFront.near_best), color="0.4", linewidth=0.8)
+        near = f"{CoverFront.near_best:.0%} above the best"
+        left.axhline(best[-1] * (1 + CoverFront.near_best), color="0.4", linewidth=0.8, label=near)
         right.plot(states, peak.sel(bound="upper"), "o", label="fitted stadiums")
         right.plot(states, peak_of_sets, "+", label="narrowest sets alone")
-        size = "size over the narrowest sets'"
-        figures.label(left, x="states of G, W_c and W_r", y=size, title=self.axis, log="y")
-        figures.label(right, x="states of G, W_c and W_r", y="peak of $\\mu$, $w_p$ to $z_p$")
+        size = "size over that of the narrowest sets"
+        figures.label(left, x="states of $G$, $W_c$ and $W_r$", y=size, title=self.axis, log="y")
+        figures.label(right, x="states of $G$, $W_c$ and $W_r$", y="peak of $\\mu$, $w_p$ to $z_p$")
         left.legend(fontsize=7)
         right.legend(fontsize=7)
         return drawn
