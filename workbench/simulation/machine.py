@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from itertools import chain
-from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,6 @@ from workbench._core.machine_code.addresses import numbers_at, places_at, types
 from workbench._core.machine_code.calls import VECTOR, address_of, call3, call4
 from workbench.simulation.cascade import Turn
 from workbench.simulation.samples import convert_command, finish_step, half_step, measure, recall
-
-_COMPILING = Lock()
-"""Held while the loop is compiled: threads that need it at the same time wait for one of them."""
 
 
 def fast_loop(
@@ -40,9 +36,7 @@ def fast_loop(
 ) -> int:
     """As `workbench.simulation.plain.plain_loop`, compiled."""
     called = _turn_table(turns), address_of(sense, 4), address_of(read, 3)
-    with _COMPILING:
-        loop = _compiled_loop()
-    stop: int = loop(*called, ends, measured, row, *groups, signals, first, last)
+    stop: int = _compiled_loop()(*called, ends, measured, row, *groups, signals, first, last)
     return stop
 
 
@@ -70,7 +64,8 @@ def _place(array: RealArray | IntegerArray) -> tuple[int, int]:
 def _compiled_loop() -> Any:
     """The loop for the types of `fast_loop`, compiled at the first call.
 
-    Controllers are passed by their addresses: otherwise each would need its own compiled loop.
+    That call is the self-test of the road, for which other threads wait. Controllers are passed by
+    their addresses: otherwise each would need its own compiled loop.
     """
     matrix, cube = (types.Array(types.float64, n, "C") for n in (2, 3))
     counts, table = (types.Array(types.int64, n, "C") for n in (1, 2))
