@@ -48,7 +48,7 @@ TOLERANCES = {
     "workbench.mu.worst_case_gain": WORST,
     "workbench.mu.branch_and_bound": BRANCHED,
 }
-DATA_BY_PLACE = {"y", "controller", "structure", "W_r"}
+DATA_BY_PLACE = {"y", "controller", "structure", "W_r", "measurements", "controls"}
 """Data that a question may do without: a record holds its output, a loop its controller, a system
 its structure, and a set may be complex only. They stand behind the data before them."""
 DECORATORS = {

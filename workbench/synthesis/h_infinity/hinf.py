@@ -15,9 +15,9 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 def hinf(
     plant: Any,
-    *,
     measurements: int | None = None,
     controls: int | None = None,
+    *,
     gamma: float | None = None,
     order: int | None = None,
     family: Family | None = None,
@@ -36,7 +36,8 @@ def hinf(
         `GeneralisedPlant`, or a StateSpace or TransferFunction whose last outputs are the
         measurements and whose last inputs are the controls.
     measurements, controls
-        Numbers of measurements and controls, for a StateSpace or TransferFunction only.
+        Numbers of measurements and controls, for a StateSpace or TransferFunction only. They stand
+        in the order of python-control's ``hinfsyn(P, nmeas, ncon)``.
     gamma, order, family
         As in `HinfSynthesis`.
     method
