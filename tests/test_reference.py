@@ -1,12 +1,17 @@
 """The committed reference results: one of each problem, each verified from its arrays alone."""
 
+import json
 import re
 from pathlib import Path
 
+import h5py
 import pytest
 
 import workbench as wb
+from workbench.bench.problem import Problem
 from workbench.bench.verify import finished_folders
+from workbench.study import Study
+from workbench.study.declarations import ArrayDeclaration, Dim
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 FOLDERS = finished_folders(REFERENCE)
@@ -67,6 +72,39 @@ def test_reference_results_are_what_proves_them_and_small():
     sizes = {file: file.stat().st_size for folder in FOLDERS for file in folder.iterdir()}
     assert max(sizes.values()) < 1_000_000
     assert sum(sizes.values()) < 25_000_000
+
+
+NOT_ALWAYS = {"K_obs_printed", "P_common_open", "P_common_filter", "P_common_lower", "dwell_common"}
+"""Arrays that a study leaves out: no common Lyapunov function, no printed gain."""
+
+
+def declared_names(kind):
+    """Names of the dimensions and arrays that a study declares."""
+    found = set()
+    for base in reversed(kind.__mro__):
+        for name, one in vars(base).items():
+            if isinstance(one, ArrayDeclaration):
+                found.update(one.names)
+            elif isinstance(one, Dim):
+                found.add(name)
+    return found
+
+
+def test_stored_studies_hold_all_that_they_declare():
+    """A renamed declaration would leave old runs whole, and let every new one fail."""
+    kinds = {entry.name: Problem(entry).kind for entry in wb.problems()}
+    studies = {name: kind for name, kind in kinds.items() if kind and issubclass(kind, Study)}
+    missing, told = {}, 0
+    for folder in FOLDERS:
+        name = json.loads((folder / "run.json").read_text("utf-8"))["problem"]
+        if name in studies:
+            told += 1
+            with h5py.File(folder / "data.nc") as file:
+                stored = {array.removesuffix("_real") for array in file} | set(file)
+            lost = declared_names(studies[name]) - stored - NOT_ALWAYS
+            missing |= {name: lost} if lost else {}
+    assert missing == {}
+    assert told > 100
 
 
 FREQUENCIES = re.compile(

@@ -233,7 +233,7 @@ class FaultFilterStudy(Study):
         return front
 
     @array(dims=point, unit="m", meaning="no filter leaks less in all")
-    def least_total_error(self) -> list[float]:
+    def least_total(self) -> list[float]:
         demands = self.loops["full"].demands
         return [least_total_error(demands, error, BOUND_CORNER) for error in ERRORS]
 
