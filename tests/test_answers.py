@@ -163,7 +163,7 @@ ANSWERS = {
     ],
     "loop_margins, disk of channels with dead time": lambda: mu.loop_margins(
         TWO_LATE, tolerance=1e-2
-    ).together["inputs"],
+    ).multiloop["inputs"],
     "loop_margins of data": lambda: mu.loop_margins(measured_loop()),
     "loop_margins of every plant": lambda: mu.loop_margins(
         PARAMETRIC, LEAD, tolerance=0.1
@@ -332,7 +332,7 @@ def test_a_claim_that_is_too_good_fails(answer, name):
             better = dataclasses.replace(answer, **{field.name: factor * value})
             assert not better.holds  # nobody checks it
             checker, tolerance, optimal = answer._checked_by
-            better.checked_by(checker, gap_tolerance=tolerance, optimal=optimal)
+            better.with_checker(checker, gap_tolerance=tolerance, optimal=optimal)
             assert not better.holds, field.name
 
 
@@ -374,7 +374,7 @@ def test_a_failing_certificate_is_printed():
     missed = dataclasses.replace(
         margins, phases_deg=margins.phases_deg[:0], delays=margins.delays[:0]
     )
-    missed.checked_by(margins._checked_by[0])
+    missed.with_checker(margins._checked_by[0])
     assert not missed.holds and "missed" in repr(missed)
 
 

@@ -69,13 +69,16 @@ def test_the_number_in_a_figures_name_is_its_caption():
     for plain in ("bode", "figure-8", "figure-8-7-drives", "my-figure-8-7"):
         assert figures.numbers_in(plain) == []
     drawn, _ = figures.axes(1, 1)
-    assert figures.numbered(drawn).get_suptitle() == ""
-    assert figures.numbered(drawn, "8.7").get_suptitle() == "Figure 8.7"
-    assert figures.numbered(drawn, "8.7").get_suptitle() == "Figure 8.7"
+    assert figures.with_figure_numbers(drawn).get_suptitle() == ""
+    assert figures.with_figure_numbers(drawn, "8.7").get_suptitle() == "Figure 8.7"
+    assert figures.with_figure_numbers(drawn, "8.7").get_suptitle() == "Figure 8.7"
     titled, _ = figures.axes(1, 1)
     titled.suptitle("one record")
-    assert figures.numbered(titled, "8.7", "A.1").get_suptitle() == "Figures 8.7, A.1\none record"
-    assert figures.numbered(titled, "8.70").get_suptitle().startswith("Figure 8.70")
+    assert (
+        figures.with_figure_numbers(titled, "8.7", "A.1").get_suptitle()
+        == "Figures 8.7, A.1\none record"
+    )
+    assert figures.with_figure_numbers(titled, "8.70").get_suptitle().startswith("Figure 8.70")
 
 
 def test_a_legend_is_no_wider_than_its_figure():

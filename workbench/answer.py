@@ -48,7 +48,7 @@ class Answer:
     _checked_by: tuple[Checker, float, bool] | None = None
     """Its checker, the tolerance of the gap, and whether the answer is claimed to be optimal."""
 
-    def checked_by(
+    def with_checker(
         self,
         checker: Checker,
         *,
@@ -125,9 +125,9 @@ class Answer:
             _carried.reset(outermost)
 
     def __repr__(self) -> str:
-        return f"{self.said()}\n  {self._proof()}"
+        return f"{self.summary()}\n  {self._proof()}"
 
-    def said(self) -> str:
+    def summary(self) -> str:
         """The numbers of the answer as text, in one line or a few."""
         if hasattr(self, "lower"):
             numbers = f"from {_shown(self.lower)} to {_shown(self.upper)}"  # type: ignore[attr-defined]
@@ -306,4 +306,4 @@ def answer_of(
         raise SolverError(f"{method or program.default_method}: {claim}. {message}")
     optimal = program.claims_optimum(method) and claim is not Outcome.TIME_LIMIT
     tolerance = program.judging_tolerance(method, context.options.accuracy)
-    return answer.checked_by(program, gap_tolerance=tolerance, optimal=optimal)
+    return answer.with_checker(program, gap_tolerance=tolerance, optimal=optimal)

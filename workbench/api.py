@@ -252,7 +252,7 @@ def sweep(
     UnknownNameError, InputError
         No such problem or parameter; a value that does not fit; or a value that is given twice.
     """
-    from workbench.bench.sweeps import grid_of, run_sweep
+    from workbench.bench.run_sweep import grid_of, run_sweep
 
     options = Options(tolerance=tolerance, time_limit=time_limit, seed=seed)
     grid = grid_of(name, over, method, options, parameters, fresh=fresh)

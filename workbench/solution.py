@@ -55,7 +55,7 @@ class Solution:
         evidence = self.proof is not None and not isinstance(self.answer, Answer)
         # Raw evidence is for the certificate, not for readers.
         if self.answer is not None and not evidence:
-            said = self.answer.said() if isinstance(self.answer, Answer) else repr(self.answer)
+            said = self.answer.summary() if isinstance(self.answer, Answer) else repr(self.answer)
             lines += [f"  {line}" for line in _cut(said, LONGEST).splitlines()]
         if self.certificate is not None:
             failed = self.certificate.failures
@@ -309,7 +309,7 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
         return replace(said, answer=None, message=message, trace=traceback.format_exc())
     seconds = {**said.seconds, "check": time.perf_counter() - start}
     if isinstance(answer, Answer):
-        answer.checked_by(task, gap_tolerance=tolerance, optimal=optimal, certificate=certificate)
+        answer.with_checker(task, gap_tolerance=tolerance, optimal=optimal, certificate=certificate)
     return replace(said, answer=answer, certificate=certificate, seconds=seconds)
 
 

@@ -13,6 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from public_types import other_types
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "reference" / "types.md"
 HEAD = """# Types
@@ -27,7 +29,7 @@ system, a set of plants or a controller is.
 
 This page is made by `python docs/_tools/type_tables.py` from `docs/_tools/types.toml` and the
 docstrings. A test fails for a class that has one of these meanings by its name or by its fields,
-and no row here.
+and no row here. The last tables have all other public types.
 """
 COLUMNS = ("| type | where | why it differs | functions |", "| --- | --- | --- | --- |")
 QUESTIONS = {"Task", "Checker"}
@@ -111,7 +113,9 @@ def _faces() -> list[str]:
 
 def text() -> str:
     """The page."""
-    return "\n".join([HEAD, *(_section(meaning) for meaning in meanings())])
+    named_above = set().union(*map(named, meanings()))
+    sections = [_section(meaning) for meaning in meanings()]
+    return "\n".join([HEAD, *sections, other_types(named_above)])
 
 
 def _section(meaning: dict[str, Any]) -> str:

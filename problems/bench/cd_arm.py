@@ -74,7 +74,9 @@ class PeerComparison(Study):
             f"{ALGORITHMS[i]}, horizon {HORIZONS[j]}, order {orders[k]}" for (i, j, k), _ in chosen
         ]
         pairs = ((self.own.predictor, self.own.simulator), (chosen[0][1], chosen[1][1]))
-        held_out = [program.fits(*pair, program.rest.u, program.rest.y) for pair in pairs]
+        held_out = [
+            program.fits(*pair, program.judged_record.u, program.judged_record.y) for pair in pairs
+        ]
         return xr.Dataset(
             {
                 "validation_fit": (
@@ -122,7 +124,7 @@ class PeerComparison(Study):
         """
         for at in np.argsort(-means, axis=None, kind="stable"):
             place = tuple(int(i) for i in np.unravel_index(int(at), means.shape))
-            model = self._fitter(place)(self.program.used)
+            model = self._fitter(place)(self.program.estimation_record)
             if model is not None and np.isfinite(means[place]):
                 return place, model
         raise InputError("the package gave no stable model of the whole estimation part")
@@ -137,8 +139,8 @@ class PeerComparison(Study):
         The standard error comes from the means of blocks, which are longer than the errors are
         correlated.
         """
-        program, washout = self.program, self.program.washed
-        u, y = program.rest.u, program.rest.y
+        program, washout = self.program, self.program.washout_samples
+        u, y = program.judged_record.u, program.judged_record.y
         rows = []
         for use, *models in zip(USES, own, theirs, strict=True):
             ours, other = ((y - getattr(model, use)(u, y, washout))[washout:] for model in models)

@@ -238,7 +238,7 @@ def _radii_by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context
     size = np.maximum(first + stadium.half_length, 1e-3 * np.abs(stadium.center))
     weight = np.abs(stadium.center) / size**2
     nominal = fitted(ResponseFit(omega, stadium.center, ORDER, weight=weight, zeros=ZEROS))
-    away = cover.away(nominal, points)
+    away = cover.deviations_from(nominal, points)
     _, angles = scan.narrowest(away, 0.0, "second set")
     third = scan.at(away, np.where(np.abs(np.sin(angles)) > 0.5, 0.0, angles), "third set")
     sets = stadiums_about_nominal(away, angles)

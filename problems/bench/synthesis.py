@@ -145,7 +145,9 @@ class SynthesisSpeed(Study):
             found.append(Check(f"{group}, success", statement, lost, 0.0))
         if self.distillation:
             upper = math.inf
-            certified = MuSynthesis(distillation_column()).certified(restored_system(answer, "own"))
+            certified = MuSynthesis(distillation_column()).certified_peak(
+                restored_system(answer, "own")
+            )
             if certified is not None:
                 upper = certified.upper
             apart = float(answer["dk_apart"])
@@ -267,7 +269,7 @@ def _largest_mu(program: MuSynthesis, K: StateSpace | None) -> float:
     """Mu of the loop with a peer's controller, the largest at many frequencies."""
     assert K is not None
     loop = program.plant.close(K)
-    return float(upper_bound(response(loop, DENSE_OMEGA), program.closed).value.max())
+    return float(upper_bound(response(loop, DENSE_OMEGA), program.closed_structure).value.max())
 
 
 def _states(size: int) -> str:

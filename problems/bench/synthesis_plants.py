@@ -35,7 +35,7 @@ def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
 
 
 def drive_plants() -> dict[str, GeneralisedPlant]:
-    """The control problems of both axes after `regularised`, nominal and with parametric
+    """The control problems of both axes after `regularise`, nominal and with parametric
     uncertainty.
     """
     found = {}

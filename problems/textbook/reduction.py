@@ -125,7 +125,7 @@ class ReductionCurve(Study):
     def reached(self, controller: StateSpace | None) -> float | None:
         if controller is None:
             return None
-        found = MuSynthesis(self.plant).certified(controller)
+        found = MuSynthesis(self.plant).certified_peak(controller)
         return np.inf if found is None else found.upper
 
     order_full = metric(lambda order: order.max())

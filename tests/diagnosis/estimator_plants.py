@@ -4,7 +4,7 @@ import control
 import numpy as np
 
 from workbench.diagnosis import DisturbedPlant, Rotation
-from workbench.simulation import hold, sampled_model
+from workbench.simulation import held_input_matrices, sampled_model
 
 PERIOD = 1e-3
 """Sample time [s]."""
@@ -21,7 +21,7 @@ def disturbed(rotation=None, coloured=False, beside=False):
     """The model of the disturbed lens, with coloured noise and a motor beside it if asked for."""
     noise, motor = None, None
     if coloured:
-        phi, _ = hold([[0.0, 1.0], [-4e4, -280.0]], np.zeros((2, 1)), PERIOD)
+        phi, _ = held_input_matrices([[0.0, 1.0], [-4e4, -280.0]], np.zeros((2, 1)), PERIOD)
         noise = control.ss(phi, [[0.0], [3.0]], [[1.0, 0.0]], 0.0, PERIOD)
     if beside:
         motor = control.ss(0.9, 0.1, 2.0, 0.0, PERIOD)

@@ -209,7 +209,7 @@ KALMAN = KalmanEstimator(BELIEVED, Noise(0.1, 0.1, 0.1, 1.0))
     {
         "model": (lambda: Estimator(None, np.zeros(3)), "must be a DisturbedPlant"),
         "gain": (lambda: Estimator(BELIEVED, RAGGED), "gain is"),
-        "quality": (lambda: KALMAN.settled.poles(quality=2.0), "quality is 2"),
+        "quality": (lambda: KALMAN.steady_state.poles(quality=2.0), "quality is 2"),
         "no plant": (lambda: DisturbedPlant(None, Rotation(5.0)), "the plant must be a StateSp"),
         "tf": (
             lambda: DisturbedPlant(control.tf([1], [1, 0.5], 0.1), Rotation(5.0)),

@@ -109,7 +109,7 @@ def test_what_is_beside_follows_u_alone():
     y, u, _, _ = record(samples=300)
     estimator = designed(beside=True)
     found = estimate(estimator.controller, y, u, np.ones(300))
-    _, motor = control.forced_response(model.beside, inputs=u)
+    _, motor = control.forced_response(model.unmeasured, inputs=u)
     np.testing.assert_allclose(found.outputs[:, 2], motor, atol=1e-12)
 
 
@@ -222,9 +222,9 @@ def test_models_that_are_none():
         DisturbedPlant(plant, Rotation(5.0), colour=control.ss(0.5, 1.0, 1.0, 0.0, 2e-3))
     with pytest.raises(InputError, match="feedthrough"):
         DisturbedPlant(plant, Rotation(5.0), colour=control.ss(0.5, 1.0, 1.0, 1.0, PERIOD))
-    with pytest.raises(InputError, match="beside must be stable"):
+    with pytest.raises(InputError, match="unmeasured system must be stable"):
         DisturbedPlant(
-            plant, Rotation(5.0), colour=None, beside=control.ss(1.0, 1.0, 1.0, 0.0, PERIOD)
+            plant, Rotation(5.0), colour=None, unmeasured=control.ss(1.0, 1.0, 1.0, 0.0, PERIOD)
         )
     with pytest.raises(InputError, match="needs 2"):
         DisturbedPlant(plant[:, 0], Rotation(5.0))

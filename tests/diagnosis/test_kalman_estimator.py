@@ -27,7 +27,7 @@ def recursion(kalman, y, u, quality):
     """The textbook recursion with whole matrices: its outputs (N, z) and gains (N, seen)."""
     model, n = kalman.model, kalman.model.seen
     A, B, C, Z = model.A[:n, :n], model.B[:n], model.C[:n], model.Z[:, :n]
-    x, P, outputs, gains = np.zeros(n), kalman.stationary, [], []
+    x, P, outputs, gains = np.zeros(n), kalman.stationary_covariance, [], []
     for k in range(len(y)):
         M = np.zeros(n)
         if quality[k] > 0:
@@ -46,7 +46,7 @@ def simulated(kalman, samples, seed, quality):
     """A record made by the filter's own model, and the true state."""
     rng, model, n = np.random.default_rng(seed), kalman.model, kalman.model.seen
     root = np.linalg.cholesky(kalman.Q + 1e-18 * np.eye(n))
-    x = np.linalg.cholesky(kalman.stationary) @ rng.standard_normal(n)
+    x = np.linalg.cholesky(kalman.stationary_covariance) @ rng.standard_normal(n)
     y, states, u = np.zeros(samples), np.zeros((samples, n)), rng.standard_normal(samples)
     for k in range(samples):
         states[k] = x
@@ -79,7 +79,7 @@ def test_stationary_covariance_is_where_the_recursion_ends():
         M = P @ C / (C @ P @ C + NOISE.measurement**2)
         P = A @ (P - np.outer(M, C @ P)) @ A.T + kalman.Q
         P = (P + P.T) / 2
-    np.testing.assert_allclose(kalman.stationary, P, rtol=1e-5, atol=1e-7 * abs(P).max())
+    np.testing.assert_allclose(kalman.stationary_covariance, P, rtol=1e-5, atol=1e-7 * abs(P).max())
 
 
 def test_a_short_record_against_weighted_least_squares():
@@ -94,7 +94,7 @@ def test_a_short_record_against_weighted_least_squares():
     G = np.zeros((n, 3))
     G[:3, 0] = model.plant.B[:, 0] * NOISE.known
     G[3:5, 1:] = np.eye(2) * NOISE.disturbance
-    start = np.linalg.cholesky(kalman.stationary)
+    start = np.linalg.cholesky(kalman.stationary_covariance)
     state = np.zeros((n, n + 3 * samples))
     state[:, :n] = start
     mean, rows, right = np.zeros(n), [], []
@@ -122,9 +122,9 @@ def test_errors_have_the_size_that_it_states_and_a_defect_is_bridged():
     y, u, states = simulated(kalman, len(quality), 7, quality)
     best = estimate(kalman.controller, y, u, quality).outputs[:, 1]
     blind = estimate(kalman.controller, y, u, np.ones(len(y))).outputs[:, 1]
-    scaled = estimate(kalman.settled.controller, y, u, quality).outputs[:, 1]
+    scaled = estimate(kalman.steady_state.controller, y, u, quality).outputs[:, 1]
     truth = states @ model.Z[1, :n]
-    P, C = kalman.stationary, model.C[:n]
+    P, C = kalman.stationary_covariance, model.C[:n]
     after = P - np.outer(P @ C, C @ P) / (C @ P @ C + NOISE.measurement**2)
     good = np.flatnonzero(np.convolve(quality < 1, np.ones(400))[: len(quality)] == 0)
     stated = (model.Z[1, :n] @ after @ model.Z[1, :n]) ** 0.5
@@ -138,7 +138,7 @@ def test_it_rests_where_it_has_settled_and_wakes():
     y, u = np.random.default_rng(2).standard_normal((2, 3000))
     quality = np.ones(3000)
     quality[1000:1010] = 0.0
-    rested = estimate(kalman.settled.controller, y, u, np.ones(3000)).outputs
+    rested = estimate(kalman.steady_state.controller, y, u, np.ones(3000)).outputs
     found = estimate(kalman.controller, y, u, quality).outputs
     np.testing.assert_allclose(found[:1000], rested[:1000], rtol=1e-9, atol=1e-12)
     assert abs(found - rested)[1010:1020].max() > 1e-3

@@ -78,7 +78,7 @@ def test_a_step(start):
     facts = " ".join(solution.certificate.facts)
     assert "+-" in facts
     assert ("stepped from zero" in facts) == (start == 0)
-    run = model.free_run(u, y, program.washed)
+    run = model.free_run(u, y, program.washout_samples)
     assert np.abs(run - y).max() < 0.2
 
 

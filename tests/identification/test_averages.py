@@ -119,7 +119,7 @@ def _shifted(model):
 def test_an_average_errs_less_than_its_members_do_in_the_mean():
     program = StateSpaceFit(*noisy(3), orders=(1, 2, 3))
     answer = solve(program, method="averaged").answer
-    u, y = program.rest.u, program.rest.y
+    u, y = program.judged_record.u, program.judged_record.y
     for use, model in enumerate((answer.predictor, answer.simulator)):
         own = program.fits(answer.predictor, answer.simulator, u, y)[use]
         theirs = [program.fits(m, m, u, y)[use] for m in model.members]
@@ -136,7 +136,7 @@ def test_a_member_that_fails_on_the_whole_part_is_left_out(monkeypatch):
     def spoilt(program, apart=False):
         def fitted(record, lags):
             model = original(program, apart)(lags)(record)
-            whole = record is program.used
+            whole = record is program.estimation_record
             return replace(model, y_offset=model.y_offset + 1e6) if whole else model
 
         return lambda lags: lambda record: fitted(record, lags)

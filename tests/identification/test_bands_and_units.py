@@ -54,7 +54,7 @@ def test_a_band_holds_the_true_magnitude_as_often_as_it_says():
     for seed in range(60):
         program = StateSpaceFit(*recorded(seed), orders=[2], estimation=300)
         model = wb.solve(program, method="output-error").answer.simulator
-        spread = magnitude_deviations(model, program.used, AT)[:, 0, 0]
+        spread = magnitude_deviations(model, program.estimation_record, AT)[:, 0, 0]
         held.append(np.abs(np.abs(model.response(AT)[:, 0, 0]) - exact) < 1.96 * spread)
     assert 0.88 < np.mean(held) < 0.99
 

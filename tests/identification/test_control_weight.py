@@ -71,7 +71,7 @@ def test_orders_of_one_kind_are_chosen_for_the_bandwidth_too():
     np.testing.assert_allclose(
         answer.scores[1, 1],
         np.mean([
-            control_fit(_fitted(program, used), left, program.washed, 0.19)
+            control_fit(_fitted(program, used), left, program.washout_samples, 0.19)
             for used, left in program.folds
         ], axis=0),
     )  # fmt: skip

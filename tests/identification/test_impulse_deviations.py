@@ -68,7 +68,7 @@ def test_a_fit_tells_them():
     answer = wb.solve(program, method="impulse-response").answer
     found = program.deviations(answer, AT)[:, 0, 0]
     assert (found > 0).all()
-    assert (found <= impulse_response_deviations(program.used, AT)[:, 0, 0]).all()
+    assert (found <= impulse_response_deviations(program.estimation_record, AT)[:, 0, 0]).all()
     gain, deviation = np.sum(B) / np.sum(A), found[0]
     told = next(fact for fact in program.facts(answer) if fact.startswith("simulator: static"))
     assert abs(float(told.split()[7]) - gain) < 4 * deviation

@@ -162,7 +162,9 @@ def test_what_is_given_has_no_deviation():
     u, y = record("both")
     program = StateSpaceFit(u, y, orders=(2,), **PLANTS["both"][2])
     solution = solve(program)
-    found = model_deviations(solution.answer.predictor, program.used, True, program.known)
+    found = model_deviations(
+        solution.answer.predictor, program.estimation_record, True, program.known
+    )
     given = np.argmin(np.abs(found.poles - 0.95))
     assert found.pole_deviations[given] < 1e-6
     assert found.pole_deviations[1 - given] > 1e-4
@@ -342,7 +344,7 @@ def test_regressions_of_inputs_find_a_plant_again_and_meet_constraints():
 
 def test_units_of_what_is_known():
     program = StateSpaceFit(*record("slow"), static_gain=10.0)
-    scaling = Scaling.of(program.used)
+    scaling = Scaling.of(program.estimation_record)
     unit = program.known.in_units(scaling.u_spread, scaling.y_spread)
     assert unit.gain[0, 0] == pytest.approx(10 * scaling.u_spread[0] / scaling.y_spread[0])
 

@@ -73,7 +73,7 @@ def test_a_long_record_whose_input_moves_late_is_refined_and_divided_as_a_whole(
     y[:, 0] = lfilter([0, 0.5, 0.3], [1, -1.5, 0.7], u[:, 0])
     y += 0.1 * np.random.default_rng(1).standard_normal(y.shape)
     program = StateSpaceFit(u, y, orders=(2,))
-    assert sum(map(len, program.folds[0])) == len(program.used)
+    assert sum(map(len, program.folds[0])) == len(program.estimation_record)
     solution = solve(program)
     assert solution.certificate.holds
     assert_poles(solution.answer, 0.02)

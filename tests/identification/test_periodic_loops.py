@@ -87,8 +87,8 @@ def test_orders_are_not_chosen_for_minus_one_over_the_controller():
     wrong = arx(Experiments(program.record.u, program.record.y), 6, direct=True)
     size = np.abs(1 / C(np.exp(2j * np.pi * at), squeeze=False)[0, 0])
     assert np.median(np.abs(wrong.response(at)[:, 0, 0]) / size) == pytest.approx(1.0, abs=0.5)
-    fits = program.fits_to_choose_by(right, program.rest)[1]
-    assert fits > 60 > program.fits_to_choose_by(wrong, program.rest)[1]
+    fits = program.fits_to_choose_by(right, program.judged_record)[1]
+    assert fits > 60 > program.fits_to_choose_by(wrong, program.judged_record)[1]
 
 
 def test_a_steady_response_is_that_of_lines():
@@ -107,7 +107,7 @@ def test_a_wrong_period_is_refused():
         fit(0.0, period_samples=0.5)
     with pytest.raises(InputError, match="holds no period"):
         program = fit(0.0)
-        program.explained(program.record.part(0, PERIOD - 1))
+        program.explained_part(program.record.part(0, PERIOD - 1))
 
 
 @pytest.mark.cases(0)

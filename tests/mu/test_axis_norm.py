@@ -100,7 +100,7 @@ def test_a_pole_on_the_boundary_makes_it_infinite(system):
     found = linf_norm(system)
     assert found.lower == found.upper == math.inf and found.holds
     checker = found._checked_by[0]
-    assert not replace(found, lower=1.0, upper=2.0).checked_by(checker).holds
+    assert not replace(found, lower=1.0, upper=2.0).with_checker(checker).holds
 
 
 def test_of_a_stable_system_it_is_the_h_infinity_norm():
@@ -115,7 +115,7 @@ def test_a_claim_that_is_too_good_fails(name):
     found = linf_norm(control.tf([1.0, 3.0], [1.0, -2.0, 5.0]))
     better = replace(found, **{name: getattr(found, name) * (1.01 if name == "lower" else 0.99)})
     checker = found._checked_by[0]
-    assert not better.checked_by(checker).holds
+    assert not better.with_checker(checker).holds
     assert not any(check.holds for check in checker.second_opinion(better))
 
 

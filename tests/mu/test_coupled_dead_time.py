@@ -97,8 +97,8 @@ def test_the_margins_are_those_of_a_pade_approximation_of_high_order():
     for name, one in exact.classical.items():
         assert one.gain[1] == pytest.approx(other.classical[name].gain[1], rel=1e-6)
         assert one.phase_deg == pytest.approx(other.classical[name].phase_deg, rel=1e-6)
-    for name, disk in {**exact.disks, **exact.together}.items():
-        padded = {**other.disks, **other.together}[name]
+    for name, disk in {**exact.disks, **exact.multiloop}.items():
+        padded = {**other.disks, **other.multiloop}[name]
         assert disk.lower <= padded.upper * (1 + 1e-6) and padded.lower <= disk.upper * (1 + 1e-6)
         assert disk.lower >= disk.upper * (1 - 3e-3)
     assert exact.holds, exact.certificate.failures
@@ -164,7 +164,7 @@ def test_a_direct_gain_below_1_is_borne():
     assert one.modulus == pytest.approx(0.5, rel=1e-3)
     assert found.disks["input 1"].lower == pytest.approx(2 / 3, rel=1e-3)
     with pytest.raises(InputError, match="does not fall to 0 at infinite"):
-        _ = found.together
+        _ = found.multiloop
     assert found.holds, found.certificate.failures
 
 
@@ -187,7 +187,7 @@ def test_every_plant_of_a_set_of_two_channels():
     assert found.stable
     disk, truth = found.disks["input 1"], min(one.disks["input 1"].lower for one in ends)
     assert 0.8 * truth < disk.lower <= truth * (1 + 1e-3)
-    assert found.nominal["input 1"].lower > disk.lower
+    assert found.nominal_disks["input 1"].lower > disk.lower
 
 
 @pytest.mark.cases(0)
@@ -195,7 +195,7 @@ def test_every_plant_of_a_set_of_two_channels():
 def test_disks_of_a_weak_loop_are_near_the_largest(gain):
     """Where L is 0 a disk is 2; factors of both channels then break the loop at once, nearly."""
     plant = append(tf([1], [1, 1]) * late(0.3), tf([1], [1, 2]) * late(0.5, "b"))
-    disk = loop_margins(plant, gain * np.array([[1.0, 0.5], [0.2, 1.0]])).together["inputs"]
+    disk = loop_margins(plant, gain * np.array([[1.0, 0.5], [0.2, 1.0]])).multiloop["inputs"]
     assert 2.0 * (1 - gain) <= disk.lower <= disk.upper <= 2.0
     assert disk.holds, disk.certificate.failures
 
@@ -211,19 +211,19 @@ def test_a_claim_that_is_too_good_fails(pair, field):
     found = pair.classical["input 2"]
     value = getattr(found, field)
     wrong = (not value) if field == "stable" else value * 1.001
-    claimed = replace(found, **{field: wrong}).checked_by(found._checked_by[0])
+    claimed = replace(found, **{field: wrong}).with_checker(found._checked_by[0])
     assert not claimed.holds
 
 
 def test_a_crossing_that_is_left_out_is_missed(pair):
     found = pair.classical["input 2"]
     claimed = replace(found, phases_deg=found.phases_deg[:0], delays=found.delays[:0])
-    assert not claimed.checked_by(found._checked_by[0]).holds
+    assert not claimed.with_checker(found._checked_by[0]).holds
 
 
 def test_a_nearest_gain_that_is_left_out_is_found_by_encirclements(pair):
     found = pair.classical["input 2"]
-    claimed = replace(found, gains=found.gains[1:]).checked_by(found._checked_by[0])
+    claimed = replace(found, gains=found.gains[1:]).with_checker(found._checked_by[0])
     assert "encirclements" in " ".join(claimed.certificate.failures)
 
 
@@ -231,15 +231,15 @@ def test_a_nearest_gain_that_is_left_out_is_found_by_encirclements(pair):
 @pytest.mark.parametrize("name", ["input 1", "inputs", "all"])
 @pytest.mark.parametrize("field", ["lower", "upper"])
 def test_a_disk_that_is_too_good_fails(pair, name, field):
-    disk = {**pair.disks, **pair.together}[name]
+    disk = {**pair.disks, **pair.multiloop}[name]
     factor = 1.01 if field == "lower" else 0.99
     wrong = replace(disk, **{field: factor * getattr(disk, field)})
-    assert not wrong.checked_by(disk._checked_by[0]).holds
+    assert not wrong.with_checker(disk._checked_by[0]).holds
 
 
 @pytest.mark.parametrize("name", ["input 2", "inputs", "all"])
 def test_the_worst_factors_put_a_pole_on_the_axis(pair, name):
-    disk = {**pair.disks, **pair.together}[name]
+    disk = {**pair.disks, **pair.multiloop}[name]
     s = 1j * disk.omega
     f = {n: complex(disk.worst[n](s)) if n in disk.worst else 1.0 for n in pair.classical}
     g = np.diag([np.exp(-0.3 * s) / (s + 1), 2 * np.exp(-0.5 * s) / (s + 2)])

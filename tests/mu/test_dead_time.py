@@ -189,8 +189,8 @@ def test_disks_are_those_of_the_dead_time_itself(case):
     (disk, *_) = found.disks.values()
     assert alone.min() * (1 - 2e-3) < disk.lower <= alone.min() * (1 + 1e-6)
     assert disk.lower <= disk.upper <= disk.lower * (1 + 2e-3)
-    if found.together:
-        every = found.together["all"]
+    if found.multiloop:
+        every = found.multiloop["all"]
         assert pair.min() * (1 - 2e-3) < every.lower <= pair.min() * (1 + 1e-6)
     assert found.holds, found.certificate.failures
 
@@ -208,19 +208,19 @@ def test_disks_do_not_depend_on_the_unit_of_time(unit):
 
 @pytest.mark.parametrize("field", ["lower", "upper"])
 def test_a_disk_with_dead_time_that_is_too_good_fails(field):
-    disk = loop_margins(tf([5], [1, 1]) * late(0.3)).first
+    disk = loop_margins(tf([5], [1, 1]) * late(0.3)).least_disk
     factor = 1.002 if field == "lower" else 0.998
     proof = {"lower": "upper", "upper": "lower"}[field]
     wrong = replace(disk, **{field: factor * getattr(disk, field)})
-    assert not wrong.checked_by(disk._checked_by[0]).holds
+    assert not wrong.with_checker(disk._checked_by[0]).holds
     spoilt = replace(disk.proof, **{proof: getattr(disk.proof, proof) / factor})
-    assert not spoilt.checked_by(disk.proof._checked_by[0]).holds
+    assert not spoilt.with_checker(disk.proof._checked_by[0]).holds
 
 
 def test_other_worst_factors_do_not_break_the_loop():
-    disk = loop_margins(tf([5], [1, 1]) * late(0.3)).first
+    disk = loop_margins(tf([5], [1, 1]) * late(0.3)).least_disk
     (name, factor), *_ = disk.worst.items()
-    wrong = replace(disk, worst={name: 1.001 * factor}).checked_by(disk._checked_by[0])
+    wrong = replace(disk, worst={name: 1.001 * factor}).with_checker(disk._checked_by[0])
     assert not wrong.holds
 
 
@@ -235,12 +235,12 @@ def test_dead_time_that_turns_far_has_an_approximation_of_higher_order_in_sets()
     found = loop_margins(k * resonant(2 * math.pi))
     omega = np.linspace(0.5, 2, 200_001)
     truth = 1 / np.abs(1 / (1 + resonant(2 * math.pi).response(omega)[:, 0, 0]) - 0.5).max()
-    assert 0.8 * truth < found.first.lower <= truth
+    assert 0.8 * truth < found.least_disk.lower <= truth
 
 
 def test_dead_time_that_turns_too_far_for_disks_of_a_set_is_refused_by_name():
     found = loop_margins(real("k", 1, percent=1) * resonant(20 * math.pi))
-    assert found.stable and found.nominal["loop"].lower > 0.1
+    assert found.stable and found.nominal_disks["loop"].lower > 0.1
     with pytest.raises(InputError, match=r"tau turns the loop by .* rad"):
         _ = found.disks
     assert "no disk margins: the dead time tau turns" in repr(found)
@@ -258,7 +258,7 @@ def test_disks_of_a_set_hold_with_dead_time():
     plant = tf([real("k", 2, percent=20)], [3, 1]) * late(0.5)
     found = loop_margins(plant, control.tf([1, 0.5], [1, 0]))
     nominal = loop_margins(tf([2], [3, 1]) * late(0.5), control.tf([1, 0.5], [1, 0]))
-    assert found.first.lower < nominal.first.lower
+    assert found.least_disk.lower < nominal.least_disk.lower
     assert found.classical["input"].phase_deg == pytest.approx(nominal.classical["input"].phase_deg)
 
 
@@ -282,19 +282,19 @@ def test_a_claim_that_is_too_good_fails(field):
     found = classical_margins(tf([5], [1, 1]) * late(0.3))
     value = getattr(found, field)
     wrong = (not value) if field == "stable" else value * 1.001
-    claimed = replace(found, **{field: wrong}).checked_by(found._checked_by[0])
+    claimed = replace(found, **{field: wrong}).with_checker(found._checked_by[0])
     assert not claimed.holds
 
 
 def test_a_crossing_that_is_left_out_is_missed():
     found = classical_margins(tf([5], [1, 1]) * late(0.3))
     claimed = replace(found, phases_deg=found.phases_deg[:0], delays=found.delays[:0])
-    assert not claimed.checked_by(found._checked_by[0]).holds
+    assert not claimed.with_checker(found._checked_by[0]).holds
 
 
 def test_a_nearest_gain_that_is_left_out_is_found_by_encirclements():
     found = classical_margins(tf([5], [1, 1]) * late(0.3))
-    claimed = replace(found, gains=found.gains[1:]).checked_by(found._checked_by[0])
+    claimed = replace(found, gains=found.gains[1:]).with_checker(found._checked_by[0])
     assert "encirclements" in " ".join(claimed.certificate.failures)
 
 

@@ -128,7 +128,7 @@ def test_a_claim_that_is_too_good_fails(place):
     margin = robust_stability(feedback(tf([5], [1, 1]) * delay("tau", 0, 10), 1))
     claimed = list(margin.delays["tau"])
     claimed[place] *= 1.0001 if place == 0 else 0.9999
-    wrong = replace(margin, delays={"tau": tuple(claimed)}).checked_by(margin._checked_by[0])
+    wrong = replace(margin, delays={"tau": tuple(claimed)}).with_checker(margin._checked_by[0])
     assert not wrong.holds
 
 

@@ -119,7 +119,7 @@ def test_gain_and_phase_of_a_disk(alpha, skew):
 def test_disks_as_python_control(skew):
     omega = np.geomspace(1e-2, 1e2, 20_001)
     peer = control.disk_margins(DOCUMENTED, omega, skew=skew)[0]
-    found = loop_margins(DOCUMENTED, skew=skew).first
+    found = loop_margins(DOCUMENTED, skew=skew).least_disk
     assert found.lower <= peer * (1 + 1e-6) and found.upper == pytest.approx(peer, rel=2e-4)
 
 
@@ -134,11 +134,11 @@ def test_single_loops_hide_what_all_at_once_show():
     P, K = satellite()
     found = loop_margins(P, K)
     peer = control.disk_margins(P * K, np.geomspace(1e-3, 1e3, 4001))[0]
-    assert found.together["outputs"].upper == pytest.approx(peer, rel=1e-3)
+    assert found.multiloop["outputs"].upper == pytest.approx(peer, rel=1e-3)
     assert all(one.lower > 1.99 for one in found.disks.values())
-    assert found.first is found.together["all"] and found.first.upper < 0.23
+    assert found.least_disk is found.multiloop["all"] and found.least_disk.upper < 0.23
     assert "breaks first" in repr(found)
-    assert set(found.together) == {"inputs", "outputs", "all"}
+    assert set(found.multiloop) == {"inputs", "outputs", "all"}
     assert len(found.plot().axes) == 2
 
 
@@ -164,7 +164,7 @@ def test_the_worst_factors_put_a_pole_on_the_axis(seed, dt):
     found = loop_margins(P, K)
     if not found.stable:
         pytest.skip("unstable by chance")
-    for one in found.together.values():
+    for one in found.multiloop.values():
         assert 0 < one.lower <= one.upper <= one.lower * 1.001
         if one.worst is None or not 0 < one.omega < (3.1 / dt if dt else 1e6):
             continue
@@ -185,7 +185,7 @@ def test_the_margin_of_a_set_is_attained_and_no_member_has_less():
     found = loop_margins(G, CONTROLLER)
     disk = found.disks["input"]
     assert disk.lower <= disk.upper <= 1.001 * disk.lower
-    assert found.nominal["input"].lower > disk.upper
+    assert found.nominal_disks["input"].lower > disk.upper
     P = G.at(**disk.plant)
     poles = control.feedback(P * disk.worst["input"] * CONTROLLER, 1).poles()
     assert np.abs(poles - 1j * disk.omega).min() < 1e-6 * disk.omega
@@ -205,7 +205,7 @@ def test_the_worst_case_disks_as_documented():
     first = found.disks["output 1"]
     assert 0.6147 <= first.lower <= first.upper <= 0.6160
     assert first.phase_deg == pytest.approx(34.1696, abs=0.1)
-    assert found.together["outputs"].upper < first.lower
+    assert found.multiloop["outputs"].upper < first.lower
 
 
 def test_a_real_parameter_at_the_worst_end():
@@ -238,7 +238,7 @@ def test_the_skewed_peak_of_a_full_block_is_the_worst_case_gain():
 def test_nothing_is_proven_where_the_set_itself_is_unstable():
     k = real("k", 1, plus_minus=2)
     found = loop_margins(tf([1], [1, 2, k]), 0.5)
-    assert found.first.lower == 0.0
+    assert found.least_disk.lower == 0.0
     assert "Full" not in repr(found)
     assert Structure([Full(1, 1), Real(1), Complex(1)])
 

@@ -132,7 +132,7 @@ def test_a_claim_that_is_too_good_fails(kind, field):
     found = robust_stability(lag(0.3) if kind == "dynamics" else parametric, tolerance=1e-2)
     factor = 1.02 if field == "lower" else 0.98
     wrong = replace(found, **{field: factor * getattr(found, field)})
-    assert not wrong.checked_by(found._checked_by[0]).holds
+    assert not wrong.with_checker(found._checked_by[0]).holds
 
 
 def test_bounds_that_cross_are_a_contradiction(monkeypatch):

@@ -37,7 +37,7 @@ def test_a_claim_beyond_the_proof_fails():
     found = robust_stability(random_system(2), tolerance=0.05)
     assert found.holds
     too_much = replace(found, lower=1.001 * found.upper, upper=1.002 * found.upper)
-    assert not too_much.checked_by(found._checked_by[0]).holds
+    assert not too_much.with_checker(found._checked_by[0]).holds
 
 
 @pytest.mark.cases(0)
@@ -111,7 +111,7 @@ def test_moves_lead_to_the_worst_corner():
 def test_elements_without_effect_are_dropped_and_named():
     k = real("k", 1, plus_minus=1)
     found = robust_stability(feedback(tf([1], [1, 1]) * (k - k), 1))
-    assert found.lower == found.upper == math.inf and found.idle == ("k",) and found.holds
+    assert found.lower == found.upper == math.inf and found.idle_elements == ("k",) and found.holds
     assert "without effect on stability: k" in repr(found)
 
 
@@ -123,7 +123,7 @@ def test_elements_in_no_loop_are_dropped():
     alone = robust_stability(loop)
     given = loop * (before * (1 + 0.5 * dynamics("d", 1, 1)))
     found = robust_stability(given)
-    assert set(found.idle) == {"before", "d"}
+    assert set(found.idle_elements) == {"before", "d"}
     assert found.lower == pytest.approx(alone.lower, rel=1e-3)
     assert found.holds, found.certificate.failures
 

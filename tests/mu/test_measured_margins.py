@@ -103,7 +103,7 @@ def test_several_plants_are_told_by_name():
 
 def test_data_have_no_disks():
     found = loop_margins(control.frd(EXACT, OMEGA))
-    for ask in (lambda: found.disks, lambda: found.first, lambda: found.loops):
+    for ask in (lambda: found.disks, lambda: found.least_disk, lambda: found.loops):
         with pytest.raises(InputError, match="measured responses say nothing between"):
             ask()
     assert found.every_plant == {} and found.plot()
@@ -165,7 +165,7 @@ def test_what_has_no_margins_is_refused(data, controller, words):
 def test_margins_that_the_data_do_not_have_fail(field):
     found = loop_margins(estimate(0)).classical["loop"]
     wrong = replace(found, **{field: getattr(found, field) * 1.01})
-    assert not wrong.checked_by(found._checked_by[0]).holds
+    assert not wrong.with_checker(found._checked_by[0]).holds
 
 
 def test_a_second_opinion_alone_notices_what_is_missing_or_too_narrow():

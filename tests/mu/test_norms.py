@@ -69,9 +69,9 @@ def test_a_claim_that_is_too_good_fails(norm, name):
 
     found = norm(SPRING)
     better = replace(found, **{name: getattr(found, name) * (1.01 if name == "lower" else 0.99)})
-    assert not better.checked_by(found._checked_by[0]).holds
+    assert not better.with_checker(found._checked_by[0]).holds
     unstable = norm(control.tf([1.0], [1.0, -1.0]))
-    assert not replace(unstable, lower=1.0, upper=2.0).checked_by(unstable._checked_by[0]).holds
+    assert not replace(unstable, lower=1.0, upper=2.0).with_checker(unstable._checked_by[0]).holds
 
 
 def test_what_has_no_norm_is_named():

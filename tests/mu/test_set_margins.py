@@ -114,7 +114,11 @@ def test_wrong_loops_are_refused():
     k = real("k", 10, percent=20)
     unstable = loop_margins(tf([18], [1, 1.8, k]), -5.0)
     assert unstable.stable is False
-    for ask in (lambda: unstable.every_plant, lambda: unstable.phase_deg, lambda: unstable.first):
+    for ask in (
+        lambda: unstable.every_plant,
+        lambda: unstable.phase_deg,
+        lambda: unstable.least_disk,
+    ):
         with pytest.raises(InputError, match="unstable at the nominal"):
             ask()
     with pytest.raises(InputError, match="parts is 0"):

@@ -217,7 +217,7 @@ MUTANTS = [
     *(
         Mutant(
             f"peak of a filter times {factor}",
-            "diagnosis.estimation.program:FaultEstimation.certified",
+            "diagnosis.estimation.program:FaultEstimation.certified_peak",
             field("upper", factor),
             FILTER,
         )

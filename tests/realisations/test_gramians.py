@@ -163,15 +163,15 @@ def test_wrong_claims_fail():
     checker = found._checked_by[0]
     for name in ("controllability", "observability"):
         moved = dataclasses.replace(found, **{name: getattr(found, name) * (1 + 1e-14)})
-        assert not moved.checked_by(checker).holds
+        assert not moved.with_checker(checker).holds
         error = f"{name}_error"
         sharp = dataclasses.replace(found, **{error: getattr(found, error) * 1e-3})
-        assert not sharp.checked_by(checker).holds
+        assert not sharp.with_checker(checker).holds
     values = hankel_values(SYSTEMS["two inputs"])
     checker = values._checked_by[0]
     for name, factor in (("lower", 1 + 1e-7), ("upper", 1 - 1e-7)):
         better = dataclasses.replace(values, **{name: getattr(values, name) * factor})
-        assert not better.checked_by(checker).holds
+        assert not better.with_checker(checker).holds
     assert math.isfinite(values.upper[0])
 
 

@@ -124,5 +124,5 @@ def test_wrong_claims_fail():
         "antistable": control.ss(-parts.antistable.A, parts.antistable.B, parts.antistable.C, 0.0),
     }
     for name, value in spoilt.items():
-        wrong = dataclasses.replace(parts, **{name: value}).checked_by(checker)
+        wrong = dataclasses.replace(parts, **{name: value}).with_checker(checker)
         assert not wrong.holds, name

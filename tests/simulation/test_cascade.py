@@ -67,8 +67,8 @@ def run(controller, samples=300):
     return loop().run(controller, np.zeros((samples, 1)), reference, np.zeros((samples, 1)))
 
 
-def law(name="K", given="e", tells="u"):
-    return Part(name, linear_controller(LAW, PERIOD), [given], tells=[tells])
+def law(name="K", given="e", outputs="u"):
+    return Part(name, linear_controller(LAW, PERIOD), [given], outputs=[outputs])
 
 
 @pytest.mark.cases(0)
@@ -76,7 +76,7 @@ def test_a_controller_in_two_parts_is_the_controller():
     first, second = control.tf([1.0], [1.0, 400.0]), control.tf([900.0, 9000.0], [1.0, 50.0])
     parts = [
         Part("first", linear_controller(first, PERIOD), ["e"]),
-        Part("second", linear_controller(second, PERIOD), ["first"], tells=["u"]),
+        Part("second", linear_controller(second, PERIOD), ["first"], outputs=["u"]),
     ]
     found = run(Cascade(["e"], parts))
     whole = linear_controller(
@@ -132,26 +132,26 @@ def test_a_part_that_fails_is_named_with_its_time(plain):
 
 def test_refusals():
     with pytest.raises(InputError, match="two parts are called K"):
-        Cascade(["e"], [law(), law(tells="v")])
+        Cascade(["e"], [law(), law(outputs="v")])
     with pytest.raises(InputError, match="two signals are called e"):
-        Cascade(["e"], [law(tells="e")])
-    with pytest.raises(InputError, match="'K' is given f, which nothing in front"):
+        Cascade(["e"], [law(outputs="e")])
+    with pytest.raises(InputError, match="'K' reads f, which no part before it"):
         Cascade(["e"], [law(given="f")])
     with pytest.raises(InputError, match="without parts"):
         Cascade(["e"], [])
-    with pytest.raises(InputError, match="gives 1 outputs"):
-        Part("K", linear_controller(LAW, PERIOD), ["e"], tells=["u", "v"])
+    with pytest.raises(InputError, match="its controller gives 1"):
+        Part("K", linear_controller(LAW, PERIOD), ["e"], outputs=["u", "v"])
     with pytest.raises(InputError, match=r"dt = 0\.002 s, the loop dt = 0\.001 s"):
-        run(Cascade(["e"], [Part("K", linear_controller(LAW, 2e-3), ["e"], tells=["u"])]))
+        run(Cascade(["e"], [Part("K", linear_controller(LAW, 2e-3), ["e"], outputs=["u"])]))
     with pytest.raises(InputError, match="a cascade of 2 measurements"):
         run(Cascade(["e", "f"], [law()]))
     one = Cascade(["e"], [law()])
     for times in ((0.1,), (0.0, 0.2, 0.1), (0.0, 0.3), ()):
         with pytest.raises(InputError, match="stages start at"):
             run([(time, one) for time in times])
-    other = Cascade(["e"], [Part("K", blender(), ["e", "e"], tells=["u"])])
+    other = Cascade(["e"], [Part("K", blender(), ["e", "e"], outputs=["u"])])
     with pytest.raises(InputError, match="takes over 0 states"):
         run([(0.0, one), (0.1, other)])
     assert np.isfinite(
-        run(Cascade(["e"], [Part("K", adder(), ["e", "e"], tells=["u"])])).command
+        run(Cascade(["e"], [Part("K", adder(), ["e", "e"], outputs=["u"])])).command
     ).all()

@@ -9,7 +9,7 @@ from scipy.signal import cont2discrete
 from workbench.errors import InputError
 from workbench.systems import bilinear_continuous
 from workbench.systems.sampling import (
-    hold,
+    held_input_matrices,
     lowpass_weights,
     respond,
     sampled_model,
@@ -26,7 +26,7 @@ def plant():
 
 def test_hold_is_the_zero_order_hold():
     system = plant()
-    phi, gamma = hold(system.A, system.B, PERIOD)
+    phi, gamma = held_input_matrices(system.A, system.B, PERIOD)
     expected = cont2discrete((system.A, system.B, system.C, system.D), PERIOD)
     np.testing.assert_allclose(phi, expected[0], rtol=1e-12)
     np.testing.assert_allclose(gamma, expected[1], rtol=1e-12)

@@ -48,8 +48,8 @@ def adapted(gain, noise=0.0, reference=0.0, seed=0, **changed):
     law = Cascade(
         ["e"],
         [
-            Part("gain control", control_gain, ["e"], tells=["fed", "gain"]),
-            Part("K", linear_controller(K, PERIOD), ["fed"], tells=["u"]),
+            Part("gain control", control_gain, ["e"], outputs=["fed", "gain"]),
+            Part("K", linear_controller(K, PERIOD), ["fed"], outputs=["u"]),
         ],
     )
     time = np.arange(7001) * PERIOD

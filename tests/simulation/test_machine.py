@@ -65,14 +65,14 @@ def cascade():
     return Cascade(
         ["e", "f"],
         [
-            Part("both", twice, ["e", "f"], tells=["held", "difference"]),
+            Part("both", twice, ["e", "f"], outputs=["held", "difference"]),
             Part("K", linear_controller(law, PERIOD), ["difference"]),
             Part("sum", adder(), ["u1", "K", "e", "e"]),
             Part(
                 "out",
                 Controller(both, np.zeros(1), np.array([0.05]), outputs=2),
                 ["sum", "K"],
-                tells=["a", "b"],
+                outputs=["a", "b"],
             ),
         ],
         previous=["u1", "u2"],

@@ -77,7 +77,7 @@ def test_the_radius_reaches_the_farthest_plant(cover, parts):
 
 @pytest.mark.cases(0)
 def test_a_chosen_weight_lowers_mu_and_its_model_holds_the_plants(cover, parts):
-    last = cover.lowered(parts, ["real"], Context())
+    last = cover.optimised_parts(parts, ["real"], Context())
     assert last["nominal"] is parts["nominal"]
     assert largest(cover.loop(last)) < 0.99 * largest(cover.loop(parts))
     model = cover.model(last, Context())
@@ -150,7 +150,7 @@ def covered_peak(cover, parts, W_c):
 def test_all_parts_together_get_lower_than_the_real_weight_alone(cover, parts):
     peaks = []
     for moving in (["real"], ["nominal", "real", "controller"]):
-        found = cover.lowered(parts, moving, Context())
+        found = cover.optimised_parts(parts, moving, Context())
         model = cover.model(found, Context())
         assert contains(model, cover.responses)
         peaks.append(covered_peak(cover, found, model.W_c))
@@ -160,7 +160,7 @@ def test_all_parts_together_get_lower_than_the_real_weight_alone(cover, parts):
 
 @pytest.mark.cases(0)
 def test_a_found_weight_covers_no_more_than_it_must(cover, parts):
-    found = cover.lowered(parts, ["real"], Context())
+    found = cover.optimised_parts(parts, ["real"], Context())
     size = abs(found["circular"].response(cover.omega))
     assert (cover.loop(found).radius / size).max() == pytest.approx(1, abs=1e-9)
 
@@ -187,7 +187,7 @@ def test_slopes_of_the_smoothed_peak_are_those_of_differences(cover, parts):
 
 @pytest.mark.cases(0)
 def test_a_search_ends_with_roots_that_a_realisation_can_hold(cover, parts):
-    found = cover.lowered(parts, ["nominal", "real", "controller"], Context())
+    found = cover.optimised_parts(parts, ["nominal", "real", "controller"], Context())
     for part in found.values():
         assert abs(np.concatenate([part.zeros, part.poles])).max() < 1e4 * OMEGA[-1]
 
@@ -204,7 +204,7 @@ def test_a_search_ends_with_roots_that_a_realisation_can_hold(cover, parts):
 def test_a_controller_keeps_its_roots_on_the_right(cover, parts, K):
     """Mirrored at the imaginary axis, these controllers leave the nominal loop unstable."""
     given = parts | {"controller": rational_of_system(K)}
-    found = cover.lowered(given, ["nominal", "real", "controller"], Context())
+    found = cover.optimised_parts(given, ["nominal", "real", "controller"], Context())
     assert largest(cover.loop(found)) < largest(cover.loop(given))
     unstable = [int((each["controller"].poles.real > 0).sum()) for each in (given, found)]
     assert unstable[0] == unstable[1]

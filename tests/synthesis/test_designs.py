@@ -81,7 +81,7 @@ def test_each_method_is_best_at_its_own(task, made):
         return min(size(task.full_block_plant(each).close(K)) for each in task.sizes)
 
     def mixed(K):
-        return MuSynthesis(task.regular).certified(K).upper
+        return MuSynthesis(task.regular).certified_peak(K).upper
 
     best = {
         "LQG": (mean_square, 1e-3),

@@ -109,7 +109,7 @@ def test_a_controller_of_norm_one_for_the_scaled_plant_holds_the_bound_of_the_lo
     program = MuSynthesis(plant)
 
     K, beta = dgk_k_step(program, scalings, x, 3.0)
-    found = program.certified(K)
+    found = program.certified_peak(K)
     assert found is not None  # it stabilises the plant itself
     assert found.upper <= beta * 1.001
     assert Multiplied.of(plant, scalings, x).plant(beta).states > plant.system.nstates
@@ -152,4 +152,4 @@ def test_a_full_d_lowers_the_peak_of_a_repeated_scalar():
     scalar = wb.solve(block, method="dk").answer.K  # one function for both channels
     full = wb.solve(repeated, method="dk")
     assert full.certificate.holds
-    assert full.answer.upper <= repeated.certified(scalar).upper * (1 + 1e-3)
+    assert full.answer.upper <= repeated.certified_peak(scalar).upper * (1 + 1e-3)

@@ -75,10 +75,10 @@ def test_states_that_do_nothing_are_left_out_and_the_peak_stays(seed):
     more = control.rss(6, 1, 1)
     size = 1e-9 * 10 ** rng.uniform(-2, 0)
     larger = K + size * control.ss(more.A - 5 * np.eye(6), more.B, more.C, more.D)
-    most = 1.001 * program.certified(K).upper
+    most = 1.001 * program.certified_peak(K).upper
     few = with_few_states(program, larger, most)
     assert few.nstates <= K.nstates
-    assert program.certified(few).lower <= most
+    assert program.certified_peak(few).lower <= most
 
 
 @pytest.mark.cases(0)
@@ -100,7 +100,7 @@ def test_the_controller_of_a_plant_without_states_loses_those_that_it_does_not_n
     )
     program = MuSynthesis(plant)
     gain = control.ss([], [], [], [[1.0]])
-    most = 1.001 * program.certified(gain).upper
+    most = 1.001 * program.certified_peak(gain).upper
     lag = control.ss(-1.0, 1e-6, 1.0, 0.0)
     assert with_few_states(program, gain + lag, most).nstates == 0
     assert with_few_states(program, gain + lag, 0.1 * most).nstates == 1
@@ -126,7 +126,7 @@ def peak_on_grid(program, K):
     loop = program.plant.close(K)
     if not stability_check(loop).holds:
         return np.inf
-    return upper_bound(response(loop, frequencies_of(loop)), program.closed).value.max()
+    return upper_bound(response(loop, frequencies_of(loop)), program.closed_structure).value.max()
 
 
 @pytest.mark.cases(0)
@@ -141,7 +141,7 @@ def test_one_truncation_is_enough(monkeypatch):
     for name in ("balanced_truncation", "loop_weighted_truncation"):
         with monkeypatch.context() as patch:
             patch.setattr(finish, name, no_gramians)
-            few = with_few_states(program, larger, 1.01 * program.certified(K).upper)
+            few = with_few_states(program, larger, 1.01 * program.certified_peak(K).upper)
         assert few.nstates <= K.nstates
     monkeypatch.setattr(finish, "_truncations", lambda *_: [])
     assert with_few_states(program, K, np.inf) is K
@@ -213,7 +213,7 @@ def test_the_proof_of_a_peak_heeds_the_time_set_for_it():
     program = MuSynthesis(unstable_first_order())
     K = hinf(unstable_first_order()).K
     with proving(0.0), pytest.raises(TimeLimitError, match="proof of a peak"):
-        program.certified(K)
+        program.certified_peak(K)
 
 
 def lag_with(block, gain, *, coupled):

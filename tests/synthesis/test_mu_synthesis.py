@@ -42,7 +42,7 @@ def test_the_answer_is_stored_whole(solved):
 
 def test_a_curve_with_all_blocks_complex_is_drawn_where_it_is_another_one(solved):
     program, solution = solved
-    loop, only = program.plant.close(solution.answer.K), program.closed
+    loop, only = program.plant.close(solution.answer.K), program.closed_structure
     mixed = Structure([Real(only.blocks[0].n), *only.blocks[1:]])
     for structure, drawn in ((only, False), (mixed, True)):
         panel = bounds_figure(loop, structure, solution.answer.upper).axes[0]

@@ -210,9 +210,9 @@ def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, whole_of):
         loop = d_step.LoopResponse.of(program.plant.close(each.K))
         x = each.scalings["D"]
         value, _ = Biquads.of(x).log_magnitude(x, loop.omega)
-        rows, columns = diagonals(program.closed, value)
+        rows, columns = diagonals(program.closed_structure, value)
         scaled = np.exp(rows)[:, :, None] * loop.M * np.exp(-columns)[:, None, :]
-        bound = upper_bound(loop.M, program.closed).value
+        bound = upper_bound(loop.M, program.closed_structure).value
         ratio = np.linalg.norm(scaled, 2, axis=(1, 2)) / np.maximum(
             bound, d_step.REFERENCE_FLOOR * bound.max()
         )

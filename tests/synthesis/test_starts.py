@@ -83,7 +83,7 @@ def test_the_least_gain_is_that_of_a_scan():
     scanned = [
         found.upper
         for gain in np.linspace(30.0, 60.0, 31)
-        if (found := program.certified(control.ss([], [], [], [[gain]]))) is not None
+        if (found := program.certified_peak(control.ss([], [], [], [[gain]]))) is not None
     ]
     assert least(plant, family=Static()) <= min(scanned) * 1.001
     assert least(plant, order=0) == pytest.approx(least(plant, family=Static()))

@@ -90,7 +90,7 @@ def test_a_pid_for_an_unstable_plant_gets_near_the_best_of_full_order():
     plant = unstable_first_order()
     family, x = PID.of(10.0, 10.0, 0.1, 0.01, leak=0.006)
     start = family.system(x)
-    before = MuSynthesis(plant).certified(start)
+    before = MuSynthesis(plant).certified_peak(start)
     solution = wb.solve(MuSynthesis(plant, start=start, family=family, random=1), method="fixed")
     assert solution.certificate.holds, solution.certificate
     assert solution.answer.K.nstates == 2
@@ -105,7 +105,7 @@ def test_a_decentralised_controller_of_the_column_stays_decentralised():
     family, x = Decentralised.of(members)
     start = family.system(x)
     program = MuSynthesis(plant, start=start, family=family)
-    before = program.certified(start)
+    before = program.certified_peak(start)
     solution = wb.solve(program, method="fixed", options=wb.Options(time_limit=15.0))
     K = solution.answer.K
     response = K(1j, squeeze=False)

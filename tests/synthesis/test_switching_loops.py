@@ -133,7 +133,7 @@ def test_bounds_hold_for_random_defects_and_are_no_wild_guess():
     for _ in range(30):
         f = rng.integers(len(found.omega))
         phase = np.exp(1j * rng.uniform(0, 2 * np.pi))
-        x, turn = (found.steady[f] * phase).real, phase
+        x, turn = (found.steady_phasor[f] * phase).real, phase
         for _ in range(4):
             stays = (rng.integers(1, 9), 60 + rng.integers(9))
             for stay, (A, B) in zip(stays, (loop.defect, loop.clean), strict=True):

@@ -27,7 +27,7 @@ def test_margins_and_gaps_are_the_same_in_any_unit_of_time(time):
     loop = control.ss([[0.0, 1.0], [0.0, -0.25]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
     far = control.ss(loop.A * time, loop.B * time, loop.C, 0.0)
     one, other = loop_margins(loop), loop_margins(far)
-    assert other.holds and other.first.lower == pytest.approx(one.first.lower, rel=1e-9)
+    assert other.holds and other.least_disk.lower == pytest.approx(one.least_disk.lower, rel=1e-9)
     lags = [control.ss([[-x]], [[1.0]], [[1.0]], 0.0) for x in (1.0, 2.0)]
     late = [control.ss(lag.A * time, lag.B * time, lag.C, 0.0) for lag in lags]
     gap = nu_gap(*late)

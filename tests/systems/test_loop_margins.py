@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workbench.systems import bands, bandwidths, crossings, modulus_margin
+from workbench.systems import bandwidths, crossings, modulus_margin, positive_bands
 from workbench.systems.margins import highest_crossover, search_grid
 
 HZ = 2 * np.pi
@@ -33,7 +33,7 @@ def test_crossings_and_bands_of_a_sine():
     grid = np.geomspace(1.0, 10.0, 50)
     found = crossings(lambda f: np.sin(f), grid)
     assert found == pytest.approx(np.pi * np.arange(1, 4), rel=1e-12)
-    positive = bands(lambda f: np.sin(f), grid)
+    positive = positive_bands(lambda f: np.sin(f), grid)
     assert np.array(positive) == pytest.approx(
         np.array([[1.0, np.pi], [2 * np.pi, 3 * np.pi]]), rel=1e-12
     )

@@ -19,7 +19,7 @@ from workbench.uncertainty import (
     block_matrix,
     members,
     parametric_lft,
-    vertices,
+    vertex_deltas,
     widened_responses,
 )
 
@@ -168,7 +168,7 @@ def test_members_of_a_parametric_set_are_known():
 
     box = [Parameter("k", 900.0, 0.2), Parameter("b", 6.0, 0.3)]
     model = parametric_lft(oscillator, box, inputs=["u"], outputs=["y"])
-    data = members(model, OMEGA, vertices(box))
+    data = members(model, OMEGA, vertex_deltas(box))
     certificate = wb.solve(program("stadium", data), method="steps").certificate
     assert certificate.failures == ()
     check = by_name(certificate)["containment everywhere"]

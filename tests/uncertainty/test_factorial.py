@@ -4,7 +4,7 @@ import numpy as np
 
 from workbench.uncertainty.parametric_models.factorial import factorial_response
 from workbench.uncertainty.parametric_models.model import parametric_lft
-from workbench.uncertainty.parametric_models.parameters import Parameter, levels
+from workbench.uncertainty.parametric_models.parameters import Parameter, level_deltas
 
 
 def test_factorials_come_in_the_order_of_their_deltas():
@@ -18,5 +18,5 @@ def test_factorials_come_in_the_order_of_their_deltas():
     uncertain = parametric_lft(model, parts, inputs=["u"], outputs=["x", "y", "z"])
     found = factorial_response(uncertain, omega, [-1.0, 0.0, 1.0])
     assert found.shape == (3, 3, 3, 3, len(omega), 3, 1)
-    one_by_one = uncertain.response(omega, levels(parts, 3))
+    one_by_one = uncertain.response(omega, level_deltas(parts, 3))
     np.testing.assert_allclose(found.reshape(one_by_one.shape), one_by_one, rtol=1e-10)

@@ -41,7 +41,7 @@ def test_they_cost_nothing(gain):
     """Half a minute, and a ZeroDivisionError, for k * j - j * k."""
     loop = feedback(LAG * gain, 1)
     found = robust_stability(loop)
-    assert set(found.idle) == {"k", "j"} and found.holds
+    assert set(found.idle_elements) == {"k", "j"} and found.holds
     assert (found.upper == math.inf) == ("m" not in gain.elements)
     worst = worst_case_gain(loop)
     largest = 0.0 if "m" not in gain.elements else 1.3 / 2.3

@@ -105,7 +105,7 @@ def test_of_high_power_the_size_is_that_of_sets_that_contain(kind, form):
     size = size_of(kind, form=form)
     program, responses = size.program, size.program.responses
     end = REAL.response(OMEGA) if kind == "stadium" else None
-    radius = lasting(needed_radius(program.away(NOMINAL, program.points), end))
+    radius = lasting(needed_radius(program.deviations_from(NOMINAL, program.points), end))
     width = np.abs(CIRCLE.response(beyond(OMEGA)))
     raised = width * np.max(radius / width) / lasting(program.unit)
     below, inside, above = np.split(raised, [CONSTANT_DECADES, -CONSTANT_DECADES])

@@ -233,7 +233,7 @@ def test_unstable_plants_are_covered_where_they_are_measured():
     responses = MatrixResponses.of_systems(plants, OMEGA)
     for form in ("coprime", "inverse-output", "input"):
         program = MatrixCover(responses, plants[0], form=form, left_order=1, right_order=1)
-        assert not program.everywhere
+        assert not program.covers_every_frequency
         solved(program)
 
 

@@ -10,7 +10,11 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import two_masses
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Real
 from workbench.uncertainty.parametric_models.model import parametric_lft
-from workbench.uncertainty.parametric_models.parameters import Parameter, samples, vertices
+from workbench.uncertainty.parametric_models.parameters import (
+    Parameter,
+    random_deltas,
+    vertex_deltas,
+)
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 1e5, 60)
 NAMES = ("K_total", "R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")
@@ -48,7 +52,7 @@ def printed(axis, delta):
 @pytest.mark.parametrize("model", [two_masses, by_hand])
 def test_exact_at_random_deltas(model, axis, keep_states):
     uncertain = drive(model, axis, keep_states=keep_states)
-    deltas = samples(uncertain.parameters, 12, np.random.default_rng(1))
+    deltas = random_deltas(uncertain.parameters, 12, np.random.default_rng(1))
     responses = uncertain.response(OMEGA, deltas)
     assert responses.shape == (12, len(OMEGA), 1, 1)
     expected = np.array([printed(axis, delta) for delta in deltas])
@@ -68,7 +72,7 @@ def test_every_parameter_once_but_the_force_factor():
 
 def test_states_keep_their_meaning():
     uncertain = drive(two_masses)
-    for delta in vertices(uncertain.parameters)[::73]:
+    for delta in vertex_deltas(uncertain.parameters)[::73]:
         at, direct = uncertain.at(delta), uncertain.direct(delta)
         for name in "ABCD":
             expected = getattr(direct, name)
@@ -78,7 +82,7 @@ def test_states_keep_their_meaning():
 
 def test_delta_closes_the_upper_loop_of_the_system():
     uncertain = drive(two_masses)
-    delta = samples(uncertain.parameters, 1, np.random.default_rng(2))[0]
+    delta = random_deltas(uncertain.parameters, 1, np.random.default_rng(2))[0]
     system, r = uncertain.system, uncertain.structure.rows
     assert system.input_labels[r:] == ["u"] and system.output_labels[r:] == ["f_en"]
     assert system.input_labels[1:4] == ["w_R[0]", "w_Bl[0]", "w_Bl[1]"]

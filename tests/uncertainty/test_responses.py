@@ -87,7 +87,9 @@ def test_shares_are_those_of_the_logarithmic_axis(omega):
 
 
 def test_labels():
-    labelled = Responses(omega=OMEGA, values=VALUES, plants=list("abc"), unit="m/V").labelled()
+    labelled = Responses(
+        omega=OMEGA, values=VALUES, plants=list("abc"), unit="m/V"
+    ).labelled_points()
     assert labelled.dims == ("frequency", "plant")
     assert labelled.sel(frequency=5.0, plant="b") == -2
     assert labelled.attrs["units"] == "m/V"

@@ -24,12 +24,12 @@ from workbench._core.heavy_types import Dataset, Figure
 from workbench.bench.comparison import Comparison
 from workbench.bench.declare import Fed
 from workbench.bench.files import Picture, picture
+from workbench.bench.parameter_sweep import SWEEP, ParameterSweep
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import CELL_DIGITS, plain
 from workbench.bench.registry import Registry
 from workbench.bench.store import CHECKSUMS, Store, damage
-from workbench.bench.sweep import SWEEP, ParameterSweep
 from workbench.bench.trust.information import run_information
 from workbench.bench.trust.untrusted import file_stem, own_file, possible_path, read_json, read_text
 from workbench.certificate import Certificate, distinct_texts

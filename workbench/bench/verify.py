@@ -20,13 +20,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from workbench.bench.formats import netcdf
+from workbench.bench.parameter_sweep import SWEEP
 from workbench.bench.problem import Problem
 from workbench.bench.project import Project, add_problems, registry, results_root
 from workbench.bench.question import Question, plain
 from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
-from workbench.bench.sweep import SWEEP
 from workbench.bench.trust.numbers import SAME_NUMBER, certificates_apart, metrics_apart
 from workbench.bench.trust.untrusted import possible_path, read_json, read_text
 from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells, stored_points

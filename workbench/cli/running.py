@@ -148,7 +148,7 @@ def sweep(
     over = {key: value.split(",") for one in given for key, value in one.items()}
     asked = {**options, **settings_of(settings)}
     if plan:
-        from workbench.bench.sweeps import grid_of
+        from workbench.bench.run_sweep import grid_of
 
         wanted = Options(
             tolerance=options["tolerance"], time_limit=options["time_limit"], seed=options["seed"]

@@ -153,7 +153,7 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
 
 def print_sweep(one: Run, as_json: bool) -> None:
     """Print the points of a sweep, how many of them hold, and the path of its folder."""
-    from workbench.bench.sweep import ParameterSweep
+    from workbench.bench.parameter_sweep import ParameterSweep
 
     data = one.data
     if as_json:

@@ -62,7 +62,7 @@ def tick(description: str) -> None:
     for context in contexts:
         context.seconds_left(description)
     for context in contexts[:1]:
-        context.trying(description)
+        context.report_trial(description)
 
 
 def time_is_up(description: str) -> bool:

@@ -56,7 +56,7 @@ class Context:
     An iteration loops over `rounds`, reports each by `record`, and stores its state in
     ``checkpoint``. ``executor`` runs parts of the work; None: threads of this process. ``rows`` are
     the rounds reported so far; ``stopped`` says how the time limit ended an iteration.
-    ``kept_back`` [s] is the part of the time limit that is reserved for the steps after the search.
+    ``reserved`` [s] is the part of the time limit that is reserved for the steps after the search.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class Context:
     started: float = field(default_factory=time.perf_counter)
     rows: list[Row] = field(default_factory=list)
     stopped: str = ""
-    kept_back: float = field(default=0.0, init=False)
+    reserved: float = field(default=0.0, init=False)
     _told: tuple[str, int, int] | None = field(default=None, init=False, repr=False)
     _tried: str = field(default="", init=False, repr=False)
 
@@ -170,7 +170,7 @@ class Context:
         self.rows.append(row)
         self.watch(self.rows)
 
-    def trying(self, description: str) -> None:
+    def report_trial(self, description: str) -> None:
         """Report once to the watchers what a round of the iteration tries."""
         if self._told is not None and description != self._tried:
             self._tried = description
@@ -181,12 +181,12 @@ class Context:
         """Seconds until the time limit, infinite without one; raises `TimeLimitError` after it."""
         if self.late:
             raise TimeLimitError(f"{description}: {self._limit} reached")
-        return self.left
+        return self.remaining
 
     @property
     def late(self) -> bool:
         """Whether the time limit, less the reserved part, has passed."""
-        return self.left < 0.0
+        return self.remaining < 0.0
 
     def stop(self, description: str) -> None:
         """Record that the time limit ended this work, and that the answer is the best so far."""
@@ -196,11 +196,11 @@ class Context:
         self.stopped = f"{self._limit} reached {where}; best so far"
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Seconds until the time limit, less the reserved part; negative after it."""
         limit = self.options.time_limit
         spent = time.perf_counter() - self.started
-        return math.inf if limit is None else limit - self.kept_back - spent
+        return math.inf if limit is None else limit - self.reserved - spent
 
     @property
     def _limit(self) -> str:

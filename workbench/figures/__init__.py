@@ -25,9 +25,9 @@ if TYPE_CHECKING:
         bode_plot,
         label,
         legend_below,
-        numbered,
         numbers_in,
         phase,
+        with_figure_numbers,
     )
 else:
     __getattr__, __dir__ = on_demand(__name__)
@@ -47,7 +47,7 @@ __all__ = [
     "label",
     "legend_below",
     "loop_diagram",
-    "numbered",
     "numbers_in",
     "phase",
+    "with_figure_numbers",
 ]

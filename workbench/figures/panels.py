@@ -96,7 +96,7 @@ def numbers_in(name: str) -> list[str]:
     return [f"{chapter}.{place}" for chapter, place in re.findall(r"-([0-9A-Z]+)-([0-9]+)", name)]
 
 
-def numbered(figure: Figure, *numbers: str) -> Figure:
+def with_figure_numbers(figure: Figure, *numbers: str) -> Figure:
     """Put the numbers of the figures that it reproduces above a figure, before any title.
 
     The same figure is returned. It is unchanged if it shows the numbers already, or has none.

@@ -40,5 +40,5 @@ class FittedSystem(ProgramAnswer, control.StateSpace):
             checker, tolerance, optimal = fit._checked_by
             made = vars(fit).get("certificate")
             as_fit = OriginalAnswerChecker(checker, fit)
-            system.checked_by(as_fit, gap_tolerance=tolerance, optimal=optimal, certificate=made)
+            system.with_checker(as_fit, gap_tolerance=tolerance, optimal=optimal, certificate=made)
         return system

@@ -51,7 +51,7 @@ class Gramians(Answer):
     controllability_error: RealArray
     observability_error: RealArray
 
-    def said(self) -> str:
+    def summary(self) -> str:
         relative = max(
             _relative(self.controllability, self.controllability_error),
             _relative(self.observability, self.observability_error),
@@ -100,7 +100,7 @@ def gramians(system: Any) -> Gramians:
         claimed = np.maximum(CLAIMED_FACTOR * error, EPS * np.outer(root, root))
         parts += [near, np.nextafter(claimed, np.inf) if near.any() else claimed]
     P, P_error, Q, Q_error = parts
-    return Gramians(found, P, Q, P_error, Q_error).checked_by(GramiansChecker(found))
+    return Gramians(found, P, Q, P_error, Q_error).with_checker(GramiansChecker(found))
 
 
 def _enclosed(system: StateSpace) -> list[tuple[RealArray, RealArray]]:

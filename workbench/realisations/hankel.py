@@ -85,7 +85,7 @@ def hankel_values(system: Any) -> HankelValues:
     least = NEGLIGIBLE * upper.max(initial=0.0)
     slack = np.where(upper > least, slack, slack + least)
     values = HankelValues(np.maximum(lower - slack, 0.0), upper + slack)
-    return values.checked_by(HankelChecker(found))
+    return values.with_checker(HankelChecker(found))
 
 
 def _bounds(system: StateSpace) -> tuple[RealArray, RealArray]:

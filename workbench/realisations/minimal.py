@@ -39,7 +39,7 @@ gain.
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MinimalRealisation(Answer):
-    """A ``system`` with the fewest states, and the poles (k,) that were ``removed``.
+    """A ``system`` with the fewest states, and the ``removed_poles`` (k,) of the given one.
 
     Unlike a `StateSpace`, it is an answer with a proven error and with the removed poles.
 
@@ -53,12 +53,12 @@ class MinimalRealisation(Answer):
     >>> import control
     >>> from workbench.realisations import minimal_realisation
     >>> found = minimal_realisation(control.tf([1.0, 2.0], [1.0, 3.0, 2.0]))
-    >>> found.system.nstates, found.removed.real.round(6).tolist()
+    >>> found.system.nstates, found.removed_poles.real.round(6).tolist()
     (1, [-2.0])
     """
 
     system: StateSpace
-    removed: ComplexArray
+    removed_poles: ComplexArray
     error: float
     boundary_error: float
     parts: SystemParts
@@ -74,8 +74,8 @@ class MinimalRealisation(Answer):
         """The system."""
         return self.system
 
-    def said(self) -> str:
-        gone = ", ".join(f"{pole:.6g}" for pole in self.removed) or "none"
+    def summary(self) -> str:
+        gone = ", ".join(f"{pole:.6g}" for pole in self.removed_poles) or "none"
         return (
             f"MinimalRealisation: {self.system.nstates} states, poles left out: {gone}; gain of "
             f"the difference at most {self.error:.2g}"
@@ -140,13 +140,13 @@ def minimal_realisation(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) ->
     if sum(len(part[0]) for part in kept) == found.nstates:
         none = np.zeros(0, dtype=complex)
         sizes = len(of[0][0]), len(of[1][0]), len(of[2][0])
-        return MinimalRealisation(found, none, 0.0, 0.0, parts, sizes).checked_by(checker)
+        return MinimalRealisation(found, none, 0.0, 0.0, parts, sizes).with_checker(checker)
     labels = {"inputs": found.input_labels, "outputs": found.output_labels}
     small = realisation(in_parallel(*kept), dt, **labels)
     removed = _unmatched(found.poles(), small.poles())
     sizes = len(kept[0][0]), len(kept[1][0]), len(kept[2][0])
     error, relative = CLAIMED_FACTOR * errors[0], CLAIMED_FACTOR * errors[1]
-    return MinimalRealisation(small, removed, error, relative, parts, sizes).checked_by(checker)
+    return MinimalRealisation(small, removed, error, relative, parts, sizes).with_checker(checker)
 
 
 def _errors(system: StateSpace, parts: SystemParts, kept: list[Matrices]) -> tuple[float, float]:

@@ -81,7 +81,7 @@ class SystemParts(Answer):
         """The stable part."""
         return self.stable
 
-    def said(self) -> str:
+    def summary(self) -> str:
         counts = (part.nstates for part in (self.stable, self.boundary, self.antistable))
         words = ("stable", "on the boundary", "antistable")
         states = ", ".join(f"{n} {word}" for n, word in zip(counts, words, strict=True))
@@ -125,7 +125,7 @@ def stable_part(system: Any) -> SystemParts:
     Schur forms; the proof is that of `workbench.certify.realisations.parts`.
     """
     found = as_system(system, "system")
-    return parts_of(found).checked_by(SystemPartsChecker(found))
+    return parts_of(found).with_checker(SystemPartsChecker(found))
 
 
 def parts_of(system: StateSpace) -> SystemParts:

@@ -38,7 +38,7 @@ from workbench.simulation.switching import (
     ramped_gain,
     tracking_controller,
 )
-from workbench.systems.sampling import hold, respond, sampled_model
+from workbench.systems.sampling import held_input_matrices, respond, sampled_model
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
@@ -63,7 +63,7 @@ __all__ = [
     "error_scores",
     "fault_subtractor",
     "group_means",
-    "hold",
+    "held_input_matrices",
     "interval_gate",
     "kernel",
     "linear_controller",

@@ -26,8 +26,8 @@ class Part:
 
     name        name of the part;
     controller  the controller;
-    given       names of the signals that it reads;
-    tells       names of its outputs; by default the name of the part.
+    inputs      names of the signals that it reads;
+    outputs     names of the signals that it gives; by default the name of the part.
 
     Raises InputError if the number of names differs from that of the controller's outputs, or is
     smaller than the number of measurements that it reads.
@@ -35,29 +35,29 @@ class Part:
     Examples
     --------
     >>> from workbench.simulation import Part, adder
-    >>> part = Part("sum", adder(), given=["a", "b"])
+    >>> part = Part("sum", adder(), inputs=["a", "b"])
     >>> part.signals
     ('sum',)
     """
 
     name: str
     controller: Controller
-    given: Sequence[str]
+    inputs: Sequence[str]
     _: KW_ONLY
-    tells: Sequence[str] = ()
+    outputs: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if len(self.signals) != self.controller.outputs:
             raise InputError(
-                f"part {self.name!r} tells {list(self.signals)}; its controller gives "
-                f"{self.controller.outputs} outputs"
+                f"part {self.name!r} names the outputs {list(self.signals)}; its controller gives "
+                f"{self.controller.outputs}"
             )
-        self.controller.need_measurements(len(self.given))
+        self.controller.need_measurements(len(self.inputs))
 
     @property
     def signals(self) -> tuple[str, ...]:
         """Names of its outputs."""
-        return tuple(self.tells) or (self.name,)
+        return tuple(self.outputs) or (self.name,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Cascade:
         if len(self.previous) != self.parts[-1].controller.outputs:
             raise InputError(
                 f"previous outputs {list(self.previous)}, but the last part "
-                f"{self.parts[-1].name!r} tells {list(self.parts[-1].signals)}"
+                f"{self.parts[-1].name!r} gives {list(self.parts[-1].signals)}"
             )
         names = [part.name for part in self.parts]
         for what, each in (("parts", names), ("signals", list(self.signals))):
@@ -99,11 +99,11 @@ class Cascade:
                 raise InputError(f"two {what} are called {', '.join(twice)}")
         known = [*self.measurements, *self.previous]
         for part in self.parts:
-            unknown = [name for name in part.given if name not in known]
+            unknown = [name for name in part.inputs if name not in known]
             if unknown:
                 raise InputError(
-                    f"part {part.name!r} is given {', '.join(unknown)}, which nothing in front of "
-                    f"it tells; known: {', '.join(known)}"
+                    f"part {part.name!r} reads {', '.join(unknown)}, which no part before it "
+                    f"gives; known: {', '.join(known)}"
                 )
             known += part.signals
 
@@ -130,7 +130,7 @@ def alone(controller: Controller, measurements: int) -> Cascade:
     """Cascade of a single controller that reads all measurements."""
     names = [f"measurement {i}" for i in range(measurements)]
     outputs = range(controller.outputs)
-    part = Part("controller", controller, names, tells=[f"output {i}" for i in outputs])
+    part = Part("controller", controller, names, outputs=[f"output {i}" for i in outputs])
     return Cascade(names, [part], previous=[f"last output {i}" for i in outputs])
 
 
@@ -172,7 +172,7 @@ def turns(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> lis
                     f"before it left {before.size}"
                 )
             state[: before.size] = before
-        wires = [names.index(name) for name in part.given]
+        wires = [names.index(name) for name in part.inputs]
         given, told = np.zeros(len(wires)), row[place : place + law.outputs]
         if wires and wires == list(range(wires[0], wires[0] + len(wires))):
             given, wires = row[wires[0] : wires[-1] + 1], []
@@ -185,4 +185,4 @@ def turns(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> lis
 def carried(part: Part) -> int:
     """Number of states that a part hands over to, and takes over from, a part of the same name."""
     law = part.controller
-    return np.size(law.state) if law.carried is None else law.carried
+    return np.size(law.state) if law.carried_states is None else law.carried_states

@@ -56,13 +56,13 @@ class Controller:
     outputs: int = 1
     reads: int = 0
     dt: float | None = None
-    carried: int | None = None
+    carried_states: int | None = None
     plain: bool = False
 
     def __post_init__(self) -> None:
         if not (self.plain or hasattr(self.step, "compile")):
             raise InputError(
-                f"step {self.step!r} is not compiled; decorate it with @compiled, or say "
+                f"step {self.step!r} is not compiled; decorate it with @kernel, or say "
                 "plain=True and wait longer"
             )
 
@@ -114,7 +114,9 @@ def linear_controller(
     state = np.zeros(2 * system.nstates)
     reads = max(measurements) + 1
     outputs, n = system.noutputs, system.nstates
-    return Controller(_linear, state, parameters, outputs=outputs, reads=reads, dt=dt, carried=n)
+    return Controller(
+        _linear, state, parameters, outputs=outputs, reads=reads, dt=dt, carried_states=n
+    )
 
 
 def discrete_system(system: StateSpace | TransferFunction, dt: float) -> StateSpace:

@@ -34,7 +34,7 @@ from workbench.simulation.cascade import Cascade, Turn, alone, carried, turns
 from workbench.simulation.controllers import Controller
 from workbench.simulation.plain import plain_loop
 from workbench.simulation.road import SIMULATION
-from workbench.systems.sampling import hold, lowpass_weights, split_delay
+from workbench.systems.sampling import held_input_matrices, lowpass_weights, split_delay
 
 Schedule = Sequence[tuple[float, Cascade]]
 """Cascades with the times [s] from which each is in charge, in rising order, the first from 0.
@@ -296,8 +296,8 @@ class SampledLoop:
         to_position = self.plant.C[: self.positions]
         for share, old in pieces:
             step = share / self.refine
-            half = np.hstack(hold(self.plant.A, self.plant.B, step / 2 * self.dt))
-            full = np.hstack(hold(self.plant.A, self.plant.B, step * self.dt))
+            half = np.hstack(held_input_matrices(self.plant.A, self.plant.B, step / 2 * self.dt))
+            full = np.hstack(held_input_matrices(self.plant.A, self.plant.B, step * self.dt))
             rows = np.vstack([to_position @ half, to_position @ full, full])
             weight = lowpass_weights(self.corner, step * self.dt)
             for _ in range(self.refine):

@@ -146,7 +146,7 @@ def tracking_controller(
     parameters = np.concatenate([[n, substitute], *(np.ravel(one) for one in matrices)])
     state = np.zeros(2 * n + 2)
     state[-1] = 1.0
-    return Controller(_following, state, parameters, dt=dt, carried=n)
+    return Controller(_following, state, parameters, dt=dt, carried_states=n)
 
 
 @kernel

@@ -159,7 +159,7 @@ class Drawn(Declaration):
         value = self.value(study, get)
         every = value if isinstance(value, Mapping) else {stem(self.name): value}
         return {
-            name: figures.numbered(one, *figures.numbers_in(name))
+            name: figures.with_figure_numbers(one, *figures.numbers_in(name))
             for name, one in every.items()
             if one is not None
         }

@@ -11,11 +11,11 @@ from workbench._core.on_demand import no_more_names
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 from workbench.systems.generalised_plant import response
 from workbench.systems.margins import (
-    bands,
     bandwidths,
     crossings,
     loop_response,
     modulus_margin,
+    positive_bands,
 )
 from workbench.systems.realisation import modal_form, realisation
 from workbench.systems.storage import restored_system, stored_system
@@ -24,7 +24,6 @@ if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
 __all__ = [
-    "bands",
     "bandwidths",
     "bilinear_continuous",
     "bilinear_sampled",
@@ -32,6 +31,7 @@ __all__ = [
     "loop_response",
     "modal_form",
     "modulus_margin",
+    "positive_bands",
     "realisation",
     "response",
     "restored_system",

@@ -119,14 +119,14 @@ def crossings(curve: Curve, frequency_hz: RealArray) -> RealArray:
     return roots
 
 
-def bands(curve: Curve, frequency_hz: RealArray) -> list[tuple[float, float]]:
+def positive_bands(curve: Curve, frequency_hz: RealArray) -> list[tuple[float, float]]:
     """Frequency ranges [Hz] within a grid `frequency_hz` [Hz] in which a curve is positive.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.systems import bands
-    >>> found = bands(lambda f: 4.0 - f**2, np.linspace(0.5, 10.0, 20))
+    >>> from workbench.systems import positive_bands
+    >>> found = positive_bands(lambda f: 4.0 - f**2, np.linspace(0.5, 10.0, 20))
     >>> [round(float(end), 6) for end in found[0]]
     [0.5, 2.0]
     """

@@ -19,7 +19,7 @@ from workbench.systems.joints import system_of
 from workbench.systems.range_hints import warn_long_period
 
 
-def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealArray]:
+def held_input_matrices(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealArray]:
     """Transition matrix (n, n) and input matrix (n, m) of x' = a x + b u over `duration` [s].
 
     The input u is constant for this time.
@@ -27,8 +27,8 @@ def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealAr
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.simulation import hold
-    >>> A, B = hold([[-1.0]], [[1.0]], duration=0.5)
+    >>> from workbench.simulation import held_input_matrices
+    >>> A, B = held_input_matrices([[-1.0]], [[1.0]], duration=0.5)
     >>> bool(np.isclose(A[0, 0], np.exp(-0.5))), bool(np.isclose(B[0, 0], 1 - np.exp(-0.5)))
     (True, True)
     """
@@ -129,8 +129,8 @@ def held_pieces(
     These are the transition matrix of the states (n, n), and the contributions of the new and of
     the old input (n, m).
     """
-    before, old = hold(A, B, rest * period)
-    after, new = hold(A, B, (1.0 - rest) * period)
+    before, old = held_input_matrices(A, B, rest * period)
+    after, new = held_input_matrices(A, B, (1.0 - rest) * period)
     return after @ before, new, after @ old
 
 

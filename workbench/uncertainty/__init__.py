@@ -56,9 +56,9 @@ if TYPE_CHECKING:
     from workbench.uncertainty.parametric_models.model import ParametricModel, parametric_lft
     from workbench.uncertainty.parametric_models.parameters import (
         Parameter,
-        levels,
-        samples,
-        vertices,
+        level_deltas,
+        random_deltas,
+        vertex_deltas,
     )
     from workbench.uncertainty.responses.between_lines import refined_responses
     from workbench.uncertainty.responses.extrapolation import widened_responses
@@ -107,18 +107,18 @@ __all__ = [
     "interconnect",
     "inverse",
     "left_divide",
-    "levels",
+    "level_deltas",
     "limited_orientation",
     "members",
     "narrowest_angles",
     "parametric_lft",
+    "random_deltas",
     "real",
     "refined_responses",
-    "samples",
     "series",
     "smooth_orientation",
     "ss",
     "tf",
-    "vertices",
+    "vertex_deltas",
     "widened_responses",
 ]

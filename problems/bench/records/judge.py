@@ -59,7 +59,9 @@ def ours(program: StateSpaceFit) -> Iterator[tuple[str, RealArray, str, float]]:
     answer = solution.answer
     if answer is None or answer.candidates is None:
         raise RuntimeError(f"{program.title}: {solution.message}")
-    fits = program.fits(answer.predictor, answer.simulator, program.rest.u, program.rest.y)
+    fits = program.fits(
+        answer.predictor, answer.simulator, program.judged_record.u, program.judged_record.y
+    )
     for use, row in enumerate(fits):
         yield USES[use], row, answer.candidates.words(use, USES[use]), seconds
 
@@ -69,7 +71,7 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
     candidates.
     """
     start = time.perf_counter()
-    used = program.used
+    used = program.estimation_record
     nu, ny = used.u.shape[1], used.y.shape[1]
     ways = dict(PEERS[package](nu, ny, len(used)))
     scores: dict[str, RealArray] = {}
@@ -82,7 +84,7 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
         for label in ranked:
             if np.isfinite(scores[label][place]):
                 model = tried(ways[label], used)
-                fits = _scores(program, model, program.rest)[place]
+                fits = _scores(program, model, program.judged_record)[place]
                 own = _scores(program, model, used)[place].mean()
                 if np.isfinite(fits).all() and own > WORST_OWN_FIT:
                     yield use, fits, label, time.perf_counter() - start
@@ -94,7 +96,7 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
 def _validation_fits(program: StateSpaceFit, fit: Fitting) -> RealArray:
     """Mean validation fits (uses,) over outputs and folds; minus infinity without a model."""
     total = np.zeros(len(USES))
-    folds = program.folds or [_last_third_held_back(program.used)]
+    folds = program.folds or [_last_third_held_back(program.estimation_record)]
     for used, left in folds:
         total += _scores(program, tried(fit, used), left).mean(axis=1) / len(folds)
     return np.where(np.isfinite(total), total, -np.inf)
@@ -127,7 +129,7 @@ def _scores(program: StateSpaceFit, model: object | None, record: Experiments) -
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
                 try:
-                    fits = scored_fit(run, record, program.washed)
+                    fits = scored_fit(run, record, program.washout_samples)
                 except (ArithmeticError, ValueError, np.linalg.LinAlgError):
                     continue
             found[place] = np.where(np.isfinite(fits), fits, -np.inf)

@@ -71,7 +71,7 @@ class MuPid(MuSynthesis):
     def reference_peak(self) -> float:
         """Certified upper bound on the peak of mu with the reference controller."""
         assert self.start is not None
-        found = self.certified(self.start)
+        found = self.certified_peak(self.start)
         assert found is not None  # the start stabilises the loop
         return found.upper
 

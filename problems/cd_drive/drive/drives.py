@@ -300,7 +300,7 @@ def _nyquist(response: DataArray, nominal: DataArray) -> Figure:
         panel.locator_params(axis="x", nbins=6)
         panel.set_ylabel("imaginary part [units/V]")
     figures.legend_below(drawn, panels[0], columns=7)
-    return figures.numbered(drawn, "4.8")
+    return figures.with_figure_numbers(drawn, "4.8")
 
 
 def _nominal_table(values: Values) -> tuple[list[str], list[list[Any]]]:

@@ -135,8 +135,8 @@ class GainRamp(Study):
         deviation = self.deviation * red_book(self.axis).deviation
         slope = DIRECTIONS[direction] * SPEED
         law = [
-            Part("K", linear_controller(controller(self.axis), PERIOD), ["f_en"], tells=["u_k"]),
-            Part("ramp", ramped_gain(slope, SETTLED, PERIOD), ["u_k"], tells=["u"]),
+            Part("K", linear_controller(controller(self.axis), PERIOD), ["f_en"], outputs=["u_k"]),
+            Part("ramp", ramped_gain(slope, SETTLED, PERIOD), ["u_k"], outputs=["u"]),
         ]
         return self.bench(drive).closed_loop(
             Cascade(MEASUREMENTS, law),

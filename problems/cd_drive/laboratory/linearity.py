@@ -234,7 +234,7 @@ class Linearity(Study):
         figures.label(panels[0], y=f"THD, {self.draws} draws [%]", log="y")
         panels[0].set_ylim(1e-3, 300.0)
         figures.legend_below(drawn, panels[1])
-        return figures.numbered(drawn, "4.9")
+        return figures.with_figure_numbers(drawn, "4.9")
 
 
 def described(thd: DataArray) -> dict[str, DataArray]:

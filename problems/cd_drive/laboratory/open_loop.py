@@ -317,7 +317,7 @@ class OpenLoop(Study):
     def bode(self, answer: Dataset) -> Figure:
         bench = self.experiment.laboratory
         drawn = open_loop_bode(answer, f"{bench.drive} {bench.axis}, one record")
-        return figures.numbered(drawn, "4.4")
+        return figures.with_figure_numbers(drawn, "4.4")
 
 
 def _with_variance(settled: PeriodicResponse) -> tuple[ComplexArray, RealArray, float]:

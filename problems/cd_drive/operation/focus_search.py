@@ -67,10 +67,10 @@ class Search:
         """
         follower = tracking_controller(controller("focus"), PERIOD, FOLLOWING)
         parts = [
-            Part("search", self.law, given=["f_en", "sum"], tells=["closed", "ramp"]),
-            Part("seen", blender(), given=["closed", "f_en"]),
-            Part("K", follower, given=["seen", "closed", "u_last"], tells=["u_k"]),
-            Part("u", blender(), given=["closed", "u_k", "ramp"]),
+            Part("search", self.law, inputs=["f_en", "sum"], outputs=["closed", "ramp"]),
+            Part("seen", blender(), inputs=["closed", "f_en"]),
+            Part("K", follower, inputs=["seen", "closed", "u_last"], outputs=["u_k"]),
+            Part("u", blender(), inputs=["closed", "u_k", "ramp"]),
         ]
         return Cascade(MEASUREMENTS, parts)
 

@@ -226,7 +226,7 @@ def observers(axis: Axis) -> dict[str, Estimator]:
         "thesis": thesis_estimator(axis, rotation),
         "ITAE 5 kHz": itae(axis, rotation, FAST_BANDWIDTH),
         "ITAE 300 Hz": itae(axis, rotation, SLOW_BANDWIDTH),
-        "Kalman": kalman(axis, rotation).settled,
+        "Kalman": kalman(axis, rotation).steady_state,
     }
 
 

@@ -112,7 +112,7 @@ class Strategies:
         """Parts that compute the quality w_Q (eq. 7.13), which is 0 in false detections."""
         seen = diode_quality(self.level, DIST_MIN, DIST_MAX)
         return [
-            Part("detector", seen, MEASUREMENTS, tells=("quality", "dist", "error_read")),
+            Part("detector", seen, MEASUREMENTS, outputs=("quality", "dist", "error_read")),
             Part("w_Q", interval_gate(self.false, PERIOD), ["quality"]),
         ]
 
@@ -124,7 +124,7 @@ class Strategies:
         """Figure 8.2: the loop is opened, and the controller continues with an error of 0."""
         return [
             Part("seen", blender(), ["w_Q", "f_en"]),
-            Part("K", self._law, ["seen"], tells=["u"]),
+            Part("K", self._law, ["seen"], outputs=["u"]),
         ]
 
     def _repetitive(self) -> list[Part]:
@@ -135,7 +135,7 @@ class Strategies:
             Part("trusted", blender(), ["w_Q", "f_en"]),
             Part("REP", self.repetitive.controller, ["trusted"]),
             Part("seen", adder(), ["trusted", "REP"]),
-            Part("K", self._law, ["seen"], tells=["u"]),
+            Part("K", self._law, ["seen"], outputs=["u"]),
         ]
 
     def _estimated(self) -> list[Part]:
@@ -143,9 +143,9 @@ class Strategies:
         estimator = kalman(self.axis, Rotation(self.rotation)).controller
         told = ("f_en_hat", "e_hat", "x_hat", "u_p", "rotation")
         return [
-            Part("estimator", estimator, ["f_en", "u_last", "w_Q"], tells=told),
+            Part("estimator", estimator, ["f_en", "u_last", "w_Q"], outputs=told),
             Part("seen", blender(), ["w_Q", "f_en", "f_en_hat"]),
-            Part("K", self._law, ["seen"], tells=["u_k"]),
+            Part("K", self._law, ["seen"], outputs=["u_k"]),
             Part("u", adder(), ["u_k", "u_p"]),
         ]
 
@@ -156,7 +156,7 @@ class Strategies:
         return [
             Part("u_f", linear_controller(F / K_optn, PERIOD), ["f_en"]),
             Part("seen", fault_subtractor(gain=K_optn), ["w_Q", "f_en", "u_f"]),
-            Part("K", self._law, ["seen"], tells=["u"]),
+            Part("K", self._law, ["seen"], outputs=["u"]),
         ]
 
     def _replaced(self) -> list[Part]:
@@ -169,15 +169,15 @@ class Strategies:
             )
         if not self.bumpless:
             return [
-                Part("K", linear_controller(self.controller, PERIOD), ["f_en"], tells=["u_k"]),
-                Part("K'", linear_controller(other, PERIOD), ["f_en"], tells=["u_k'"]),
+                Part("K", linear_controller(self.controller, PERIOD), ["f_en"], outputs=["u_k"]),
+                Part("K'", linear_controller(other, PERIOD), ["f_en"], outputs=["u_k'"]),
                 Part("u", blender(), ["w_Q", "u_k", "u_k'"]),
             ]
         follower = tracking_controller(self.controller, PERIOD, FOLLOWING)
         substitute = tracking_controller(other, PERIOD, FOLLOWING, substitute=True)
         return [
-            Part("K", follower, ["f_en", "w_Q", "u_last"], tells=["u_k"]),
-            Part("K'", substitute, ["f_en", "w_Q", "u_last"], tells=["u_k'"]),
+            Part("K", follower, ["f_en", "w_Q", "u_last"], outputs=["u_k"]),
+            Part("K'", substitute, ["f_en", "w_Q", "u_last"], outputs=["u_k'"]),
             Part("u", blender(), ["w_Q", "u_k", "u_k'"]),
         ]
 

@@ -13,4 +13,4 @@ from workbench.uncertainty import CircleCover, StadiumCover
 
 def covered_responses(run: Run) -> DataArray:
     """Responses (frequency [Hz], plant) that the run of a cover had to cover."""
-    return cast(CircleCover | StadiumCover, run.task).responses.labelled()
+    return cast(CircleCover | StadiumCover, run.task).responses.labelled_points()

@@ -145,4 +145,4 @@ class NominalModels(Study):
         figures.label(top, y="magnitude [units/V]", title=f"{self.axis} nominal models", log="xy")
         figures.label(bottom, x="frequency [Hz]", y="phase [deg]")
         figures.legend_below(drawn, top)
-        return figures.numbered(drawn, {"focus": "5.10", "radial": "5.11"}[self.axis])
+        return figures.with_figure_numbers(drawn, {"focus": "5.10", "radial": "5.11"}[self.axis])

@@ -202,7 +202,7 @@ class UncertaintyComparison(Study):
             )
         figures.label(panels[-1], x="frequency [Hz]")
         figures.legend_below(drawn, panels[0], columns=3)
-        return figures.numbered(drawn, "5.12", "5.13", "5.16")
+        return figures.with_figure_numbers(drawn, "5.12", "5.13", "5.16")
 
     @figure
     def gains(self, variant: DataArray) -> Figure:

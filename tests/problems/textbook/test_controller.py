@@ -78,5 +78,5 @@ def test_a_chain_of_two_methods_and_a_reduction_between():
     run = wb.run("mass-spring/controller", method="fixed", after="dgk", order=5)
     assert run.certificate.holds, run.certificate
     assert run.metrics["order"] == 5
-    begun = run.task.certified(run.task.start, 0.05)
+    begun = run.task.certified_peak(run.task.start, 0.05)
     assert run.metrics["peak"] <= 0.5 * begun.lower

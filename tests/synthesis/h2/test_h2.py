@@ -57,7 +57,7 @@ def test_no_neighbour_of_the_controller_is_better(seed, dt):
         size = 10 ** rng.uniform(-4, -1)
         A, B, C = (part * (1 + size * rng.normal(size=part.shape)) for part in (K.A, K.B, K.C))
         D = K.D * (1 + size * rng.normal(size=K.D.shape)) if dt else K.D
-        other = program.judged(control.ss(A, B, C, D, dt))
+        other = program.answer(control.ss(A, B, C, D, dt))
         assert other is None or other.norm >= answer.norm * (1 - 1e-9)
 
 
@@ -155,7 +155,7 @@ def test_a_gain_of_a_sampled_plant_is_that_of_a_scan():
     program = H2Synthesis(sampled, order=0)
     solution = wb.solve(program)
     gains = np.geomspace(0.1, 100.0, 200)
-    scanned = [program.judged(control.ss([], [], [], [[k]], 0.1)) for k in gains]
+    scanned = [program.answer(control.ss([], [], [], [[k]], 0.1)) for k in gains]
     best = min(one.norm for one in scanned if one is not None)
     assert solution.holds and best / 1.01 <= solution.answer.norm <= best * (1 + 1e-6)
 

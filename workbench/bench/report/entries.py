@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from workbench.bench.discovery import RESERVED
+from workbench.bench.parameter_sweep import SWEEP
 from workbench.bench.project import registry
 from workbench.bench.report.badges import Badge, run_badge
 from workbench.bench.report.words import text
 from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, runs_in, stored_runs
 from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL
-from workbench.bench.sweep import SWEEP
 from workbench.errors import ResultError
 
 OPTIONS = ("tolerance", "time_limit", "seed")

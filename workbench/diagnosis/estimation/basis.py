@@ -120,7 +120,7 @@ def _basis(program: FaultEstimation, context: Context) -> Claim:
         trial = program.answer(basis.filter(parameters))
         assert trial is not None
         for more, channel in zip(beside, program.channels, strict=True):
-            more.append(program.certified(trial.K, channel=channel).omega)
+            more.append(program.certified_peak(trial.K, channel=channel).omega)
         if trial.upper < best.upper:
             best = trial
         history.append(best.upper)

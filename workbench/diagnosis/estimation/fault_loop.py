@@ -137,7 +137,7 @@ class FaultLoop:
     >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
     >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
     >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
-    >>> bool(loop.amplification(loop.warped(grid)).min() >= 1.0)
+    >>> bool(loop.amplification(loop.warped_omega(grid)).min() >= 1.0)
     True
     """
 
@@ -169,7 +169,7 @@ class FaultLoop:
         }
         return replace(self, model=replace(self.model, **smaller))
 
-    def warped(self, frequency_hz: ArrayLike) -> RealArray:
+    def warped_omega(self, frequency_hz: ArrayLike) -> RealArray:
         """omega [rad/s] at which the continuous systems respond as the loop does.
 
         ``frequency_hz`` (F,) [Hz].
@@ -256,8 +256,8 @@ class FaultLoop:
         leakage: in the unit of the fault.
         """
         demands = self.demands
-        fast = float(self.warped(demands.error_above_hz))
-        slow = float(self.warped(demands.leakage_below_hz))
+        fast = float(self.warped_omega(demands.error_above_hz))
+        slow = float(self.warped_omega(demands.leakage_below_hz))
         return [
             Requirement("error", "f", weight=1.0, bound=error, band=(fast, math.inf)),
             Requirement(

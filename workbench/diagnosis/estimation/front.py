@@ -63,7 +63,7 @@ class FrontPoint:
     >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
     >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
     >>> point = FaultFront(loop, grid).least(
-    ...     LaguerreBasis(loop, 1.0).response(loop.warped(grid), 6), 0.5
+    ...     LaguerreBasis(loop, 1.0).response(loop.warped_omega(grid), 6), 0.5
     ... )
     >>> point.error <= 0.5 * (1 + 1e-6), len(point.coefficients)
     (True, 6)
@@ -75,7 +75,7 @@ class FrontPoint:
     noise: float
 
     @property
-    def total(self) -> float:
+    def total_error(self) -> float:
         """Leakage plus three times the rms of the noise."""
         return self.leakage + 3 * self.noise
 
@@ -119,7 +119,7 @@ class FaultFront:
                 f"{loop.demands.leakage_below_hz:g} Hz and from {loop.demands.error_above_hz:g} "
                 "Hz on"
             )
-        self.omega = loop.warped(self.frequency_hz)
+        self.omega = loop.warped_omega(self.frequency_hz)
         L = loop.open_loop(self.omega)
         self.back = 1 + L  # 1 / S
         one = np.ones((len(L), 1), complex)
@@ -138,7 +138,7 @@ class FaultFront:
         columns = [response(states, self.omega)[:, :, 0], np.ones((len(self.omega), 1))]
         return np.asarray(np.hstack(columns) / self.back[:, None], complex)
 
-    def judged(self, T: ComplexArray) -> tuple[float, float, float]:
+    def error_leakage_noise(self, T: ComplexArray) -> tuple[float, float, float]:
         """Relative error, leakage and rms of the noise of T (F,), on the grid."""
         f, size = self.frequency_hz, np.abs(T) * self.worst
         demands = self.loop.demands
@@ -193,7 +193,7 @@ class FaultFront:
         self._need_stable_set()
         if self._factor_of_nothing(error, peak) <= 1.0:  # T = 0 lets nothing pass
             nothing = np.zeros(len(self.frequency_hz), complex)
-            return FrontPoint(np.zeros(basis.shape[1]), *self.judged(nothing))
+            return FrontPoint(np.zeros(basis.shape[1]), *self.error_leakage_noise(nothing))
         scale = np.abs(basis).max(axis=0)
         basis = basis / scale
         demands = self.loop.demands
@@ -207,7 +207,7 @@ class FaultFront:
                 f"no filter of this basis has a relative error of {error:g}: {program.said}"
             )
         T = basis @ found[0]
-        return FrontPoint(found[0] / scale, *self.judged(T))
+        return FrontPoint(found[0] / scale, *self.error_leakage_noise(T))
 
     def least_factor(
         self, basis: ComplexArray, error: float, leakage: float, *, peak: float | None = None
@@ -238,7 +238,7 @@ class FaultFront:
         >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
         >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
         >>> front = FaultFront(loop, grid)
-        >>> functions = LaguerreBasis(loop, 1.0).response(6, loop.warped(grid))
+        >>> functions = LaguerreBasis(loop, 1.0).response(6, loop.warped_omega(grid))
         >>> bool(front.least_factor(functions, error=0.5, leakage=2e-3) < 1)
         True
         >>> bool(front.least_factor(functions, error=0.05, leakage=1e-4) > 1)
@@ -307,7 +307,7 @@ def near_poles(loop: FaultLoop, frequency: RealArray, poles: ComplexArray) -> Re
     """A grid [Hz] (F,) with frequencies added near poles [rad/s], closer for less damping."""
     upper = poles[poles.imag > 0.0]
     near = (upper.imag[:, None] + upper.real[:, None] * np.linspace(-3.0, 3.0, 13)).ravel()
-    found = np.interp(near, loop.warped(frequency), frequency)
+    found = np.interp(near, loop.warped_omega(frequency), frequency)
     return np.union1d(frequency, found)
 
 

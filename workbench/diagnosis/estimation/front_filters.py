@@ -216,7 +216,7 @@ def low_order_filter(
             f"{leakage:g} by {REDUCTIONS}"
         )
     meeting = [each for each in found if each.meets]
-    return min(meeting or found, key=lambda each: each.point.total)
+    return min(meeting or found, key=lambda each: each.point.total_error)
 
 
 def loop_estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation:

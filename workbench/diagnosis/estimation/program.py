@@ -97,7 +97,7 @@ class FaultFilter(DrawnController):
         """The filter."""
         return self.K
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return (
             f"FaultFilter: {in_words(self.K)}\n"
             f"  errors over those required from {self.lower:.4g} to {self.upper:.4g}"
@@ -217,7 +217,7 @@ class FaultEstimation(Program):
             else closed.channel(performance=None, exogenous=list(channel.inputs))
         )
 
-    def certified(self, controller: StateSpace, *, channel: Channel | None = None) -> Peak:
+    def certified_peak(self, controller: StateSpace, *, channel: Channel | None = None) -> Peak:
         """The certified peak that a stable filter has in one channel; None: in all together."""
         loop = self.loop(controller, channel=channel)
         band = EVERYWHERE if channel is None else channel.band
@@ -229,7 +229,9 @@ class FaultEstimation(Program):
         """A filter with its certified peaks; None if it is not stable."""
         if not stability_check(controller).holds:
             return None
-        found = [self.certified(controller, channel=channel) for channel in (*self.channels, None)]
+        found = [
+            self.certified_peak(controller, channel=channel) for channel in (*self.channels, None)
+        ]
         bounds = np.array([[each.lower, each.upper] for each in found])
         return FaultFilter(
             controller, bounds[:-1], bounds[-1], least=least, history=history, proven=tuple(found)

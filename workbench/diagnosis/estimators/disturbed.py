@@ -28,10 +28,10 @@ class DisturbedPlant:
               measured y, then the other outputs to be estimated;
     rotation  the disturbance: the sum of the first states of the oscillators;
     colour    discrete, driven by white noise of variance 1, its output added to y; or None;
-    beside    discrete and stable, driven by u alone, for motions that u causes but do not show in
+    unmeasured  discrete and stable, driven by u alone, for motions that u causes but do not show in
               y; its outputs are estimated too; or None.
 
-    The state is (plant, oscillators, colour, beside). Raises InputError if something does not
+    The state is (plant, oscillators, colour, unmeasured). Raises InputError if something does not
     fit, or if a mode does not show in y; the message names the mode.
 
     Examples
@@ -50,7 +50,7 @@ class DisturbedPlant:
     rotation: Rotation
     _: KW_ONLY
     colour: StateSpace | None = None
-    beside: StateSpace | None = None
+    unmeasured: StateSpace | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.rotation, Rotation):
@@ -58,7 +58,7 @@ class DisturbedPlant:
         for name, system in (
             ("plant", self.plant),
             ("colour", self.colour),
-            ("beside", self.beside),
+            ("unmeasured", self.unmeasured),
         ):
             if system is not None or name == "plant":
                 self._check_system(name, system)
@@ -68,10 +68,10 @@ class DisturbedPlant:
             )
         if self.colour is not None and (self.colour.ninputs, self.colour.noutputs) != (1, 1):
             raise InputError("the colour of the noise needs one input and one output")
-        if self.beside is not None and (
-            self.beside.ninputs != 1 or abs(self.beside.poles()).max() >= 1.0
+        if self.unmeasured is not None and (
+            self.unmeasured.ninputs != 1 or abs(self.unmeasured.poles()).max() >= 1.0
         ):
-            raise InputError("the system beside must be stable and have one input, u")
+            raise InputError("the unmeasured system must be stable and have one input, u")
         n = self.seen
         scaled, scale = balanced_matrix(self.A[:n, :n])
         check_observable(scaled, self.C[None, :n] * scale, self.dt)
@@ -100,9 +100,9 @@ class DisturbedPlant:
 
     @property
     def slices(self) -> tuple[slice, slice, slice, slice]:
-        """The slices of the state that hold plant, oscillators, colour and beside."""
+        """Slices of the state: plant, oscillators, colour, and the unmeasured system."""
         sizes = [self.plant.nstates, 2 * len(self.rotation.harmonics)]
-        sizes += [0 if one is None else one.nstates for one in (self.colour, self.beside)]
+        sizes += [0 if one is None else one.nstates for one in (self.colour, self.unmeasured)]
         ends = accumulate(sizes, initial=0)
         a, b, c, d = (slice(*two) for two in pairwise(ends))
         return a, b, c, d
@@ -117,7 +117,7 @@ class DisturbedPlant:
         """The transition matrix (n, n) over a sample, at the rotation's own frequency."""
         plant, turning, _, _ = self.slices
         parts = [self.plant.A, self.rotation.oscillators(self.dt)]
-        parts += [one.A for one in (self.colour, self.beside) if one is not None]
+        parts += [one.A for one in (self.colour, self.unmeasured) if one is not None]
         transition: RealArray = block_diag(*parts)
         transition[plant, turning] = np.outer(self.plant.B[:, 1], self.disturbance[turning])
         return transition
@@ -127,8 +127,8 @@ class DisturbedPlant:
         """The effect (n,) of u on the next state."""
         effect = np.zeros(len(self.A))
         effect[self.slices[0]] = self.plant.B[:, 0]
-        if self.beside is not None:
-            effect[self.slices[3]] = self.beside.B[:, 0]
+        if self.unmeasured is not None:
+            effect[self.slices[3]] = self.unmeasured.B[:, 0]
         return effect
 
     @cached_property
@@ -145,10 +145,10 @@ class DisturbedPlant:
         """The rows (z, n) that give the estimated outputs.
 
         The outputs of the plant come first, beginning with y without its noise; then those of
-        `beside`.
+        `unmeasured`.
         """
         rows = [self.plant.C, np.zeros((0, self.seen - self.plant.nstates))]
-        rows += [] if self.beside is None else [self.beside.C]
+        rows += [] if self.unmeasured is None else [self.unmeasured.C]
         outputs: RealArray = block_diag(*rows)
         return outputs
 

@@ -123,7 +123,7 @@ class KalmanEstimator:
         return covariance
 
     @cached_property
-    def stationary(self) -> RealArray:
+    def stationary_covariance(self) -> RealArray:
         """Covariance (seen, seen) of the prediction after a long record of quality 1."""
         n, r = self.model.seen, self.noise.measurement
         # The solver of the equation needs states scaled to one size, and y in units of its noise.
@@ -144,9 +144,9 @@ class KalmanEstimator:
         return found
 
     @cached_property
-    def settled(self) -> Estimator:
+    def steady_state(self) -> Estimator:
         """The estimator of constant gain that this one approaches on a long record of quality 1."""
-        C, P = self.model.C[: self.model.seen], self.stationary
+        C, P = self.model.C[: self.model.seen], self.stationary_covariance
         return Estimator(self.model, P @ C / (C @ P @ C + self.noise.measurement**2))
 
     @cached_property
@@ -157,14 +157,14 @@ class KalmanEstimator:
         """
         model, m, n = self.model, self.model.seen, len(self.model.A)
         gain = np.zeros(n)
-        gain[:m] = self.settled.gain
+        gain[:m] = self.steady_state.gain
         # state: x^, work space for the next x^, frequency; gain; whether it has settled; P; work
         # space for A P.
         state = np.zeros(3 * n + 2 + 2 * m * m)
         state[2 * n] = model.rotation.frequency_hz
         state[2 * n + 1 : 3 * n + 1] = gain
         state[3 * n + 1] = 1.0
-        state[3 * n + 2 : 3 * n + 2 + m * m] = self.stationary.ravel()
+        state[3 * n + 2 : 3 * n + 2 + m * m] = self.stationary_covariance.ravel()
         own = np.array([self.noise.measurement**2, self.noise.defect**2])
         parameters: list[RealArray] = [
             layout(model, gain),

@@ -140,7 +140,7 @@ def model_matching(
     error = generalised.close(K)
     if not stability_check(error).holds:
         raise SolverError("the error is not stable, numerically; choose slower poles of the basis")
-    return ModelMatch(generator, error, certified_norm(error)).checked_by(MatchChecker())
+    return ModelMatch(generator, error, certified_norm(error)).with_checker(MatchChecker())
 
 
 class MatchChecker(Checker):

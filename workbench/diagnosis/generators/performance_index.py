@@ -125,7 +125,7 @@ def performance_index(
     checker = index_checker(
         Q, model, band, disturbances=disturbances, faults=faults, tolerance=tolerance
     )
-    return checker.again().checked_by(checker)
+    return checker.again().with_checker(checker)
 
 
 def index_checker(

@@ -84,7 +84,9 @@ def _averaged(program: StateSpaceFit, context: Context) -> Claim:
     if program.known is None:
         predictors = [level_following(model) for model in predictors]
     predictor = averaged_predictor(predictors, program.largest_radius, program.holds_known)
-    simulator = averaged_simulator(simulators, program.used, program.direct, program.largest_radius)
+    simulator = averaged_simulator(
+        simulators, program.estimation_record, program.direct, program.largest_radius
+    )
     if not program.holds_known(simulator):
         simulator = simulators[0]
     fits = np.array([trial.fit_of_average(use) for use in range(2)])
@@ -97,8 +99,10 @@ class _Trial:
     def __init__(self, program: StateSpaceFit, context: Context) -> None:
         self._program = program
         self._held_back = program.folds_within(MOST_TRIED)
-        self._folds = self._held_back or [(program.used, program.used)]
-        self._spreads = np.array([judged_variance(left, program.washed) for _, left in self._folds])
+        self._folds = self._held_back or [(program.estimation_record, program.estimation_record)]
+        self._spreads = np.array(
+            [judged_variance(left, program.washout_samples) for _, left in self._folds]
+        )
         self._ways = dict(kinds_and_orders(program))
         self._errors: list[list[RealArray]] = []
         self._models: dict[int, InnovationsModel | None] = {}
@@ -118,12 +122,16 @@ class _Trial:
         program = self._program
         model = fit(used)
         if model is None:
-            judged = sum(max(len(u) - program.washed, 0) for u, _ in left.pieces())
+            judged = sum(max(len(u) - program.washout_samples, 0) for u, _ in left.pieces())
             return np.full((2, judged, left.y.shape[1]), np.inf)
-        errors = validation_errors(model, left, program.washed)
+        errors = validation_errors(model, left, program.washout_samples)
         if program.bandwidth_hz is not None:
-            outputs, felt = weighted_runs(model, left, program.washed, program.bandwidth_hz)
-            size = np.sqrt((outputs**2).mean(axis=0) / judged_variance(left, program.washed))
+            outputs, felt = weighted_runs(
+                model, left, program.washout_samples, program.bandwidth_hz
+            )
+            size = np.sqrt(
+                (outputs**2).mean(axis=0) / judged_variance(left, program.washout_samples)
+            )
             errors[1] = felt / np.maximum(size, np.finfo(float).tiny)
         if not self._held_back:
             count = model.order * (2 * len(model.C) + model.B.shape[1])
@@ -138,7 +146,10 @@ class _Trial:
         """
         found = self.kept(use, len(self.candidates.members(use)) if self.candidates else 0)
         with np.errstate(all="ignore"):  # simulations may overflow
-            own = [self._program.fits_to_choose_by(m, self._program.used)[use] for m in found]
+            own = [
+                self._program.fits_to_choose_by(m, self._program.estimation_record)[use]
+                for m in found
+            ]
         fits = np.nan_to_num([fit.mean() for fit in own], nan=-np.inf)
         least = np.median(fits) - MEMBER_LOSS if found else 0.0
         return [model for model, fit in zip(found, fits, strict=True) if fit >= least]
@@ -160,7 +171,7 @@ class _Trial:
     def _model(self, place: int) -> InnovationsModel | None:
         """A candidate's model of the whole estimation part; it is computed once."""
         if place not in self._models:
-            self._models[place] = list(self._ways.values())[place](self._program.used)
+            self._models[place] = list(self._ways.values())[place](self._program.estimation_record)
         return self._models[place]
 
     def fit_of_average(self, use: int) -> float:

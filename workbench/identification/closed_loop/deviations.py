@@ -152,7 +152,7 @@ def closed_loop_covariance(
     """
     if method not in INPUTS:
         raise InputError(f"method is {method!r}; it must be one of {', '.join(INPUTS)}")
-    record, period, clean_input = program.used, program.period_samples, INPUTS[method]
+    record, period, clean_input = program.estimation_record, program.period_samples, INPUTS[method]
     if period is not None and len(record) < FEWEST * period:
         period = None
     parts = _parts(len(record), period)
@@ -178,8 +178,10 @@ def _of_direct(program: ClosedLoopFit, model: InnovationsModel, frequency: Array
     def change(criterion: Criterion, theta: RealArray, step: RealArray) -> ComplexArray:
         return response_along(criterion, theta, step, frequency)
 
-    found = estimates_of(model, program.used, program.direct, program.known)[0].covariances(change)
-    if model_whiteness(model, program.used, program.direct).holds:
+    found = estimates_of(model, program.estimation_record, program.direct, program.known)[
+        0
+    ].covariances(change)
+    if model_whiteness(model, program.estimation_record, program.direct).holds:
         return found
     return _infinite(found.shape[:-2])
 
@@ -217,7 +219,7 @@ def _of_errors(
 ) -> ComplexArray:
     """Changes of the response (parts, F, ny, nu) when one part is left out, to first order."""
     model = replace(model, K=np.zeros_like(model.K))
-    errors = record.y - model.free_run(record.u, record.y, program.washed)
+    errors = record.y - model.free_run(record.u, record.y, program.washout_samples)
     record = replace(record, u=clean_input(program, record, _explained(program, record)))
     criterion = Criterion(model, record, 0.0, program.direct, all_but_gain(model))
     theta = criterion.start(model)
@@ -228,7 +230,7 @@ def _of_errors(
 
 
 def _explained(program: ClosedLoopFit, record: Experiments) -> Experiments:
-    clean = program.explained(record)
+    clean = program.explained_part(record)
     if clean is None:
         raise InputError(f"{len(record)} samples are too few to explain; take a longer record")
     return clean

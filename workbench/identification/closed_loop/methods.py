@@ -94,7 +94,7 @@ def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
-            clean = program.explained(record)
+            clean = program.explained_part(record)
             if clean is None:
                 return None
             best = best_by_instruments(program, record, clean, order, program.largest_radius)
@@ -158,7 +158,7 @@ def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrde
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
-            clean = program.explained(record)
+            clean = program.explained_part(record)
             if clean is None:
                 return None
             clean = replace(clean, u=clean_input(program, record, clean))

@@ -160,7 +160,7 @@ class ClosedLoopFit(StateSpaceFit):
     def _explained(self) -> dict[int, tuple[Experiments, Experiments | None, bool]]:
         return {}
 
-    def explained(self, record: Experiments) -> Experiments | None:
+    def explained_part(self, record: Experiments) -> Experiments | None:
         """The explained part of a piece of the record; None if the piece is too short."""
         return self._explained_of(record)[0]
 
@@ -171,9 +171,11 @@ class ClosedLoopFit(StateSpaceFit):
         """
         if self.period_samples is not None or method == "direct":
             return []
-        endless = method != "instrumental-variables" and not self._explained_of(self.used)[1]
+        endless = (
+            method != "instrumental-variables" and not self._explained_of(self.estimation_record)[1]
+        )
         reasons = [ENDLESS] if endless else []
-        if (1 - model.radius) * len(self.used) < SETTLED:
+        if (1 - model.radius) * len(self.estimation_record) < SETTLED:
             reasons.append(f"a pole of modulus {model.radius:.6g} {DRIFTS}")
         return reasons
 
@@ -186,17 +188,20 @@ class ClosedLoopFit(StateSpaceFit):
     def _fits_of(
         self, predictor: InnovationsModel, simulator: InnovationsModel, record: Experiments
     ) -> RealArray:
-        clean = None if record.excitation is None else self.explained(record)
+        clean = None if record.excitation is None else self.explained_part(record)
         if clean is None:
             return super()._fits_of(predictor, simulator, record)
         return np.array(
-            [scored_fit(predictor.one_step, record, self.washed), self._run_fit(simulator, clean)]
+            [
+                scored_fit(predictor.one_step, record, self.washout_samples),
+                self._run_fit(simulator, clean),
+            ]
         )
 
     def _run_fit(self, model: InnovationsModel, clean: Experiments) -> RealArray:
         """Fits (ny,) [%] of a free run to the explained parts of u and y."""
         if self.period_samples is None:
-            return scored_fit(model.free_run, clean, self.washed)
+            return scored_fit(model.free_run, clean, self.washout_samples)
         return steady_fit(model, clean, self.period_samples)
 
     def facts(self, answer: IdentifiedModels) -> list[str]:

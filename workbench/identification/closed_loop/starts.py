@@ -36,7 +36,7 @@ class LoopStarts(SubspaceStarts):
 
     def _computed(self, record: Experiments, order: int) -> list[InnovationsModel]:
         program, found = self._loop, super()._computed(record, order)
-        clean = program.explained(record)
+        clean = program.explained_part(record)
         if clean is None or record.missing or program.delays_samples or program.known is not None:
             return found
         best = best_by_instruments(program, record, clean, order, program.largest_radius)
@@ -59,7 +59,7 @@ def _with_own_noise(
         )
         if plant is None or plant.radius >= 1:
             continue
-        errors = record.y - plant.free_run(record.u, record.y, program.washed)
+        errors = record.y - plant.free_run(record.u, record.y, program.washout_samples)
         factors = [autoregression(v, states) for v in errors.T]
         first, shift = np.eye(1, states), np.eye(states, k=1)
         yield replace(
@@ -100,6 +100,6 @@ def with_gain(
     models = [model, *(replace(model, K=gain) for gain in gains if gain is not None)]
 
     def errors(one: InnovationsModel) -> float:
-        return float(-scored_fit(one.one_step, record, program.washed).sum())
+        return float(-scored_fit(one.one_step, record, program.washout_samples).sum())
 
     return least_of(models, errors) or model

@@ -68,7 +68,7 @@ def record_report(
     record = as_experiments(u, y, dt=dt)
     if r is not None:
         record = record.driven_by(r)
-    return record.reported(direct=direct, order=order)
+    return record.report_for(direct=direct, order=order)
 
 
 def report_of_arrays(

@@ -27,7 +27,7 @@ MISSING_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Experiments:
-    """External signal that drove a closed loop (N, nr), if it was recorded.
+    """One or more experiments on a plant: inputs u (N, nu), outputs y (N, ny) and their clock.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Experiments:
     inputs, outputs, input_units, output_units
         Names and units of the channels.
     excitation
-        What drove a closed loop from outside (N, nr), where that was recorded.
+        External signal (N, nr) that drove a closed loop, if it was recorded.
     assumed
         Assumptions that the user vouches for, whatever the record's report says.
     times
@@ -88,9 +88,9 @@ class Experiments:
 
         Inputs may act within the same sample.
         """
-        return self.reported()
+        return self.report_for()
 
-    def reported(self, *, direct: bool = True, order: int | None = None) -> RecordReport:
+    def report_for(self, *, direct: bool = True, order: int | None = None) -> RecordReport:
         """Report for a model of an order (None: unknown), with or without a direct term."""
         inputs = self.inputs or tuple(f"u{k + 1}" for k in range(self.u.shape[1]))
         outputs = self.outputs or tuple(f"y{k + 1}" for k in range(self.y.shape[1]))

@@ -84,7 +84,7 @@ def impulse_response(
     >>> float((model.C @ model.B)[0, 0].round(2))  # the first sample of the response
     0.5
     """
-    record.reported(direct=direct).need_usable()
+    record.report_for(direct=direct).need_usable()
     return impulse_model(record, direct=direct, delay=delay_samples)
 
 

@@ -147,7 +147,7 @@ class InnovationsModel:
 
         The first samples, whose inputs were before the record, have an initial state of their own.
         """
-        drive, measured = self.acting(u) - self.u_offset, y - self.y_offset
+        drive, measured = self.acting_inputs(u) - self.u_offset, y - self.y_offset
         late = self.longest_delay_samples
         found = np.empty(measured.shape)
         ends = late, max(washout, late + 1)
@@ -166,14 +166,14 @@ class InnovationsModel:
     def driven_part(self, u: RealArray, y: RealArray) -> tuple[RealArray, RealArray]:
         """Inputs that act, and outputs, of the samples whose inputs are all in the record."""
         late = self.longest_delay_samples
-        return self.acting(u)[late:], np.ascontiguousarray(y[late:], dtype=float)
+        return self.acting_inputs(u)[late:], np.ascontiguousarray(y[late:], dtype=float)
 
     def matrices(self, K: RealArray) -> tuple[RealArray, ...]:
         """A, B, C, D and another gain K, in the form for compiled code."""
         own = (self.A, self.B, self.C, self.D, K)
         return tuple(np.ascontiguousarray(matrix, dtype=float) for matrix in own)
 
-    def acting(self, u: RealArray) -> RealArray:
+    def acting_inputs(self, u: RealArray) -> RealArray:
         """Inputs (N, nu) that act at each sample.
 
         Before the record they equal their first sample.

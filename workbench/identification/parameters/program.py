@@ -245,7 +245,7 @@ class ParameterEstimate(ProgramAnswer):
     def __getitem__(self, name: str) -> float:
         return self.values[name]
 
-    def said(self) -> str:
+    def summary(self) -> str:
         values = [
             f"{name} = {value:.6g} +- {self.half_widths[name]:.2g}"
             for name, value in self.values.items()
@@ -317,4 +317,6 @@ def fit_parameters(
         half_widths=dict(zip(program.names, map(float, halves), strict=True)),
         chi_square=program.chi_square(values)[0],
         notes=notes,
-    ).checked_by(OriginalAnswerChecker(program, solution.answer), certificate=solution.certificate)
+    ).with_checker(
+        OriginalAnswerChecker(program, solution.answer), certificate=solution.certificate
+    )

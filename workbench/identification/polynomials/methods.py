@@ -140,7 +140,9 @@ def _structured_answer(program: StateSpaceFit, context: Context, kind: Polynomia
     way = structured_fits(program, kind, starts)
     answer = identify(program, way, way, context)
     if answer is None and kind != "armax":
-        radii = [m.radius for n in program.orders or () for m in starts.of(program.used, n)]
+        radii = [
+            m.radius for n in program.orders or () for m in starts.of(program.estimation_record, n)
+        ]
         largest = max(radii, default=0.0)
         if largest >= 1 - CIRCLE_ROUNDING:
             return None, Outcome.FAILED, (

@@ -59,7 +59,7 @@ def arx(
     >>> float(model.A[0, 0].round(4)), model.order
     (0.5, 1)
     """
-    record.reported(direct=direct, order=order).need_usable()
+    record.report_for(direct=direct, order=order).need_usable()
     return arx_model(record, order, direct=direct, delay=delay_samples, apart=apart)
 
 

@@ -54,7 +54,7 @@ class RationalModelEstimate(ProgramAnswer):
     tests: ResidualTests
     candidates: dict[int, ResidualTests]
 
-    def said(self) -> str:
+    def summary(self) -> str:
         p, m = self.model.shape
         verdict = "accepted" if self.tests.accepted else "rejected"
         return (
@@ -172,7 +172,7 @@ def fit_rational_model(
         program.uncertainty(answer.model),
         tests,
         {model.order: program.tests(model) for model in answer.models},
-    ).checked_by(OriginalAnswerChecker(program, answer), certificate=solution.certificate)
+    ).with_checker(OriginalAnswerChecker(program, answer), certificate=solution.certificate)
 
 
 def _weighting(estimate: ResponseEstimate) -> np.ndarray:

@@ -139,11 +139,11 @@ class RationalModelFit(Program):
                 f"order {self.orders[-1]} has {most} coefficients, and the data are {data.count} "
                 "real numbers: lower it, or give more frequencies"
             )
-        if not self.degrees > least_degrees(self.together):
+        if not self.degrees > least_degrees(self.jointly_whitened):
             raise InputError(
-                f"degrees is {self.degrees}; more than {least_degrees(self.together):g} are "
-                f"needed to weight {self.together} entries together: average more periods, or give "
-                "variances instead of matrices"
+                f"degrees is {self.degrees}; more than {least_degrees(self.jointly_whitened):g} "
+                f"are needed to weight {self.jointly_whitened} entries together: average more "
+                "periods, or give variances instead of matrices"
             )
 
     @cached_property
@@ -181,7 +181,7 @@ class RationalModelFit(Program):
         )
 
     @property
-    def together(self) -> int:
+    def jointly_whitened(self) -> int:
         """Number of entries whose errors are whitened together."""
         data = self.structure.data
         return 1 if data.independent else data.response[0].size
@@ -201,7 +201,7 @@ class RationalModelFit(Program):
     def tests(self, model: CommonPoleModel) -> ResidualTests:
         """Cost and whiteness of a model."""
         unknowns = self.structure.unknowns(model.order)
-        return residual_tests(self.residual(model), unknowns, self.degrees, self.together)
+        return residual_tests(self.residual(model), unknowns, self.degrees, self.jointly_whitened)
 
     def choose(self, models: Sequence[CommonPoleModel]) -> int:
         """Index of the first accepted model, or of the one with the least criterion."""

@@ -67,7 +67,7 @@ class RecordReport:
     """
 
     tested: tuple[TestedAssumption, ...]
-    settled: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    reasons: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -79,7 +79,7 @@ class RecordReport:
     def usable(self) -> bool:
         """Whether no finding forbids estimates.
 
-        Findings against settled assumptions do not count.
+        Findings against assumptions with a reason do not count.
         """
         return not self._forbidding
 
@@ -89,7 +89,7 @@ class RecordReport:
         return [
             (one, finding)
             for one in self.tested
-            if one.assumption not in self.settled
+            if one.assumption not in self.reasons
             for finding in one.findings
             if finding.forbids
         ]
@@ -99,15 +99,15 @@ class RecordReport:
 
         Raises `UnknownNameError` for a name that belongs to no test.
         """
-        return self.settling(dict.fromkeys(as_names(assumptions), "assumed by the user"))
+        return self.with_reasons(dict.fromkeys(as_names(assumptions), "assumed by the user"))
 
-    def settling(self, reasons: Mapping[str, str]) -> RecordReport:
+    def with_reasons(self, reasons: Mapping[str, str]) -> RecordReport:
         """The report in which these assumptions, by name, need no test for the given reasons."""
         known = [one.assumption for one in self.tested]
         for name in reasons:
             if name not in known:
                 raise UnknownNameError("assumption", name, known)
-        return replace(self, settled={**self.settled, **reasons})
+        return replace(self, reasons={**self.reasons, **reasons})
 
     def need_usable(self, name: str = "the record") -> None:
         """Raise `InputError` with the findings that forbid the use of the record, if any."""
@@ -122,7 +122,7 @@ class RecordReport:
         return tuple(self._sentence(one) for one in self.tested)
 
     def _sentence(self, one: TestedAssumption) -> str:
-        why = self.settled.get(one.assumption)
+        why = self.reasons.get(one.assumption)
         if why is None:
             return str(one)
         against = "; ".join(finding.message for finding in one.findings if finding.forbids)

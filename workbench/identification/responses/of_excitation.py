@@ -164,7 +164,7 @@ def driven_response(
 
 def unrecorded(report: RecordReport, samples: object) -> RecordReport:
     """The report for an excitation that was not recorded, but is stated to be periodic."""
-    return report.settling(
+    return report.with_reasons(
         {FROM_OUTSIDE: f"not recorded, and stated to repeat itself after {samples} samples"}
     )
 

@@ -29,7 +29,7 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
     """The models, their runs on the held-out samples, responses and residual tests."""
     import xarray as xr
 
-    record, rest = program.record, program.rest
+    record, rest = program.record, program.judged_record
     estimate = program.nonparametric
     frequency = (
         np.linspace(0, 0.5, FREQUENCIES + 2)[1:-1]
@@ -86,12 +86,16 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
             "output": list(record.outputs),
             "order": list(program.orders or ()),
             "use": list(USES),
-            "time": ("time", np.arange(program.estimated, len(record)), {"units": "samples"}),
+            "time": (
+                "time",
+                np.arange(program.estimation_samples, len(record)),
+                {"units": "samples"},
+            ),
             "frequency": ("frequency", frequency, {"units": "cycles/sample"}),
             "lag": ("lag", np.arange(1, lags + 1), {"units": "samples"}),
             "shift": ("shift", np.arange(-lags, lags + 1), {"units": "samples"}),
         },
-        attrs={"washout": program.washed},
+        attrs={"washout": program.washout_samples},
     )  # fmt: skip
 
 
@@ -105,7 +109,9 @@ def _with_members(name: str, model: InnovationsModel) -> Iterator[tuple[str, Inn
 def _whole_run(model: InnovationsModel, use: str, program: RecordedQuestion) -> RealArray:
     """A run of a model over all held-out experiments (N, ny)."""
     run = getattr(model, use)
-    return np.vstack([run(u, y, program.washed) for u, y in program.rest.pieces()])
+    return np.vstack(
+        [run(u, y, program.washout_samples) for u, y in program.judged_record.pieces()]
+    )
 
 
 def stored_candidates(data: Dataset) -> Candidates | None:

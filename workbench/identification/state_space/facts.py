@@ -63,7 +63,7 @@ def facts_of(
     if program.known is not None and program.known.gain is not None:
         count = int(np.isfinite(program.known.gain).sum())
         words.append(f"{count} static gains are given, not estimated")
-    if len(program.used) > program.estimated:
+    if len(program.estimation_record) > program.estimation_samples:
         words.append(
             "no input moves in the estimation part: what inputs do rests on the assumption "
             "that they stepped from zero, at rest, at the first sample"
@@ -91,7 +91,7 @@ def not_white(program: RecordedQuestion, model: InnovationsModel, name: str) -> 
     """A sentence on one-step errors that are not white; empty if they are, or are not tested."""
     if model.members or has_finite_response(model) or model.order > MOST_STATES_OF_DEVIATIONS:
         return ""
-    found = model_whiteness(model, program.used, program.direct)
+    found = model_whiteness(model, program.estimation_record, program.direct)
     return "" if found.holds else f"{name}: one-step errors are not white, {found.words}"
 
 
@@ -109,13 +109,15 @@ def simulator_deviations(
         return _of_impulses(program, frequency, model.response(frequency))
     if model.order > MOST_STATES_OF_DEVIATIONS:
         return None
-    return magnitude_deviations(model, program.used, frequency, program.direct, program.known)
+    return magnitude_deviations(
+        model, program.estimation_record, frequency, program.direct, program.known
+    )
 
 
 def _of_impulses(program: RecordedQuestion, frequency: ArrayLike, response: ArrayLike) -> RealArray:
     """Deviations (F, ny, nu) of magnitudes of impulse responses; infinite if these do not end."""
     changes, ended = impulse_response_changes(
-        program.used, frequency, direct=program.direct, delay=program.delays_samples
+        program.estimation_record, frequency, direct=program.direct, delay=program.delays_samples
     )
     found = of_magnitudes(changes, np.asarray(response))
     return found if ended else np.full(found.shape, np.inf)
@@ -132,7 +134,10 @@ def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) 
         return words if np.isfinite(deviations).all() else [*words, f"{name}: {ENDLESS}"]
     if model.order > MOST_STATES_OF_DEVIATIONS:
         return [f"{name}: no standard deviations of {model.order} states are computed"]
-    found, words = model_deviations(model, program.used, program.direct, program.known), []
+    found, words = (
+        model_deviations(model, program.estimation_record, program.direct, program.known),
+        [],
+    )
     if len(found.poles):
         slowest = int(np.argmax(np.abs(found.poles)))
         size, deviation = abs(found.poles[slowest]), found.pole_deviations[slowest]

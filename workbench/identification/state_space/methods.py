@@ -83,7 +83,7 @@ def _best(
         if np.isfinite(means[place]):
             order = tuple(program.orders or ())[place]
             if (way, order) not in fitted:
-                fitted[way, order] = way(order)(program.used)
+                fitted[way, order] = way(order)(program.estimation_record)
             if fitted[way, order] is not None:
                 return fitted[way, order]
     return None
@@ -185,7 +185,7 @@ def refined_fits(
                 return criterion(criterion.start(model))
 
             usable = [m for m in starts.of(record, order) if refinable(m, program.largest_radius)]
-            known, whole = program.known, record is program.used
+            known, whole = program.known, record is program.estimation_record
             found = [
                 refine(
                     start, record, simulation_weight,

@@ -20,7 +20,7 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.parameters.least_squares import FittedParameter
 from workbench.identification.state_space.selection import allowed
 from workbench.systems.conversion import as_system
-from workbench.systems.sampling import hold
+from workbench.systems.sampling import held_input_matrices
 
 MOST_STEPS = 100
 """Largest number of steps of the search."""
@@ -89,7 +89,7 @@ class PhysicalModel:
             except (TypeError, ValueError) as error:
                 raise InputError(f"the physical model at {dict(values)}: {error}") from None
         system = as_system(given, "the physical model")
-        A, B = (system.A, system.B) if system.dt else hold(system.A, system.B, dt)
+        A, B = (system.A, system.B) if system.dt else held_input_matrices(system.A, system.B, dt)
         return A, B, system.C, system.D
 
     def states(self, record: Experiments) -> int:

@@ -175,7 +175,7 @@ class StateSpaceFit(RecordedQuestion, Program):
         found = super().fits_to_choose_by(model, record)
         if self.bandwidth_hz is not None:
             found[USES.index("free_run")] = control_fit(
-                model, record, self.washed, self.bandwidth_hz
+                model, record, self.washout_samples, self.bandwidth_hz
             )
         return found
 
@@ -192,21 +192,21 @@ class StateSpaceFit(RecordedQuestion, Program):
 
         There is no objective: the answer is two models, each with its own criterion.
         """
-        return float(self.estimated * self.record.y.shape[1])
+        return float(self.estimation_samples * self.record.y.shape[1])
 
     # --- certificate -----------------------------------------------------------------------------
 
     @property
     def held_out(self) -> str:
         """Quantifier of the scores."""
-        return f"for the last {len(self.rest)} samples of this record"
+        return f"for the last {len(self.judged_record)} samples of this record"
 
     def checks(self, answer: IdentifiedModels, tolerance: float) -> list[Check]:
-        missed = 1 - self._fits(answer, self.rest) / 100
+        missed = 1 - self._fits(answer, self.judged_record) / 100
         # If no input moves, measured outputs are noise, and a correct model errs as much as their
         # mean.
-        still = len(self.rest.still_inputs()) == self.record.u.shape[1]
-        limit = 1.0 + (CHANCE / np.sqrt(2 * len(self.rest)) if still else 0.0)
+        still = len(self.judged_record.still_inputs()) == self.record.u.shape[1]
+        limit = 1.0 + (CHANCE / np.sqrt(2 * len(self.judged_record)) if still else 0.0)
         judged = dict(zip(USES, missed, strict=True))
         if self.poles == "any":
             del judged["free_run"]
@@ -271,12 +271,14 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def _judged_pieces(self) -> list[tuple[RealArray, RealArray]]:
         return [
-            (u[:CONVOLVED], y[:CONVOLVED]) for u, y in self.rest.pieces() if len(u) > self.washed
+            (u[:CONVOLVED], y[:CONVOLVED])
+            for u, y in self.judged_record.pieces()
+            if len(u) > self.washout_samples
         ]
 
     def _simulation_difference(self, m: InnovationsModel, u: RealArray, y: RealArray) -> float:
         """Difference between a simulation's relative errors by convolution and by recursion."""
-        washout, runs = self.washed, []
+        washout, runs = self.washout_samples, []
         for one in m.members or (m,):
             drive, measured = one.driven_part(u, y)
             matrices, left = (one.A, one.B, one.C, one.D), washout - one.longest_delay_samples
@@ -306,11 +308,13 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def metrics(self, answer: IdentifiedModels) -> dict[str, float]:
         numbers: dict[str, float] = {}
-        for part, used in (("", self.rest), ("estimation_", self.used)):
+        for part, used in (("", self.judged_record), ("estimation_", self.estimation_record)):
             for use, row in zip(USES, self._fits(answer, used), strict=True):
                 numbers |= {f"{part}fit_{use}_y{i + 1}": float(v) for i, v in enumerate(row)}
         if self.bandwidth_hz is not None:
-            row = control_fit(answer.simulator, self.rest, self.washed, self.bandwidth_hz)
+            row = control_fit(
+                answer.simulator, self.judged_record, self.washout_samples, self.bandwidth_hz
+            )
             numbers |= {f"fit_control_y{i + 1}": float(v) for i, v in enumerate(row)}
         own, crossed = self.residual_tests(answer.predictor)
         lags = len(own)

@@ -99,7 +99,9 @@ class RecordedQuestion:
         if self.estimation is None:
             settle(self, "estimation", round(ESTIMATION_SHARE * len(record)))
         need_count("estimation", self.estimation)
-        shortest = min(round(self.estimated * VALIDATION_SHARE), len(record) - self.estimated)
+        shortest = min(
+            round(self.estimation_samples * VALIDATION_SHARE), len(record) - self.estimation_samples
+        )
         if self.washout is None:
             settle(self, "washout", max(1, min(USUAL_WASHOUT, shortest // 3)))
         need_count("washout", self.washout)
@@ -118,11 +120,18 @@ class RecordedQuestion:
 
     def _refuse_unjudged(self) -> None:
         """Raise `InputError` if hardly any sample of an output is left to estimate or to judge."""
-        for part, first in ((self.used, 0), (self.rest, int(self.washout or 0))):
+        for part, first in (
+            (self.estimation_record, 0),
+            (self.judged_record, int(self.washout or 0)),
+        ):
             for i, name in enumerate(self.record.outputs):
                 known = sum(int(np.isfinite(y[first:, i]).sum()) for _, y in part.pieces())
                 if known < FEWEST_SCORED:
-                    use = "judges behind its washout" if part is self.rest else "is estimated from"
+                    use = (
+                        "judges behind its washout"
+                        if part is self.judged_record
+                        else "is estimated from"
+                    )
                     raise InputError(
                         f"y: channel {i} ({name}) has {known} measured samples in the part of the "
                         f"record that {use}; {FEWEST_SCORED} are needed: give another estimation, "
@@ -133,7 +142,7 @@ class RecordedQuestion:
     def _limits(self) -> OrderLimits:
         """The orders that the shortest estimation part can determine."""
         nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
+        samples = self.estimation_samples - round(self.estimation_samples * VALIDATION_SHARE)
         known = 0 if self.known is None else len(self.known.poles)
         return OrderLimits(samples, nu, ny, known)
 
@@ -151,29 +160,29 @@ class RecordedQuestion:
     @cached_property
     def report(self) -> RecordReport:
         """Tests and findings of the record, for models of the largest order asked for."""
-        return self.record.reported(direct=self.direct, order=max(self.orders or (1,)))
+        return self.record.report_for(direct=self.direct, order=max(self.orders or (1,)))
 
     @property
-    def estimated(self) -> int:
+    def estimation_samples(self) -> int:
         """Number of samples that methods may use."""
         return int(self.estimation or 0)
 
     @property
-    def washed(self) -> int:
+    def washout_samples(self) -> int:
         """Number of samples that do not count: their inputs act later, or they tell the state."""
         return int(self.washout or 0) + max(self.delays_samples, default=0)
 
     @cached_property
-    def used(self) -> Experiments:
+    def estimation_record(self) -> Experiments:
         """The samples that methods may use; if no input moves in them, preceded by rest."""
-        part = self.record.part(0, self.estimated)
+        part = self.record.part(0, self.estimation_samples)
         still = len(part.still_inputs()) == part.u.shape[1]
         return part.from_rest(REST_SAMPLES) if still else part
 
     @cached_property
-    def rest(self) -> Experiments:
+    def judged_record(self) -> Experiments:
         """The samples on which the answer is judged."""
-        return self.record.part(self.estimated, len(self.record))
+        return self.record.part(self.estimation_samples, len(self.record))
 
     @cached_property
     def folds(self) -> list[tuple[Experiments, Experiments]]:
@@ -187,17 +196,17 @@ class RecordedQuestion:
 
         Differences between candidates that this many samples do not show are too small to matter.
         """
-        whole = validation_folds(self.used)
-        if len(self.used) <= samples:
+        whole = validation_folds(self.estimation_record)
+        if len(self.estimation_record) <= samples:
             return whole
-        first = validation_folds(self.used.part(0, samples))
+        first = validation_folds(self.estimation_record.part(0, samples))
         return first if len(first) == len(whole) else whole
 
     @cached_property
     def delays_samples(self) -> tuple[int, ...]:
         """Delay [samples] of each input; empty if no input is delayed."""
         if isinstance(self.delay_samples, str):
-            found = estimated_delays(self.used)
+            found = estimated_delays(self.estimation_record)
         else:
             found = checked_delays(self.delay_samples, self.record)
         return found if any(found) else ()
@@ -212,7 +221,7 @@ class RecordedQuestion:
     @cached_property
     def gain_sizes(self) -> RealArray:
         """Ratios of output spread to input spread (ny, nu) in the estimation part."""
-        scaling = Scaling.of(self.used)
+        scaling = Scaling.of(self.estimation_record)
         return np.asarray(scaling.y_spread[:, None] / scaling.u_spread)
 
     def holds_known(self, model: InnovationsModel) -> bool:
@@ -222,7 +231,9 @@ class RecordedQuestion:
     @property
     def largest_radius(self) -> float:
         """Largest modulus of a pole."""
-        return {"stable": 1.0, "marginal": 1 + 1 / self.estimated, "any": np.inf}[self.poles]
+        return {"stable": 1.0, "marginal": 1 + 1 / self.estimation_samples, "any": np.inf}[
+            self.poles
+        ]
 
     # --- what methods need -----------------------------------------------------------------------
 
@@ -241,11 +252,13 @@ class RecordedQuestion:
             total += self.fits_to_choose_by(model, left) / len(self.folds)
         if self.folds:
             return total
-        model = fit(self.used)
+        model = fit(self.estimation_record)
         if model is None:
             return np.full_like(total, -np.inf)
-        factor = final_prediction_factor(self._limits.parameters(model.order), len(self.used))
-        return 100 - factor * (100 - self.fits_to_choose_by(model, self.used))
+        factor = final_prediction_factor(
+            self._limits.parameters(model.order), len(self.estimation_record)
+        )
+        return 100 - factor * (100 - self.fits_to_choose_by(model, self.estimation_record))
 
     def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
         """Validation fits (uses, ny) [%] of a model, by which orders are chosen."""
@@ -264,7 +277,7 @@ class RecordedQuestion:
         self, predictor: InnovationsModel, simulator: InnovationsModel, record: Experiments
     ) -> RealArray:
         runs = (predictor.one_step, simulator.free_run)
-        return np.array([scored_fit(run, record, self.washed) for run in runs])
+        return np.array([scored_fit(run, record, self.washout_samples) for run in runs])
 
     @cached_property
     def nonparametric(self) -> LocalPolynomial | None:
@@ -272,22 +285,26 @@ class RecordedQuestion:
 
         None if it has gaps, several experiments, too few samples, or an input that never moves.
         """
-        if len(self.used.starts) > 1 or self.used.missing:
+        if len(self.estimation_record.starts) > 1 or self.estimation_record.missing:
             return None
-        last = (len(self.used) + 1) // 2 - 1
+        last = (len(self.estimation_record) + 1) // 2 - 1
         at = None
         if last > MOST_LINES:
             at = np.unique(np.linspace(1, last, MOST_LINES).round().astype(int))
         try:
-            return polynomials_in_bands(self.used.u, self.used.y, at=at)
+            return polynomials_in_bands(self.estimation_record.u, self.estimation_record.y, at=at)
         except InputError:
             return None
 
     def residual_tests(self, model: InnovationsModel) -> tuple[RealArray, RealArray]:
         """`autocorrelation` and `cross_correlation` of one-step errors on the held-out samples."""
-        measured, made = scored_samples(model.one_step, self.rest, self.washed)
+        measured, made = scored_samples(model.one_step, self.judged_record, self.washout_samples)
         inputs = np.vstack(
-            [u[self.washed :] for u, _ in self.rest.pieces() if len(u) > self.washed]
+            [
+                u[self.washout_samples :]
+                for u, _ in self.judged_record.pieces()
+                if len(u) > self.washout_samples
+            ]
         )
         errors = np.nan_to_num(measured - made)
         lags = max(1, min(RESIDUAL_LAGS, len(errors) // 4))

@@ -63,7 +63,7 @@ class GuaranteedProbability(Answer):
     parts: int
     asked: str
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return (
             f"GuaranteedProbability: from {self.lower:.6g} to {self.upper:.6g} that the system is "
             f"{self.asked}; {self.parts} parts"
@@ -152,7 +152,7 @@ def guaranteed_probability(
         parts=parts,
     )
     checker = ProbabilityChecker(again, "for all values of the parameters", found, gain, laws)
-    return GuaranteedProbability(*bounds, count, asked).checked_by(checker)
+    return GuaranteedProbability(*bounds, count, asked).with_checker(checker)
 
 
 @dataclass(frozen=True, eq=False)

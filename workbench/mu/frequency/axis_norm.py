@@ -62,13 +62,13 @@ def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
     if stability_check(found).holds:
         return h_infinity_norm(found, tolerance=tolerance)
     if pole_on_boundary(found) is not None:
-        return SystemNorm(math.inf, math.inf, math.nan).checked_by(BoundaryPoleChecker(found))
+        return SystemNorm(math.inf, math.inf, math.nan).with_checker(BoundaryPoleChecker(found))
     numerator = stable_numerator(found)
     structure = Structure([Full(found.ninputs, found.noutputs)])
     bounds = peak(numerator.system, structure, tolerance=tolerance)
     lower, upper = numerator.enclosed(bounds.lower, bounds.upper)
     norm = SystemNorm(lower, upper, bounds.omega, peak=bounds)
-    return norm.checked_by(AxisGainChecker(found))
+    return norm.with_checker(AxisGainChecker(found))
 
 
 def pole_on_boundary(system: StateSpace) -> complex | None:

@@ -57,7 +57,7 @@ class SystemNorm(Answer):
         """The upper bound."""
         return self.upper
 
-    def said(self) -> str:
+    def summary(self) -> str:
         at = "" if math.isnan(self.omega) else f", at {self.omega:.6g} rad/s"
         return f"SystemNorm: from {self.lower:.8g} to {self.upper:.8g}{at}"
 
@@ -88,10 +88,10 @@ def h_infinity_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> System
     """
     found = as_system(system, "system")
     if not is_stable(found):
-        return SystemNorm(math.inf, math.inf, math.nan).checked_by(UnstableChecker(found))
+        return SystemNorm(math.inf, math.inf, math.nan).with_checker(UnstableChecker(found))
     bounds = peak(found, Structure([Full(found.ninputs, found.noutputs)]), tolerance=tolerance)
     norm = SystemNorm(bounds.lower, bounds.upper, bounds.omega, peak=bounds)
-    return norm.checked_by(GainChecker())
+    return norm.with_checker(GainChecker())
 
 
 def h2_norm(system: Any) -> SystemNorm:
@@ -121,9 +121,9 @@ def h2_norm(system: Any) -> SystemNorm:
     """
     found = as_system(system, "system")
     if not is_stable(found):
-        return SystemNorm(math.inf, math.inf, math.nan).checked_by(UnstableChecker(found))
+        return SystemNorm(math.inf, math.inf, math.nan).with_checker(UnstableChecker(found))
     lower, upper = _energy(found)
-    return SystemNorm(lower, upper, math.nan).checked_by(EnergyChecker(found))
+    return SystemNorm(lower, upper, math.nan).with_checker(EnergyChecker(found))
 
 
 def is_stable(system: StateSpace) -> bool:

@@ -102,7 +102,7 @@ def peak(
     omega, period = float(original.angular(omega)), original.period
     parts = lower, cover.proven, omega, Delta, intervals, message
     peak = Peak(*parts, complex_part=complex_part, band=band, dt=period)
-    return peak.checked_by(PeakChecker(system, structure, band=asked))
+    return peak.with_checker(PeakChecker(system, structure, band=asked))
 
 
 def covered(

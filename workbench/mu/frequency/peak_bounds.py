@@ -95,7 +95,7 @@ class Peak(Answer):
             return None
         return self.scalings.multipliers(structure, self.omega)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return f"Peak: from {self.lower:.6g} to {self.upper:.6g}, at {self.omega:.6g} rad/s"
 
 

@@ -70,4 +70,4 @@ def scaled_peak(
     message = f"scalings from {ends[0]:.3g} to {ends[1]:.3g} rad/s"
     intervals = tuple(cover.intervals)
     parts = below.value, upper, below.omega, below.Delta, intervals, message
-    return Peak(*parts, scalings=scalings).checked_by(PeakChecker(system, structure))
+    return Peak(*parts, scalings=scalings).with_checker(PeakChecker(system, structure))

@@ -165,7 +165,7 @@ def frequency_sweep(
         found.G,
     )
     checker = SweepChecker(system, structure, found.omega.size)
-    return Sweep(*parts, value, Delta).checked_by(checker)
+    return Sweep(*parts, value, Delta).with_checker(checker)
 
 
 def _lower_bounds(

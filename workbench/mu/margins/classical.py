@@ -94,7 +94,7 @@ class ClassicalMargins(Answer):
             f"modulus {self.modulus:.4g}",
         ]
 
-    def said(self) -> str:
+    def summary(self) -> str:
         state = "" if self.stable else f"{UNSTABLE}; "
         first, *others = self.lines()
         return "\n  ".join([f"ClassicalMargins: {state}{first}", *others])
@@ -169,7 +169,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
                 "lag in plant or controller removes that"
             )
         exact: ExactLoop | DelayedLoop = exact_loop(system_of(loop, "loop"), L)
-        return margins_of(exact).checked_by(ClassicalChecker(exact, L))
+        return margins_of(exact).with_checker(ClassicalChecker(exact, L))
     return margins_of_late(late_loop(late))
 
 
@@ -212,8 +212,8 @@ def late_loop(loop: UncertainSystem) -> DelayedLoop | CoupledLoop:
 def margins_of_late(exact: DelayedLoop | CoupledLoop) -> ClassicalMargins:
     """The margins of a loop with dead time."""
     if isinstance(exact, CoupledLoop):
-        return margins_of(exact).checked_by(CoupledChecker(exact))
-    return margins_of(exact).checked_by(DelayedChecker(exact, exact.rational.system))
+        return margins_of(exact).with_checker(CoupledChecker(exact))
+    return margins_of(exact).with_checker(DelayedChecker(exact, exact.rational.system))
 
 
 def margins_of(exact: ExactLoop | DelayedLoop | CoupledLoop) -> ClassicalMargins:

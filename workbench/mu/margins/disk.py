@@ -83,7 +83,7 @@ class DiskMargin(Answer):
         """Largest phase [deg] of the proven disk at gain 1, in every channel at once."""
         return disk_phase(self.lower, skew=self.skew)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         low, high = self.gain
         over = "" if self.plant is None else ", every plant of the set"
         return (
@@ -213,7 +213,7 @@ def disk_of(
         plant = {}
     omega = float(angular_frequency(omega, period))  # half the sampling rate stands for infinity
     answer = DiskMargin(tuple(channels.values()), skew, lower, upper, omega, worst, plant, found)
-    return answer.checked_by(DiskChecker(part))
+    return answer.with_checker(DiskChecker(part))
 
 
 def _destabilising(

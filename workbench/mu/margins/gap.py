@@ -197,7 +197,7 @@ def nu_gap(first: Any, second: Any, *, tolerance: float = 1e-4) -> NuGap:
     lower, upper = min(found.lower, 1.0), min(found.upper, 1.0)
     if not winding:
         lower, upper = (1.0 if winding is False else lower), 1.0
-    return NuGap(lower, upper, omega, winding).checked_by(NuGapChecker(P1, P2, period, found))
+    return NuGap(lower, upper, omega, winding).with_checker(NuGapChecker(P1, P2, period, found))
 
 
 def coprime_margin(plant: Any, controller: Any, *, tolerance: float = 1e-4) -> CoprimeMargin:
@@ -220,7 +220,7 @@ def coprime_margin(plant: Any, controller: Any, *, tolerance: float = 1e-4) -> C
     whole = realisation((loop.A, loop.B, signs @ loop.C, signs @ loop.D + through), loop.dt or 0.0)
     found = peak(whole, Structure([Full(m + p, m + p)]), tolerance=tolerance)
     margin = CoprimeMargin(1.0 / found.upper, 1.0 / found.lower, found.omega)
-    return margin.checked_by(CoprimeChecker(P, K, found))
+    return margin.with_checker(CoprimeChecker(P, K, found))
 
 
 def _inner(omega: RealArray) -> RealArray:

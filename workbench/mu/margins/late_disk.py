@@ -69,7 +69,7 @@ def late_disk(
         if all(f is not None for f in factors):
             worst = dict(zip(channels, factors, strict=True))
     answer = DiskMargin(channels, skew, lower, upper, found.omega, worst, None, found)
-    return answer.checked_by(LateDiskChecker(exact))
+    return answer.with_checker(LateDiskChecker(exact))
 
 
 def _deltas(exact: DelayedLoop | CoupledLoop, omega: float, skew: float, count: int) -> Array:

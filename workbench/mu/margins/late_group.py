@@ -82,4 +82,4 @@ def late_group(
         None,
         margin,
     )
-    return answer.checked_by(LateGroupChecker())
+    return answer.with_checker(LateGroupChecker())

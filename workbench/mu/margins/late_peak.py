@@ -66,7 +66,7 @@ def late_peak(
 ) -> LatePeak:
     """Bounds for a stable loop; ``pair``: plant and controller have a factor each."""
     asked = LatePeakChecker(exact, skew, pair, tolerance)
-    return _bounds(asked).checked_by(asked)
+    return _bounds(asked).with_checker(asked)
 
 
 def _bounds(asked: LatePeakChecker) -> LatePeak:

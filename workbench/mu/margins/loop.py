@@ -83,7 +83,7 @@ def loop_margins(
     asked = ClosedLoop(plant, controller, float(skew), tolerance, parts, time_limit)
     classical = asked.classical()
     stable = all(one.stable for one in classical.values())
-    return LoopMargins(classical, stable, asked).checked_by(LoopChecker())
+    return LoopMargins(classical, stable, asked).with_checker(LoopChecker())
 
 
 def _of_data(plant: Any, controller: Any) -> LoopMargins | None:
@@ -94,4 +94,4 @@ def _of_data(plant: Any, controller: Any) -> LoopMargins | None:
         return None
     data, dt = loops_of(plant, controller)
     measured = {name: measured_margins(one, dt) for name, one in data.items()}
-    return LoopMargins(measured, None, None).checked_by(LoopChecker())
+    return LoopMargins(measured, None, None).with_checker(LoopChecker())

@@ -135,7 +135,7 @@ class MeasuredMargins(Answer):
             f"modulus {self.modulus[0]:.4g}{_range(self.modulus[1:])}",
         ]
 
-    def said(self) -> str:
+    def summary(self) -> str:
         low, high = (in_both_units(one) for one in self.band)
         first = f"MeasuredMargins of the data from {low} to {high}"
         return "\n  ".join([first, *self.lines(), NOT_TOLD])
@@ -194,7 +194,7 @@ TABLES = ("gains", "phases_deg", "delays", "modulus")
 
 def measured_margins(data: MeasuredLoop, dt: float = 0.0) -> MeasuredMargins:
     """The margins of one measured loop, with their checker."""
-    return margins_of_data(data, dt).checked_by(MeasuredChecker(data))
+    return margins_of_data(data, dt).with_checker(MeasuredChecker(data))
 
 
 def margins_of_data(data: MeasuredLoop, dt: float = 0.0) -> MeasuredMargins:

@@ -89,7 +89,7 @@ class SetMargins(Answer):
     plants: Mapping[str, Mapping[str, float]]
     dt: float = field(default=0.0, kw_only=True)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         (low, high), (lost_low, lost_high) = self.gain, self.gain_lost
         late, lost = (delay_in_words(one, self.dt) for one in (self.delay, self.delay_lost))
         return (
@@ -129,7 +129,7 @@ def set_margins(
             return Context(options=Options(time_limit=next(shares)), progress=progress, watch=watch)
 
         return {
-            name: margins_of_channel(loop, k, tolerance, parts, next_context).checked_by(
+            name: margins_of_channel(loop, k, tolerance, parts, next_context).with_checker(
                 SetChecker(loop, k, tolerance, parts)
             )
             for k, name in channels.items()

@@ -117,12 +117,12 @@ class LoopMargins(Answer):
         return self._loop.disks()
 
     @cached_property
-    def together(self) -> Mapping[str, DiskMargin]:
+    def multiloop(self) -> Mapping[str, DiskMargin]:
         """Disk margins of "inputs", "outputs" and "all" channels at once."""
         return self._loop.together()
 
     @cached_property
-    def nominal(self) -> Mapping[str, DiskMargin]:
+    def nominal_disks(self) -> Mapping[str, DiskMargin]:
         """All disk margins of the nominal plant; empty if the plant is not uncertain."""
         return self._loop.nominal_disks()
 
@@ -134,9 +134,9 @@ class LoopMargins(Answer):
         return found
 
     @cached_property
-    def first(self) -> DiskMargin:
+    def least_disk(self) -> DiskMargin:
         """The least disk margin: the channels that break first."""
-        return min([*self.disks.values(), *self.together.values()], key=lambda one: one.lower)
+        return min([*self.disks.values(), *self.multiloop.values()], key=lambda one: one.lower)
 
     @property
     def skew(self) -> float:
@@ -166,7 +166,7 @@ class LoopMargins(Answer):
     def _refusal(self) -> str:
         """Why there are no disks; empty if there are."""
         try:
-            _ = self.first
+            _ = self.least_disk
         except InputError as reason:
             return str(reason)
         return ""
@@ -196,7 +196,7 @@ class LoopMargins(Answer):
     def table(self) -> str:
         """All margins as a table in Markdown."""
         disks = self.disks if self.closed is not None and not self._refusal else {}
-        together = self.together if disks else {}
+        together = self.multiloop if disks else {}
         rows: list[list[Any]] = []
         for name, one in self.classical.items():
             modulus = float(np.ravel(one.modulus)[0])
@@ -208,7 +208,7 @@ class LoopMargins(Answer):
                  "disk phase [deg]", "at [Hz]"]  # fmt: skip
         return markdown_table(heads, rows)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         state = f"{UNSTABLE}; " if self.stable is False else ""
         over = "of the nominal, " if self._is_set else ""
         first, *others = self._least()
@@ -238,12 +238,12 @@ class LoopMargins(Answer):
         if "every_plant" not in vars(self):
             return "what every plant bears of each alone: computed when asked for, by `every_plant`"
         one = min(self.every_plant.values(), key=lambda one: one.phase_deg)
-        return f"every plant: {one.said().removeprefix('SetMargins: ')}"
+        return f"every plant: {one.summary().removeprefix('SetMargins: ')}"
 
     def _disk_lines(self) -> list[str]:
         if self._refusal:
             return [f"  no disk margins: {self._refusal}"]
-        first = self.first
+        first = self.least_disk
         over = ", for every plant of the set" if first.plant is not None else ""
         skewed = f", skew {self.skew:g}" if self.skew else ""
         low, high = first.gain
@@ -271,8 +271,8 @@ class LoopChecker(PartsChecker):
         if answer.stable and not answer._refusal:
             groups |= {
                 "disk": answer.disks,
-                "disk of": answer.together,
-                "nominal disk": answer.nominal,
+                "disk of": answer.multiloop,
+                "nominal disk": answer.nominal_disks,
             }
         if "every_plant" in vars(answer):
             groups["every plant"] = answer.every_plant
@@ -289,7 +289,7 @@ class LoopChecker(PartsChecker):
 
         proven = bool(answer.stable) and not answer._refusal
         disks = answer.disks if proven else {}
-        together = answer.together.get("all") if proven else None
+        together = answer.multiloop.get("all") if proven else None
         members = answer.closed.members()
         return {"margins": drawn.figure_of(answer.loops, disks, together, members)}
 

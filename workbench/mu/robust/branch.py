@@ -149,7 +149,7 @@ def branch_and_bound(
         options=options,
     )
     found = MuBounds(search.lower, search.upper, search.Delta, search.nodes)
-    return found.checked_by(MatrixChecker(again, "for this one matrix", M, structure))
+    return found.with_checker(MatrixChecker(again, "for this one matrix", M, structure))
 
 
 @dataclass(frozen=True, eq=False)

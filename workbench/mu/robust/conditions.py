@@ -95,7 +95,7 @@ class Conditions(Answer):
         peaks = (self.nominal_performance, self.robust_stability, self.robust_performance)
         return self.nominal_stability and all(p is None or p.upper < 1 for p in peaks)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         lines = [
             f"Conditions: {'met' if self.met else 'NOT met'}; nominal pole {self.pole:.5g}"
             if self.pole is not None
@@ -225,7 +225,7 @@ def conditions(
     out = np.abs(poles) - 1.0 if dt else poles.real
     pole = complex(poles[np.argmax(out)]) if len(poles) else None
     if pole is not None and out.max() >= 0:
-        return Conditions(pole, None, None, None, dt=dt).checked_by(ConditionsChecker(N))
+        return Conditions(pole, None, None, None, dt=dt).with_checker(ConditionsChecker(N))
 
     structure = plant.structure
     found: dict[str, Peak | None] = dict.fromkeys(CONDITIONS)
@@ -249,7 +249,7 @@ def conditions(
                 )
     elif structure is None:
         robust = nominal
-    return Conditions(pole, nominal, stability, robust, dt=dt).checked_by(ConditionsChecker(N))
+    return Conditions(pole, nominal, stability, robust, dt=dt).with_checker(ConditionsChecker(N))
 
 
 def condition_systems(

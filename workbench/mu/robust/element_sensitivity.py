@@ -65,7 +65,7 @@ class MarginSensitivity(Answer, Mapping[str, tuple[float, float]]):
         """The bounds (elements, 2), in the order of the names."""
         return np.array(list(self.bounds.values()))
 
-    def said(self) -> str:
+    def summary(self) -> str:
         of = (f"  {name}: {low:.4g} to {high:.4g}" for name, (low, high) in self.bounds.items())
         return "\n".join(["MarginSensitivity: 1 for an element that counts alone", *of])
 
@@ -153,7 +153,7 @@ def margin_sensitivity(
             "a perturbation of the set itself",
         )
     bounds = {name: _rises(own, one, growth) for name, one in grown.items()}
-    return MarginSensitivity(bounds, growth, own, grown).checked_by(SensitivityChecker())
+    return MarginSensitivity(bounds, growth, own, grown).with_checker(SensitivityChecker())
 
 
 def _rises(own: Margin, grown: Margin, growth: float) -> tuple[float, float]:

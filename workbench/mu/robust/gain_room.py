@@ -78,7 +78,7 @@ class GainRoom(Answer):
     peak_high: Peak | None
     peak_above: Peak | None
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return (
             f"GainRoom: factors from {self.low:.5g} to {self.high:.5g} keep robust performance; "
             f"{self.below:.5g} and {self.above:.5g} do not"
@@ -146,7 +146,7 @@ def gain_room(
     high, above = tried.edge(tolerance, float(most), 1.0)
     low, below = tried.edge(tolerance, float(most), -1.0)
     peaks = (tried.peaks.get(factor) for factor in (below, low, high, above))
-    return GainRoom(below, low, high, above, *peaks).checked_by(RoomChecker(plant, controller))
+    return GainRoom(below, low, high, above, *peaks).with_checker(RoomChecker(plant, controller))
 
 
 @dataclass(frozen=True, eq=False)

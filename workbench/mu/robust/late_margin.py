@@ -228,7 +228,7 @@ def _margin_of(
         _, omega, attained = found
         upper, worst = reciprocal(at_frequency), _worst(*found)
     margin = StabilityMargin(reciprocal(proof.upper), upper, omega, worst, None, delays=delays)
-    return margin.checked_by(LateStabilityChecker(late, proof, attained, lost))
+    return margin.with_checker(LateStabilityChecker(late, proof, attained, lost))
 
 
 def _largest_lower_bound(

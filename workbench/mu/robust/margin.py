@@ -116,10 +116,19 @@ def robust_stability(
     idle = tuple(name for name in whole.elements if name not in given.elements)
     if not given.elements:
         unlimited = StabilityMargin(
-            math.inf, math.inf, math.nan, None, None, parts=0, dt=whole.dt or 0.0, idle=idle
+            math.inf,
+            math.inf,
+            math.nan,
+            None,
+            None,
+            parts=0,
+            dt=whole.dt or 0.0,
+            idle_elements=idle,
         )
         again = partial(robust_stability, whole)
-        return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", whole))
+        return unlimited.with_checker(
+            UnlimitedChecker(again, "for whatever the elements are", whole)
+        )
     if not (idle or all(isinstance(block, Real) for block in given.structure)):
         given = whole
     asked = [with_decay(given, decay)] if decay or not damping else []
@@ -134,14 +143,14 @@ def robust_stability(
         lower=min(one.lower for one in margins),
         parts=sum(one.parts for one in margins),
         dt=given.dt or 0.0,
-        idle=idle,
+        idle_elements=idle,
         delays=delay_margins(given, tolerance),
     )
     if all(isinstance(block, Real) for block in given.structure):
         again = partial(_proven_again, tuple(asked), found)
     else:
         again = partial(robust_stability, given, tolerance=tolerance, decay=decay, damping=damping)
-    return found.checked_by(StabilityChecker(tuple(asked), again))
+    return found.with_checker(StabilityChecker(tuple(asked), again))
 
 
 def _margin(
@@ -278,7 +287,7 @@ def robust_performance(
     def margin(lower: float, upper: float, omega: float) -> PerformanceMargin:
         found = PerformanceMargin(lower, upper, angular_frequency(omega, period), gain)
         checker = PerformanceChecker((lower, upper), proven.get(lower), proven.get(upper))
-        return found.checked_by(checker)
+        return found.with_checker(checker)
 
     if (nominal := at(0.0)).upper >= 1.0:
         return margin(0.0, 0.0 if nominal.lower >= 1 else math.inf, nominal.omega)

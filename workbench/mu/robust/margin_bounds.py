@@ -54,8 +54,8 @@ class StabilityMargin(Answer):
     ``delays`` [s] has two numbers by name: the delay up to which stability is proven, for all
     values of the other elements within their sets; and a delay with which the loop is unstable, the
     other elements nominal. If one delay is the only uncertain element, and occurs once, both are
-    exact but for a share of 1e-6. ``idle`` are the names of elements that cannot move a pole, such
-    as k in k - k; they are left out before the computation.
+    exact but for a share of 1e-6. ``idle_elements`` are the names of elements that cannot move a
+    pole, such as k in k - k; they are left out before the computation.
     """
 
     lower: float
@@ -67,9 +67,9 @@ class StabilityMargin(Answer):
     parts: int = 0
     dt: float = 0.0
     delays: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
-    idle: tuple[str, ...] = field(default=(), kw_only=True)
+    idle_elements: tuple[str, ...] = field(default=(), kw_only=True)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         verdict = "not decided for all of its uncertainty"
         if self.lower > 1:
             verdict = "stable for all of its uncertainty"
@@ -88,8 +88,8 @@ class StabilityMargin(Answer):
         for name, (borne, lost) in self.delays.items():
             until = f"unstable with {lost:.5g} s" if math.isfinite(lost) else "no longer one found"
             lines.append(f"  {name}: any delay up to {borne:.5g} s, {until}")
-        if self.idle:
-            lines.append(f"  without effect on stability: {', '.join(self.idle)}")
+        if self.idle_elements:
+            lines.append(f"  without effect on stability: {', '.join(self.idle_elements)}")
         if self.dt:
             lines.append(f"  at the samples, every {self.dt:.6g} s; perturbations are sampled too")
         return "\n".join(lines)
@@ -122,7 +122,7 @@ class PerformanceMargin(Answer):
     omega: float
     gain: float
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return (
             f"PerformanceMargin: gain below {self.gain:g} for uncertainty up to {self.lower:.5g} "
             f"to {self.upper:.5g} times its size, at {self.omega:.5g} rad/s"

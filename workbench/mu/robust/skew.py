@@ -125,7 +125,7 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
         lower.reshape(batch),
         upper.reshape(batch),
         Delta.reshape(*batch, structure.rows, structure.columns),
-    ).checked_by(SkewChecker(skew))
+    ).with_checker(SkewChecker(skew))
 
 
 @dataclass(frozen=True, eq=False)

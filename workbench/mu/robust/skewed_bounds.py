@@ -74,7 +74,7 @@ class SkewedPeak(Answer):
     level: float = 0.0
     proof: PeakProof | None = None
 
-    def said(self) -> str:
+    def summary(self) -> str:
         text = f"{type(self).__name__}: from {self.lower:.5g} to {self.upper:.5g}"
         return f"{text}, at {self.omega:.5g} rad/s; {self.message}"
 

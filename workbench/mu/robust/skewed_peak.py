@@ -106,7 +106,7 @@ def skewed_peak(
     need_agreement(lower, upper, "the peak of the skewed mu")
     omega = float(stable.angular(omega))
     found = SkewedPeak(lower, upper, omega, Delta, message, level=level, proof=proof)
-    return found.checked_by(SkewedPeakChecker(system, structure, varies))
+    return found.with_checker(SkewedPeakChecker(system, structure, varies))
 
 
 class SkewSearch:

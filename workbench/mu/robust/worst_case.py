@@ -107,7 +107,7 @@ def worst_case_gain(
         "multipliers prove it on intervals that cover all frequencies",
     )
     found = WorstCaseGain(lower, upper, omega, Delta, message, level=level, proof=proof)
-    return found.checked_by(WorstCaseChecker(system, structure, dt=period))
+    return found.with_checker(WorstCaseChecker(system, structure, dt=period))
 
 
 def _without_influence(system: UncertainSystem) -> StateSpace:

@@ -30,7 +30,7 @@ family.
 
 @dataclass(frozen=True, kw_only=True)
 class LeadLag(Family):
-    """PI with lead and roll-off as a product of factors, with one input and one output,
+    """PI with lead and roll-off as a product of factors, with one input and one output.
 
         K(s) = sign g (s + z_1) ... (s + z_m) / ((s + leak) (s + p_1) ... (s + p_n)),
 

@@ -34,7 +34,7 @@ MOST_CONDITION = 1e8
 
 @dataclass(frozen=True, eq=False)
 class ObserverForm(Family):
-    """A controller that estimates the states of a model and feeds them back by constant gains,
+    """A controller that estimates the states of a model and feeds them back by constant gains.
 
         x' = A x + B u + L (y - C x - D u),    u = F x,
 

@@ -43,7 +43,7 @@ def claim_of_step(program: H2Synthesis, step: Step) -> Claim:
         K = with_D22(made.K, given.D22)
     except (LinAlgError, ArithmeticError, SolverError) as error:
         return None, Outcome.FAILED, " ".join(str(error).split())
-    answer = program.judged(realisation(K, given.dt), least=made.norm if regular else math.nan)
+    answer = program.answer(realisation(K, given.dt), least=made.norm if regular else math.nan)
     if answer is None:
         return None, Outcome.FAILED, "the controller found does not stabilise the plant"
     said = "" if regular else "of a plant perturbed to meet the assumptions"

@@ -66,7 +66,7 @@ class H2Controller(drawn.DrawnController):
         """The controller."""
         return self.K
 
-    def said(self) -> str:
+    def summary(self) -> str:
         least = "" if math.isnan(self.least) else f", the least of all {self.least:.6g}"
         return f"H2Controller: {in_words(self.K)}\n  H2 norm {self.norm:.6g}{least}"
 
@@ -235,7 +235,7 @@ class H2Synthesis(ControllerSynthesis):
         """
         return max(h2_norm(loop).upper for loop in self.loops(controller))
 
-    def judged(self, controller: StateSpace, *, least: float = math.nan) -> H2Controller | None:
+    def answer(self, controller: StateSpace, *, least: float = math.nan) -> H2Controller | None:
         """The answer for a controller; None where its loop has no proven finite norm."""
         K = self.plant.named(controller)
         if not stability_check(self.loop(K)).holds:

@@ -87,7 +87,7 @@ def gap_metric(first: Any, second: Any, *, tolerance: float = 1e-3) -> PlantGap:
     )
     again = partial(gap_metric, first, second, tolerance=tolerance)
     found = PlantGap(below.lower, max(min(upper, 1.0), below.lower))
-    return found.checked_by(GapChecker(again, OVER, (systems[0], systems[1]), below))
+    return found.with_checker(GapChecker(again, OVER, (systems[0], systems[1]), below))
 
 
 @dataclass(frozen=True, eq=False)

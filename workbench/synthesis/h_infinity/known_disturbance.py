@@ -67,7 +67,7 @@ class DisturbanceBound(Answer):
         """The bound ``lower``."""
         return self.lower
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return f"DisturbanceBound: no controller has a norm below {self.lower:.6g}"
 
 
@@ -150,7 +150,7 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> Distur
     (True, (2, 3))
     """
     found = _proven_bound(plant, rates)
-    return found.checked_by(DisturbanceChecker(plant, np.array(rates, dtype=float)))
+    return found.with_checker(DisturbanceChecker(plant, np.array(rates, dtype=float)))
 
 
 def _proven_bound(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:

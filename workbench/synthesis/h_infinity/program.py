@@ -85,7 +85,7 @@ class HinfController(drawn.DrawnController):
         """The controller of the user's plant."""
         return self.whole or self.K
 
-    def said(self) -> str:
+    def summary(self) -> str:
         least = "" if math.isnan(self.least) else f", none found below {self.least:.6g}"
         return f"HinfController: {in_words(self.lti)}\n  norm {self.norm:.6g}{least}"
 

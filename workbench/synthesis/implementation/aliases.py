@@ -93,7 +93,7 @@ class SampledRobustness(Answer):
     points: int
     aliases: int
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return (
             f"SampledRobustness: from {self.lower:.5g} to {self.upper:.5g}, at {self.omega:.5g} "
             f"rad/s\n  for continuous dynamics, between the samples too; at {self.points} "
@@ -183,7 +183,7 @@ def sampled_robustness(
         float(angles[k] / dt),
         angles.size,
         aliases,
-    ).checked_by(AliasChecker(again, over, parts, sampled_K, delay_samples, sign))
+    ).with_checker(AliasChecker(again, over, parts, sampled_K, delay_samples, sign))
 
 
 @dataclass(frozen=True, eq=False)

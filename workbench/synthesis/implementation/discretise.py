@@ -25,7 +25,7 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 from workbench.systems.range_hints import warn_long_period
 from workbench.systems.realisation import realisation
-from workbench.systems.sampling import hold
+from workbench.systems.sampling import held_input_matrices
 
 ImplementationMethod = Literal["tustin", "zoh", "foh"]
 """Discretisation methods for any number of inputs: bilinear transform, and holds of order zero and
@@ -114,7 +114,7 @@ def discretise(
     if method != "tustin" and prewarp is not None:
         raise InputError(f"prewarp belongs to the bilinear transform; leave it out with {method}")
     if method == "zoh":
-        A, B = hold(A, B, dt)
+        A, B = held_input_matrices(A, B, dt)
     elif method == "foh":
         A, B, D = _linear_between_samples(A, B, C, D, dt)
     elif method == "matched":

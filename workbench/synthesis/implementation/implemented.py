@@ -80,7 +80,7 @@ class ImplementedController(DrawnController):
         """The controller."""
         return self.K
 
-    def said(self) -> str:
+    def summary(self) -> str:
         mu = "" if self.peak is None else f"mu of the set at most {self.peak.upper:.4g}, "
         lines = [
             f"ImplementedController, {self.precision}, {self.found}: {in_words(self.K)}",

@@ -72,7 +72,7 @@ class ReducedController(Answer):
         """Number of states."""
         return int(self.K.nstates)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         loop = f"peak {self.lower:.4g} to {self.upper:.4g}" if self.stable else "loop UNSTABLE"
         return f"ReducedController: {in_words(self.K)}; {loop}"
 
@@ -119,9 +119,9 @@ class ReducedControllers(Answer):
     tried: tuple[ReducedController, ...]
     target: float
 
-    def said(self) -> str:
+    def summary(self) -> str:
         lines = [f"ReducedControllers, target {self.target:.4g}:"]
-        lines += [f"  {in_words(one.K)}; " + one.said().split("; ")[-1] for one in self.tried]
+        lines += [f"  {in_words(one.K)}; " + one.summary().split("; ")[-1] for one in self.tried]
         return "\n".join(lines)
 
     @property

@@ -113,7 +113,7 @@ def reduce_order(
     if refine:
         certified = _refined_controllers(plant, certified, given, target, context or Context())
     reduced = ReducedControllers((*certified, given), target)
-    return reduced.checked_by(ReducedControllersChecker())
+    return reduced.with_checker(ReducedControllersChecker())
 
 
 def _refined_controllers(
@@ -161,4 +161,4 @@ def _certified_controller(
     peak = deciding_peak(found)
     stable = peak is not None and bool(stability_check(plant.close(K)).holds)
     bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
-    return found, ReducedController(K, stable, *bounds).checked_by(ReducedChecker(found))
+    return found, ReducedController(K, stable, *bounds).with_checker(ReducedChecker(found))

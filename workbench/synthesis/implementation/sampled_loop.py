@@ -101,7 +101,7 @@ class SampledConditions(Answer):
     pole: complex
     margins: tuple[SampledMargins, ...]
 
-    def said(self) -> str:
+    def summary(self) -> str:
         state = "stable" if self.stable else "UNSTABLE"
         lines = [f"SampledConditions: {state}, largest pole at z = {self.pole:.5g}"]
         for number, one in enumerate(self.margins):
@@ -168,9 +168,9 @@ def sampled_conditions(
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     if not stability_check(closed).holds:
-        return SampledConditions(False, pole, ()).checked_by(SampledChecker(loop))
+        return SampledConditions(False, pole, ()).with_checker(SampledChecker(loop))
     margins = tuple(_margins(loop, i) for i in range(plant.ninputs))
-    return SampledConditions(True, pole, margins).checked_by(SampledChecker(loop))
+    return SampledConditions(True, pole, margins).with_checker(SampledChecker(loop))
 
 
 @dataclass(frozen=True, eq=False)

@@ -147,7 +147,7 @@ def least_mu(weights: LoopWeights, *, tolerance: float = 1e-3) -> LeastMu:
     found = LeastMu(np.minimum(lower, upper), upper, T)
     again = partial(least_mu, weights, tolerance=tolerance)
     over = f"at these {len(upper)} frequencies, for all complex K"
-    return found.checked_by(LeastMuChecker(again, over, weights))
+    return found.with_checker(LeastMuChecker(again, over, weights))
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +202,7 @@ class LargestLeastMu(Answer):
         """The bound ``lower``."""
         return self.lower
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return f"LargestLeastMu: no peak below {self.lower:.6g}, by mu at {self.omega:.6g} rad/s"
 
 
@@ -279,4 +279,4 @@ def largest_least_mu(
         lower = least_mu(weights(omega)).lower
     k = int(lower.argmax())
     found = LargestLeastMu(float(lower[k]), float(omega[k]))
-    return found.checked_by(LargestLeastMuChecker(weights))
+    return found.with_checker(LargestLeastMuChecker(weights))

@@ -77,7 +77,7 @@ def _conic(program: H2HinfSynthesis, context: Context, solver: ConicSolver) -> C
             A, B, C, D = stated.controller()
             root = math.sqrt(rate)
             K = with_D22((rate * A, root * B, root * C, D), given.D22)
-            answer = program.judged(realisation(K, given.dt), bound=bound, least=least)
+            answer = program.answer(realisation(K, given.dt), bound=bound, least=least)
         except (np.linalg.LinAlgError, ArithmeticError, InputError) as error:
             said = f"{said}; {error}"
             continue

@@ -65,7 +65,7 @@ class H2HinfController(drawn.DrawnController):
         """The controller."""
         return self.K
 
-    def said(self) -> str:
+    def summary(self) -> str:
         least = "" if math.isnan(self.least) else f", the least without limit {self.least:.6g}"
         return (
             f"H2HinfController: {in_words(self.K)}\n  H2 norm {self.norm:.6g}{least}, "
@@ -286,7 +286,7 @@ class H2HinfSynthesis(ControllerSynthesis):
             "stable_controller": float(stability_check(answer.K).holds),
         }
 
-    def judged(
+    def answer(
         self, controller: StateSpace, *, bound: float = math.nan, least: float = math.nan
     ) -> H2HinfController | None:
         """The answer for a controller; None if a loop is unstable or exceeds the limit."""

@@ -125,7 +125,7 @@ class ControlCover:
         self._from_zero = np.concatenate([[0.0], self.omega])
         self._sensor = sensor(self._from_zero)
 
-    def lowered(
+    def optimised_parts(
         self, parts: dict[CoverPart, Rational], moving: Sequence[CoverPart], context: Context
     ) -> dict[CoverPart, Rational]:
         """The parts, where the moving ones and the circular weight minimise the peak of mu.

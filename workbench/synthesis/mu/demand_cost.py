@@ -194,7 +194,9 @@ class DemandCost(Study):
         upper = peak.sel(bound="upper")
         excess = np.zeros(upper.shape)
         for place in np.argwhere(np.isfinite(upper.values)):
-            again = MuSynthesis(self.plant).certified(self._stored_controller(controllers, *place))
+            again = MuSynthesis(self.plant).certified_peak(
+                self._stored_controller(controllers, *place)
+            )
             value = math.inf if again is None else again.upper
             excess[tuple(place)] = value / float(upper.values[tuple(place)]) - 1
         return upper.copy(data=excess)

@@ -152,10 +152,10 @@ def _rounds(
             # go back to the scalings of the best controller and continue more slowly
             now.used, now.blend, K = now.well, now.blend / 2, None
             continue
-        mixed = upper_bound(loop.M, program.closed)
+        mixed = upper_bound(loop.M, program.closed_structure)
         peak = float(mixed.value.max())
         here = Iterate(peak, level, math.nan, K, scalings=now.used.parameters if now.used else {})
-        reached = program.reaching(K, peak, (*now.history, here))
+        reached = program.answer_within_target(K, peak, (*now.history, here))
         if reached is not None:
             return reached
         finish.offer(here)
@@ -240,9 +240,9 @@ def _scalings(
     The logarithm of gamma moves a part ``blend`` of the way towards that of the smoothed ratio of
     mixed to complex bound.
     """
-    structure, at = program.closed.complexified(), np.log(loop.omega)
+    structure, at = program.closed_structure.complexified(), np.log(loop.omega)
     gamma, target = np.zeros((1, GAMMA_FUNCTION.size)), np.zeros(len(at))
-    bound = mixed if structure == program.closed else upper_bound(loop.M, structure)
+    bound = mixed if structure == program.closed_structure else upper_bound(loop.M, structure)
     if blend:
         wanted = gaussian_mean(at, np.log(np.maximum(mixed.value / bound.value, LEAST_GAMMA)))
         old = np.interp(at, before.at, before.target) if before else target

@@ -73,7 +73,7 @@ class Finish:
         started = time.perf_counter()
         found = self._certified_answer(here, ())
         self.sure = found or self.sure
-        self.context.kept_back = KEPT_SHARE * (time.perf_counter() - started)
+        self.context.reserved = KEPT_SHARE * (time.perf_counter() - started)
 
     def late(self, error: TimeLimitError) -> str:
         """The message if the time limit stopped the rounds; raises the error if there is no answer
@@ -92,9 +92,9 @@ class Finish:
         if self.sure is None:
             return self._certified_answer(best, history), Outcome.SOLVED, said
         # checking an answer takes as long as certifying it
-        self.context.kept_back = 0.0
-        seconds = max(self.context.left / 2, LEAST_SECONDS)
-        self.context.kept_back = self.context.left - seconds
+        self.context.reserved = 0.0
+        seconds = max(self.context.remaining / 2, LEAST_SECONDS)
+        self.context.reserved = self.context.remaining - seconds
         found = None
         try:
             if best.peak < self.sure.upper:
@@ -134,7 +134,7 @@ def with_few_states(
         if not stability_check(loop).holds or not (needed is None or needed.admits(trial)):
             return False
         M = response(loop, frequencies_of(loop))
-        return float(upper_bound(M, program.closed).value.max()) <= most
+        return float(upper_bound(M, program.closed_structure).value.max()) <= most
 
     def suitable(order: int) -> StateSpace | None:
         trials = (realisation(way(order), 0.0) for least, way in ways if least <= order)

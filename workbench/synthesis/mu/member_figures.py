@@ -134,7 +134,7 @@ def performance_figure(loops: DrawnLoops, peak: float) -> Figure:
 def steps_figure(loops: DrawnLoops) -> Figure:
     """Measurements and controls after a unit step of each exogenous input.
 
-    Inputs that `regularised` added are not signals of the loop. They are left out if there are
+    Inputs that `regularise` added are not signals of the loop. They are left out if there are
     others.
     """
     first = loops.performance

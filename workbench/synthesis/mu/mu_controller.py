@@ -66,7 +66,7 @@ class MuController(DrawnController):
         """The controller of the user's plant."""
         return self.whole or self.K
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return (
             f"MuController: {in_words(self.lti)}\n"
             f"  peak of mu from {self.lower:.4g} to {self.upper:.4g}, about {self.omega:.4g} rad/s"

@@ -297,18 +297,18 @@ class MuSynthesis(Program):
         return answer, outcome, f"{said}; not met: {missed}; handed over to fixed: {more}"
 
     @cached_property
-    def closed(self) -> Structure:
+    def closed_structure(self) -> Structure:
         """The perturbations and the performance blocks of all plants."""
         return joint_structure(self.plants)
 
-    def certified(
+    def certified_peak(
         self, controller: StateSpace, *, tolerance: float = PEAK_TOLERANCE
     ) -> Peak | None:
         """The certified peak of the loop; None if the loop is unstable."""
         if self.further_plants:
             loop = self.loop(controller)
             stable = stability_check(loop).holds
-            return peak(loop, self.closed, tolerance=tolerance) if stable else None
+            return peak(loop, self.closed_structure, tolerance=tolerance) if stable else None
         return performance_peak(self.plant, controller, tolerance=tolerance)
 
     def answer(
@@ -323,7 +323,7 @@ class MuSynthesis(Program):
         None if the loop is unstable.
         """
         controller = self._with_balanced_states(controller)
-        found = self.certified(controller, tolerance=tolerance)
+        found = self.certified_peak(controller, tolerance=tolerance)
         return None if found is None else MuController.of(controller, found, history)
 
     def _with_balanced_states(self, K: StateSpace) -> StateSpace:
@@ -346,10 +346,10 @@ class MuSynthesis(Program):
         loop = self.plant.close(controller)
         found = None
         if stability_check(loop).holds:
-            found = scaled_peak(loop, self.closed, scalings, upper)
+            found = scaled_peak(loop, self.closed_structure, scalings, upper)
         return None if found is None else MuController.of(controller, found, ())
 
-    def reaching(
+    def answer_within_target(
         self, controller: StateSpace, peak: float, history: tuple[Iterate, ...]
     ) -> MuController | None:
         """The answer for a controller if its certified peak is at most the target; otherwise None.
@@ -391,7 +391,7 @@ class MuSynthesis(Program):
         found += [stability, *self.demands.checks(K), *([integral_check(K)] * self.integral)]
         if not stability.holds:
             return found
-        proof = peak_checks(loop, self.closed, answer.lower, answer.upper, answer.peak)
+        proof = peak_checks(loop, self.closed_structure, answer.lower, answer.upper, answer.peak)
         if self.target is not None:
             statement = "proven supremum of mixed mu over the target, less 1"
             proof.append(Check("target", statement, answer.upper / self.target - 1, BOUND_ROUNDING))
@@ -517,7 +517,7 @@ class MuSynthesis(Program):
     def figures(self, answer: MuController) -> dict[str, Figure]:
         loop, loops = self.plant.close(answer.K), drawn_loops(self.plant, answer.K, self.units)
         found = {
-            "mu": bounds_figure(loop, self.closed, answer.upper),
+            "mu": bounds_figure(loop, self.closed_structure, answer.upper),
             "controller": controller(self._whole_controller(answer), loop, self._gain_unit),
             "performance": performance_figure(loops, answer.upper),
             "steps": steps_figure(loops),

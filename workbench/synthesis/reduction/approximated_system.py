@@ -158,7 +158,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
         labels = {"inputs": system.input_labels, "outputs": system.output_labels}
         parts = system.A, system.B, system.C, system.D, system.dt
         made: Any = cls(*parts, remove_useless_states=False, **labels)
-        return made.checked_by(checker)
+        return made.with_checker(checker)
 
     @cached_property
     def error(self) -> float:

@@ -102,41 +102,41 @@ class Deviations:
             )
 
     @cached_property
-    def turn(self) -> ComplexArray:
+    def phase_factor(self) -> ComplexArray:
         """Factor by which the phasor of the disturbance turns in one sample (F,)."""
         return np.asarray(np.exp(1j * self.omega * self.loop.dt))
 
     @cached_property
-    def steady(self) -> ComplexArray:
+    def steady_phasor(self) -> ComplexArray:
         """X (F, n): phasor of the loop's state without defects."""
         A, B = self.loop.clean
         measured = self.amplitude * self.loop.filter(self.omega)
         found = np.linalg.solve(
-            self.turn[:, None, None] * np.eye(len(A)) - A, B[None] * measured[:, None, None]
+            self.phase_factor[:, None, None] * np.eye(len(A)) - A, B[None] * measured[:, None, None]
         )[..., 0]
         return np.asarray(found)
 
     @cached_property
     def steady_error(self) -> ComplexArray:
         """Phasor of the error w - output x (F,) without defects."""
-        error = self.amplitude - (self.steady @ self.loop.output.T)[:, 0]
+        error = self.amplitude - (self.steady_phasor @ self.loop.output.T)[:, 0]
         return np.asarray(error)
 
     @cached_property
-    def forced(self) -> ComplexArray:
+    def forced_deviation(self) -> ComplexArray:
         """Phasor of d after 0 ... N samples of a defect (N + 1, F, n); the disturbance starts at
         phase 0.
         """
         (A_c, B_c), (A_o, B_o) = self.loop.clean, self.loop.defect
         measured = self.amplitude * self.loop.filter(self.omega)
-        q = self.steady @ (A_o - A_c).T + measured[:, None] * (B_o - B_c)[:, 0]
+        q = self.steady_phasor @ (A_o - A_c).T + measured[:, None] * (B_o - B_c)[:, 0]
         d = np.zeros((self.longest + 1, *q.shape), complex)
         for k in range(self.longest):
-            d[k + 1] = d[k] @ A_o.T + q * self.turn[:, None] ** k
+            d[k + 1] = d[k] @ A_o.T + q * self.phase_factor[:, None] ** k
         return d
 
     @cached_property
-    def kicks(self) -> RealArray:
+    def impulse_deviations(self) -> RealArray:
         """A_o^j B_o for j = 0 ... N - 1 (N, n): deviation that v = 1 in one sample causes j samples
         later.
         """
@@ -154,22 +154,24 @@ class Deviations:
             found.append(found[-1] @ self.loop.clean[0])
         return np.array(found)
 
-    def single(self, root: RealArray) -> RealArray:
+    def single_defect_error(self, root: RealArray) -> RealArray:
         """Largest error with one defect of 1 ... n samples (N,), for the worst phase and the worst
         v.
 
         root (n, n) is a factor of P_c = root root', which bounds the error after the horizon.
         """
         output, steps = self.loop.output[0], np.arange(self.longest + 1)
-        phase = self.turn ** steps[:, None]
-        disturbed = abs(self.steady_error * phase - self.forced @ output)  # (N + 1, F)
-        follows = np.concatenate([[0.0], np.cumsum(abs(self.kicks @ output))])
+        phase = self.phase_factor ** steps[:, None]
+        disturbed = abs(self.steady_error * phase - self.forced_deviation @ output)  # (N + 1, F)
+        follows = np.concatenate([[0.0], np.cumsum(abs(self.impulse_deviations @ output))])
         during = disturbed.max(axis=1) + self.false * follows
         after = np.zeros(self.longest)
-        ahead = self.turn ** np.arange(HORIZON + 1)[:, None]
-        left = self.false * np.cumsum(abs(self.rows @ self.kicks.T), axis=1)  # (HORIZON + 1, N)
+        ahead = self.phase_factor ** np.arange(HORIZON + 1)[:, None]
+        left = self.false * np.cumsum(
+            abs(self.rows @ self.impulse_deviations.T), axis=1
+        )  # (HORIZON + 1, N)
         for n in range(1, self.longest + 1):
-            swing = self.steady_error * ahead * phase[n] - self.rows @ self.forced[n].T
+            swing = self.steady_error * ahead * phase[n] - self.rows @ self.forced_deviation[n].T
             after[n - 1] = (abs(swing).max(axis=1) + left[:, n - 1]).max()
         end = np.linalg.matrix_power(self.loop.clean[0], HORIZON)
         tail = abs(self.steady_error).max() + self.reach(root) * self._size_after_defect(root, end)
@@ -184,11 +186,13 @@ class Deviations:
         """Bound on V^(1/2) of the deviation after a defect of 1 ... N samples and then a transition
         (N,).
         """
-        y = self.forced[1:] @ (root.T @ after).T
+        y = self.forced_deviation[1:] @ (root.T @ after).T
         # the largest |Re(y exp(j phase))| over all phases
         square = (abs(y) ** 2).sum(axis=-1) + abs((y**2).sum(axis=-1))
         disturbed = np.sqrt(square / 2).max(axis=1)
-        false = self.false * np.cumsum(np.linalg.norm(self.kicks @ (root.T @ after).T, axis=1))
+        false = self.false * np.cumsum(
+            np.linalg.norm(self.impulse_deviations @ (root.T @ after).T, axis=1)
+        )
         return np.asarray(disturbed + false)
 
     def proven(self, P: RealArray, distances_samples: NDArrayInt) -> RealArray:
@@ -218,7 +222,9 @@ class Deviations:
             _growth_over_stays(A_c, root_c, root_c, [1])[0] > 1.0
         ):  # a longer distance may then be worse
             r[:] = np.inf
-        bound: RealArray = OUTWARD * (self.single(root_c)[:, None] + reach[:, None] * r)
+        bound: RealArray = OUTWARD * (
+            self.single_defect_error(root_c)[:, None] + reach[:, None] * r
+        )
         return bound
 
     def simulated(self, samples: int, distance: int, count: int) -> float:
@@ -234,22 +240,25 @@ class Deviations:
         for k in range(samples):
             swing[k + 1] = A_o @ swing[k] + B_o[:, 0] * v[k]
         rest = np.linalg.matrix_power(A_c, distance)
-        ahead = self.turn ** np.arange(samples + 1)[:, None]
+        ahead = self.phase_factor ** np.arange(samples + 1)[:, None]
         rows, output = self.rows[: min(distance, SIMULATED) + 1], self.loop.output[0]
-        d, false = np.zeros_like(self.steady), np.zeros(len(A_o))
-        start, worst = np.ones_like(self.turn), 0.0
+        d, false = np.zeros_like(self.steady_phasor), np.zeros(len(A_o))
+        start, worst = np.ones_like(self.phase_factor), 0.0
         for _ in range(count):
             # (samples + 1, F, n): deviation left by earlier defects, plus that of this defect
-            path = np.einsum("kij,fj->kfi", during, d) + self.forced[: samples + 1] * start[:, None]
+            path = (
+                np.einsum("kij,fj->kfi", during, d)
+                + self.forced_deviation[: samples + 1] * start[:, None]
+            )
             other = during @ false + swing
             error = self.steady_error * start * ahead - path @ output
             worst = max(worst, float((abs(error) + abs(other @ output)[:, None]).max()))
             start = start * ahead[-1]
-            after = self.steady_error * start * self.turn ** np.arange(len(rows))[:, None]
+            after = self.steady_error * start * self.phase_factor ** np.arange(len(rows))[:, None]
             error = after - rows @ path[-1].T
             worst = max(worst, float((abs(error) + abs(rows @ other[-1])[:, None]).max()))
             d, false = path[-1] @ rest.T, rest @ other[-1]
-            start = start * self.turn**distance
+            start = start * self.phase_factor**distance
         return worst
 
 

@@ -57,7 +57,7 @@ def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> 
     except SolverError as error:
         return None, Outcome.FAILED, str(error)
     nominal = program.realisable(nominal)
-    third = program.third_set(program.away(nominal, program.points))
+    third = program.third_set(program.deviations_from(nominal, program.points))
     W_r = program.real_weight(third, context)
     return fitted_cover(program, first, nominal, third, W_r, context), Outcome.SOLVED, said
 
@@ -105,7 +105,7 @@ def _best_numerator(
 
 def _directions(program: StadiumCover, near: Rational, response: ComplexArray) -> ComplexArray:
     """Unit directions (F,) of the sets in the plane of the plants."""
-    third = program.third_set(program.away(near, program.points))
+    third = program.third_set(program.deviations_from(near, program.points))
     turn = np.exp(1j * third.angle)
     relative = program.form == "multiplicative"
     return np.asarray(turn * response / np.abs(response) if relative else turn)

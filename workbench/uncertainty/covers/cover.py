@@ -223,7 +223,7 @@ class UncertaintyCover(Program):
         return found
 
     @cached_property
-    def raw(self) -> Circle | Stadium:
+    def raw_sets(self) -> Circle | Stadium:
         """Smallest shapes around the plants, with free centres."""
         return self.first_set(self.points)
 
@@ -239,7 +239,7 @@ class UncertaintyCover(Program):
     def real_weight(self, third: Stadium, context: Context) -> Rational | None:
         """Real weight W_r fitted to the third set; None for circles."""
 
-    def away(self, nominal: Rational, points: ComplexArray) -> ComplexArray:
+    def deviations_from(self, nominal: Rational, points: ComplexArray) -> ComplexArray:
         """Deviations (F, N) of the points (F, N) from a nominal."""
         response = nominal.response(self.responses.axis)
         return deviations(points, response, self.form, self.responses)
@@ -254,7 +254,7 @@ class UncertaintyCover(Program):
             return np.ones(self.responses.omega.size)
         return plant_sizes(self.points)
 
-    def away_scale(self, nominal: Rational) -> RealArray:
+    def deviation_scale(self, nominal: Rational) -> RealArray:
         """Size (F,) of plants plus nominal, in units of the deviations."""
         size = np.abs(self.points).max(axis=1)
         response = np.abs(nominal.response(self.responses.axis))
@@ -352,7 +352,7 @@ class UncertaintyCover(Program):
         nominal, first, second, third = (
             answer.model.nominal, answer.first, answer.second, answer.third
         )  # fmt: skip
-        away, scale = self.away(nominal, self.points), self.away_scale(nominal)
+        away, scale = self.deviations_from(nominal, self.points), self.deviation_scale(nominal)
         free = self.first_program(self.points)
         about = NarrowestStadium(away, center=0.0)
         turned = NarrowestStadium(away, center=0.0, angle=third.angle)
@@ -414,7 +414,7 @@ class UncertaintyCover(Program):
         if self.confidence is None:
             return {}
         nominal, shares = answer.model.nominal, self.responses.shares
-        spread = self.second_set(self.away(nominal, estimates(self.responses))).radius
+        spread = self.second_set(self.deviations_from(nominal, estimates(self.responses))).radius
         rms = float(np.sqrt(shares @ spread**2))
         whole = float(np.sqrt(shares @ answer.second.radius**2))
         return {f"{self.size_name}_rms_estimates": rms, "noise_share": 1.0 - rms / whole}

@@ -18,7 +18,7 @@ def cover_figures(
     responses: Responses, answer: CoverSteps, windows: Mapping[str, tuple[float, float]]
 ) -> dict[str, Figure]:
     """Figures of the fitted sets (all, and in each window), of the nominal and of the weights."""
-    points, sets = responses.labelled(), answer.model.shapes(responses.omega)
+    points, sets = responses.labelled_points(), answer.model.shapes(responses.omega)
     drawn = {"plane": plane(points, sets, "fitted sets")}
     for caption, (low, high) in windows.items():
         chosen = np.flatnonzero((responses.frequency_hz >= low) & (responses.frequency_hz <= high))

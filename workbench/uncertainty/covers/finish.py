@@ -36,7 +36,7 @@ def fitted_cover(
     W_r = _realisable(W_r, fine)
     W_c = covering_weight(
         fine.responses,
-        fine.away(nominal, fine.points),
+        fine.deviations_from(nominal, fine.points),
         nominal,
         W_r,
         program.form,
@@ -64,13 +64,13 @@ def raised_cover(
     """
     omega, nominal = fine.responses.axis, program.realisable(found.nominal)
     W_r = _realisable(found.W_r, fine)
-    away = fine.away(nominal, fine.points)
+    away = fine.deviations_from(nominal, fine.points)
     radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
     W_c = found.W_c.scaled(float((radius / np.abs(found.W_c.response(omega))).max()))
     W_c = reaching(W_c, omega, radius)
     if everywhere and not program.leave_out:
         W_c = reaching_known(fine.responses, nominal, W_c, W_r, program.form)
-    third = program.third_set(program.away(nominal, program.points), W_r)
+    third = program.third_set(program.deviations_from(nominal, program.points), W_r)
     return _steps(program, first, nominal, third, W_r, W_c)
 
 
@@ -94,5 +94,5 @@ def _steps(
     model = UncertaintyModel(
         nominal, W_c, W_r, form=program.form, dt=responses.dt, tested=responses.tested
     )
-    second = program.second_set(program.away(nominal, program.points))
+    second = program.second_set(program.deviations_from(nominal, program.points))
     return CoverSteps(model, first, second, third)

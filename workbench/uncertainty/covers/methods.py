@@ -61,7 +61,7 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
     nominal = program.nominal
     if nominal is None:
         nominal = program.realisable(fitted(nominal_fit(first.center, first, program), context))
-    third = program.third_set(program.away(nominal, program.points))
+    third = program.third_set(program.deviations_from(nominal, program.points))
     W_r = program.real_weight(third, context)
     return fitted_cover(program, first, nominal, third, W_r, context), Outcome.SOLVED, ""
 
@@ -145,7 +145,7 @@ def _ends(program: UncertaintyCover, model: FoundModel, context: Context) -> lis
     for power in CLOSE_POWERS:
         model = smallest_model(program, model, (power,), context, 0.0, "inflation", CLOSE_STEPS)
         try:
-            cover = raised_cover(program, program, program.raw, model, everywhere=False)
+            cover = raised_cover(program, program, program.raw_sets, model, everywhere=False)
         except SolverError:
             continue
         ends.append(model._replace(size=program.inflation(cover).largest))
@@ -168,7 +168,7 @@ def _smallest_cover(
         if least <= model.size:  # a cover is hardly ever smaller than its model
             break
         try:
-            cover = raised_cover(program, fine, program.raw, model)
+            cover = raised_cover(program, fine, program.raw_sets, model)
         except SolverError:
             continue
         size = measure(cover)
@@ -177,5 +177,5 @@ def _smallest_cover(
     if best is not None:
         return best
     nominal, W_r = program.realisable(ranked[0].nominal), ranked[0].W_r
-    third = program.third_set(program.away(nominal, program.points), W_r)
-    return fitted_cover(program, program.raw, nominal, third, W_r, context)
+    third = program.third_set(program.deviations_from(nominal, program.points), W_r)
+    return fitted_cover(program, program.raw_sets, nominal, third, W_r, context)

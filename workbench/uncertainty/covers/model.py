@@ -306,7 +306,7 @@ def contains(model: UncertaintyModel, responses: Responses, *, leave_out: int = 
     worst = ordered[:, -1 - leave_out]
     place = f"at {responses.place(int(worst.argmax()))}"
     found = Containment(worst, (excess > CONTAINMENT_TOLERANCE).sum(axis=1), place)
-    return found.checked_by(ContainmentChecker(model, responses, leave_out))
+    return found.with_checker(ContainmentChecker(model, responses, leave_out))
 
 
 def _value(rational: Rational, s: np.ndarray) -> np.ndarray:

@@ -58,7 +58,7 @@ class CoverOfEstimate(Answer, UncertaintyModel):
         """Largest ratio of a disc's radius to the weight's, at most 1."""
         return self._checked_by[0].headline_value(self) if self._checked_by else np.nan
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return UncertaintyModel.__repr__(self).replace("UncertaintyModel", type(self).__name__, 1)
 
     def plot(self, name: str | None = None) -> Figure:
@@ -216,4 +216,4 @@ def cover_of_estimate(
         grid, radius, np.ones_like(radius), order, Context(options=options or Options())
     )
     found = CoverOfEstimate(nominal, weight, form=form)
-    return found.checked_by(CoverOfEstimateChecker(uncertainty, confidence, entry, grid))
+    return found.with_checker(CoverOfEstimateChecker(uncertainty, confidence, entry, grid))

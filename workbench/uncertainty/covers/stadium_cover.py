@@ -108,7 +108,7 @@ class StadiumCover(UncertaintyCover):
         return super().metrics(answer) | {
             "inflation_width": float(np.max(inflation)),
             "inflation_width_median": float(np.median(inflation)),
-            "radius_peak": float(np.abs(self.away(model.nominal, self.points)).max()),
+            "radius_peak": float(np.abs(self.deviations_from(model.nominal, self.points)).max()),
             "length_peak": float(second.half_length.max()),
             "length_peak_fitted": float(length.max()),
             "order_Wr": model.W_r.order,

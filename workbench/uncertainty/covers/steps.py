@@ -37,7 +37,7 @@ class CoverSteps(ProgramAnswer):
     second: Stadium
     third: Stadium
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return (
             f"CoverSteps at {self.second.radius.size} frequencies: sets about the nominal have a "
             f"radius up to {self.second.radius.max():.4g}, a half-length up to "

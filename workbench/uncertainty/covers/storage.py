@@ -28,7 +28,7 @@ def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
     model = answer.model
     plane = responses.unit
     deviation = "1" if model.form == "multiplicative" else plane
-    measured = responses.labelled()
+    measured = responses.labelled_points()
     data = xr.Dataset(
         {
             "response": (

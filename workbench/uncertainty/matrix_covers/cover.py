@@ -245,12 +245,12 @@ class MatrixCover(Program):
         """The program of the smallest sets at each frequency, or of those of the least mu."""
         return self._sets_of(self.deviations, self.loop_response, self.right)
 
-    def sets_beside(self, W_2: Array) -> MatrixSets:
+    def sets_with_right_weight(self, W_2: Array) -> MatrixSets:
         """The program of these sets for a given W_2 (F, ., .), which determines W_1."""
         n, loop = W_2.shape[-1], self.loop_response
         if loop is not None:
             loop = np.concatenate([W_2 @ loop[:, :n], loop[:, n:]], axis=1)
-        return self._sets_of(self.covered @ np.linalg.inv(W_2)[:, None], loop, "scalar")
+        return self._sets_of(self.matrices_to_cover @ np.linalg.inv(W_2)[:, None], loop, "scalar")
 
     def _sets_of(self, X: Array, loop: Array | None, right: WeightShape) -> MatrixSets:
         size: Size = "volume" if loop is None else "mu"
@@ -261,13 +261,13 @@ class MatrixCover(Program):
         return replace(self, loop=None)
 
     @cached_property
-    def covered(self) -> Array:
+    def matrices_to_cover(self) -> Array:
         """The matrices that the weights must cover: X of every plant, and the floor."""
         rows, columns = self.deviations.shape[2:]
         return self.sets.away(np.zeros((len(self.deviations), rows, columns)))
 
     @property
-    def everywhere(self) -> bool:
+    def covers_every_frequency(self) -> bool:
         """Whether the plants are covered at every frequency: they are known and stable, and the
         form is additive.
         """
@@ -286,7 +286,7 @@ class MatrixCover(Program):
         the given band have the share 0.
         """
         given = self.responses
-        if not self.everywhere:
+        if not self.covers_every_frequency:
             return self, given.shares
         axis = beyond(self.axis)
         omega = angular_frequency(np.union1d(axis, between(axis)), given.dt)
@@ -353,7 +353,7 @@ class MatrixCover(Program):
         norms = self._norms(model)
         value, where = worst_value(norms - 1, self.responses.numbered)
         checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where=where)]
-        if self.everywhere:
+        if self.covers_every_frequency:
             bounds = [certified_norm(delta) - 1 for delta in self.known_deltas(model)]
             value, where = worst_value(bounds, lambda i: f"plant {self.responses.plants[i[0]]}")
             over = f"{EVERY_FREQUENCY}, for these {len(bounds)} plants"
@@ -410,7 +410,7 @@ class MatrixCover(Program):
             decays(inverse_weight(model.W_1), "inverse of W_1 decays"),
             decays(inverse_weight(model.W_2), "inverse of W_2 decays"),
         ]
-        if self.everywhere:
+        if self.covers_every_frequency:
             found.append(tried_everywhere(responses, self.known_deltas(model)))
         least = self.sets.second_opinion(answer.least)[0]
         return [*found, replace(least, name="smallest sets by eigenvalues")]

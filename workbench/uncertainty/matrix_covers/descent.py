@@ -96,7 +96,9 @@ class _Cost:
         fine, self.shares = program.for_fits()
         band = float(program.axis[0]), float(program.axis[-1])
         self.sides = [SideOfWeights(fine.axis, band, fits) for fits in (left, right)]
-        self.X = _outermost(fine.covered, [side.logs(side.start)[0] for side in self.sides])
+        self.X = _outermost(
+            fine.matrices_to_cover, [side.logs(side.start)[0] for side in self.sides]
+        )
         self.start = np.concatenate([side.start for side in self.sides])
         self.ends = np.cumsum([side.start.size for side in self.sides])[:-1]
         self.of_loop = None

@@ -27,7 +27,7 @@ class FoundCover(ProgramAnswer):
     model: MatrixModel
     least: FoundSets
 
-    def said(self) -> str:
+    def summary(self) -> str:
         return repr(self.model)
 
     @property

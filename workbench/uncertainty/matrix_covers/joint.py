@@ -81,7 +81,7 @@ class _Round:
         self.inside = slice(CONSTANT_DECADES, len(self.grid) - CONSTANT_DECADES)
         self.W = system_response(left, self.grid), system_response(right, self.grid)
         W_1, W_2 = self.W[0][self.inside].swapaxes(-2, -1), self.W[1][self.inside]
-        M = between_weights(W_1, program.covered, W_2)
+        M = between_weights(W_1, program.matrices_to_cover, W_2)
         self.norms = np.linalg.norm(M, 2, axis=(2, 3))
         self.scale = self.norms.max()
         self.M = M / self.scale

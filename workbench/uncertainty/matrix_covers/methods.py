@@ -132,7 +132,7 @@ def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWe
     else:
         squares = ctranspose(least.right) @ least.right
         W_2 = right_weight(program.axis, squares, program.right, program.right_order, context)
-    rest = _sets(program.sets_beside(system_response(W_2.system, program.axis)), context)
+    rest = _sets(program.sets_with_right_weight(system_response(W_2.system, program.axis)), context)
     squares = rest.left @ ctranspose(rest.left)
     W_1 = left_weight(program.axis, squares, program.left, program.left_order, context)
     return least, W_1, W_2
@@ -170,8 +170,8 @@ def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixM
 def _need(program: MatrixCover, model: MatrixModel) -> float:
     """The largest norm of a plant's Delta, proven for every frequency if possible."""
     W_1, W_2 = (system_response(W, program.responses.omega) for W in (model.W_1, model.W_2))
-    deltas = between_weights(W_1, program.covered, W_2)
+    deltas = between_weights(W_1, program.matrices_to_cover, W_2)
     need = float(np.linalg.norm(deltas, 2, axis=(2, 3)).max())
-    if program.everywhere:
+    if program.covers_every_frequency:
         need = max(need, *(certified_norm(delta) for delta in program.known_deltas(model)))
     return need

@@ -44,13 +44,13 @@ def members(
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import Parameter, members, parametric_lft, vertices
+    >>> from workbench.uncertainty import Parameter, members, parametric_lft, vertex_deltas
     >>> def spring(k):
     ...     '''A, B, C, D of a mass on a spring.'''
     ...     return [[0.0, 1.0], [-k, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
     ...
     >>> model = parametric_lft(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
-    >>> plants = members(model, np.geomspace(0.1, 10, 20), vertices(model.parameters))
+    >>> plants = members(model, np.geomspace(0.1, 10, 20), vertex_deltas(model.parameters))
     >>> plants.values.shape
     (20, 2)
     """

@@ -58,27 +58,27 @@ class Parameter:
         return self.nominal * (1.0 + self.tolerance * np.asarray(delta, dtype=float))
 
 
-def vertices(parameters: Sequence[Parameter]) -> RealArray:
+def vertex_deltas(parameters: Sequence[Parameter]) -> RealArray:
     """All combinations (2^P, P) of the deltas -1 and 1.
 
     Examples
     --------
-    >>> from workbench.uncertainty import Parameter, vertices
-    >>> vertices([Parameter("k", 4.0, 0.25), Parameter("d", 1.0, 0.1)]).tolist()
+    >>> from workbench.uncertainty import Parameter, vertex_deltas
+    >>> vertex_deltas([Parameter("k", 4.0, 0.25), Parameter("d", 1.0, 0.1)]).tolist()
     [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]
     """
-    return levels(parameters, 2)
+    return level_deltas(parameters, 2)
 
 
-def levels(parameters: Sequence[Parameter], count: int) -> RealArray:
+def level_deltas(parameters: Sequence[Parameter], count: int) -> RealArray:
     """All combinations (count^P, P) of `count` equidistant deltas from -1 to 1.
 
     Raises InputError for fewer than 2 levels, or if the table would be too large.
 
     Examples
     --------
-    >>> from workbench.uncertainty import Parameter, levels
-    >>> levels([Parameter("k", 4.0, 0.25)], count=3).ravel().tolist()
+    >>> from workbench.uncertainty import Parameter, level_deltas
+    >>> level_deltas([Parameter("k", 4.0, 0.25)], count=3).ravel().tolist()
     [-1.0, 0.0, 1.0]
     """
     if count < 2:
@@ -91,14 +91,16 @@ def levels(parameters: Sequence[Parameter], count: int) -> RealArray:
     return np.array(list(product(np.linspace(-1.0, 1.0, count), repeat=len(parameters))))
 
 
-def samples(parameters: Sequence[Parameter], count: int, rng: np.random.Generator) -> RealArray:
+def random_deltas(
+    parameters: Sequence[Parameter], count: int, rng: np.random.Generator
+) -> RealArray:
     """Random deltas (count, P), uniform in [-1, 1].
 
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.uncertainty import Parameter, samples
-    >>> drawn = samples([Parameter("k", 4.0, 0.25)], 100, np.random.default_rng(0))
+    >>> from workbench.uncertainty import Parameter, random_deltas
+    >>> drawn = random_deltas([Parameter("k", 4.0, 0.25)], 100, np.random.default_rng(0))
     >>> drawn.shape, bool(abs(drawn).max() <= 1)
     ((100, 1), True)
     """

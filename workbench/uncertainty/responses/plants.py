@@ -480,7 +480,7 @@ class Responses:
         """Point sets (F, N); a missing point is replaced by another point of its set."""
         return filled(self.values, self.present)
 
-    def labelled(self) -> DataArray:
+    def labelled_points(self) -> DataArray:
         """The point sets as a labelled array with names and units, dims (frequency, plant)."""
         import xarray as xr
 

@@ -36,7 +36,7 @@ def figure_6_4(axis: Axis, answer: Dataset, channel: str) -> Figure:
     for panel in panels[::2]:
         figures.label(panel, y=f"$\\mu$, {SIGNALS[channel]}")
     figures.legend_below(figure, panels[-1], columns=5)
-    return figures.numbered(figure, "6.4")
+    return figures.with_figure_numbers(figure, "6.4")
 
 
 def peaks_table(answer: Dataset) -> tuple[list[str], list[list[str]]]:

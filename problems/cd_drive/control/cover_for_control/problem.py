@@ -238,7 +238,7 @@ class CoverForControl(Study):
         }
         if model is not self.given:  # W_c of the narrowest stadiums has another order
             parts["circular"] = model.W_c
-        found = cover.lowered(parts, moving, context)
+        found = cover.optimised_parts(parts, moving, context)
         K = stage.K if "controller" not in moving else found["controller"].state_space()
         return self._stage(cover.model(found, context), K)
 
@@ -254,7 +254,7 @@ class CoverForControl(Study):
 
     def _peak(self, model: UncertaintyModel, K: StateSpace) -> float:
         """Certified upper bound; infinite if the loop is unstable."""
-        certified = self.program(model, None).certified(K)
+        certified = self.program(model, None).certified_peak(K)
         return np.inf if certified is None else certified.upper
 
     def stage(self, answer: Dataset, number: int) -> tuple[UncertaintyModel, StateSpace]:

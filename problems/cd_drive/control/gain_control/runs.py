@@ -94,8 +94,8 @@ def started(bench: Laboratory, arm: Arm, seed: int) -> Start:
         at, size, PERIOD, interval=(START, END), detection=DETECTION, adaptation=ADAPTATION
     )
     law = [
-        Part("gain control", gain, ["f_en"], tells=["fed", "gain"]),
-        Part("K", linear_controller(controller(axis), PERIOD), ["fed"], tells=["u"]),
+        Part("gain control", gain, ["f_en"], outputs=["fed", "gain"]),
+        Part("K", linear_controller(controller(axis), PERIOD), ["fed"], outputs=["u"]),
     ]
     record = bench.closed_loop(
         Cascade(MEASUREMENTS, law),

@@ -16,7 +16,7 @@ from workbench.certificate import EVERY_FREQUENCY, worst_value
 from workbench.synthesis import DesignTask
 from workbench.systems import response
 from workbench.types import ComplexArray, Dataset, RealArray, StateSpace
-from workbench.uncertainty import ParametricModel, UncertaintyModel, vertices
+from workbench.uncertainty import ParametricModel, UncertaintyModel, vertex_deltas
 
 from ...drive.plants import ANTIALIASING
 from ...drive.tables import Axis
@@ -214,7 +214,7 @@ def _plants(axis: Axis, uncertain: UncertainModel, size: float, hertz: RealArray
     rng = np.random.default_rng(0)
     if isinstance(uncertain, ParametricModel):
         box = uncertain_parameters(axis)
-        deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (RANDOM_PLANTS, len(box)))])
+        deltas = np.vstack([vertex_deltas(box), rng.uniform(-1, 1, (RANDOM_PLANTS, len(box)))])
         return plants(axis, size * deltas, box, hertz)
     model, omega = uncertain, 2 * np.pi * hertz
     turned = np.exp(2j * np.pi * rng.uniform(size=(RANDOM_PLANTS, len(hertz))))

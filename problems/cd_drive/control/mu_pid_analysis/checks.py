@@ -14,7 +14,7 @@ from workbench import Check
 from workbench.certificate import EVERY_PERTURBATION, worst_value
 from workbench.mu import rank_one_mu
 from workbench.types import Dataset, RealArray
-from workbench.uncertainty import cover_function, vertices
+from workbench.uncertainty import cover_function, vertex_deltas
 
 from ...drive.plants import ANTIALIASING, controller
 from ...drive.tables import Axis
@@ -113,7 +113,7 @@ def _sampled(axis: Axis, speed: float, answer: Dataset) -> float:
             condition="robust performance", bound="upper",
         )
     )  # fmt: skip
-    deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (200, len(box)))]) / peak
+    deltas = np.vstack([vertex_deltas(box), rng.uniform(-1, 1, (200, len(box)))]) / peak
     frequency = answer["frequency"].values
     s = 2j * np.pi * frequency
     L = controller(axis)(s) * plants(axis, deltas, box, frequency)

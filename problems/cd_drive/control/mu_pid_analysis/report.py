@@ -53,7 +53,7 @@ def _one_x(axis: Axis, answer: Dataset) -> Figure:
     _limit(sets, title="sets alone, no weights fitted")
     lines = [line for panel in (fitted, sets) for line in panel.get_legend_handles_labels()[0]]
     figure.legend(handles=lines, loc="outside lower center", ncols=4, frameon=False)
-    return figures.numbered(figure, "6.4")
+    return figures.with_figure_numbers(figure, "6.4")
 
 
 def _five_x(axis: Axis, answer: Dataset) -> Figure:
@@ -73,7 +73,7 @@ def _five_x(axis: Axis, answer: Dataset) -> Figure:
         _limit(panel, f"$\\mu$, {name}")
     panels[0].set(title=f"{axis}, 5X", xlabel="")
     figures.legend_below(figure, panels[0])
-    return figures.numbered(figure, "6.5")
+    return figures.with_figure_numbers(figure, "6.5")
 
 
 def _gains(axis: Axis, answer: Dataset) -> Figure:

@@ -22,7 +22,7 @@ from workbench.mu import Peak, PeakChecker, peak
 from workbench.structure import Full, Structure
 from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table
 from workbench.synthesis import PEAK_TOLERANCE
-from workbench.systems import bands, bandwidths, loop_response
+from workbench.systems import bandwidths, loop_response, positive_bands
 from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 
 from ...drive.margins import MARGIN_UNITS, each_margin, nearest_margins
@@ -320,9 +320,11 @@ class Sensitivity(Study):
             return np.max(S, axis=0) * needed(frequency) - 1
 
         grid = BAND_SEARCH[BAND_SEARCH >= LOW]
-        laxer = bands(lambda f: needed(f) / abs(loop_response(weight, f)) - 1, grid)
+        laxer = positive_bands(lambda f: needed(f) / abs(loop_response(weight, f)) - 1, grid)
         return {"W_p laxer than the Red Book": laxer} | {
-            f"Red Book exceeded, {WORDS[scale]}": bands(partial(exceeded, factor=factor), grid)
+            f"Red Book exceeded, {WORDS[scale]}": positive_bands(
+                partial(exceeded, factor=factor), grid
+            )
             for scale, factor in SCALES.items()
         }
 
@@ -347,7 +349,7 @@ def failing(weight: StateSpace, loop: StateSpace, scale: float) -> list[tuple[fl
         S = 1 / (1 + scale * loop_response(loop, frequency))
         return np.log(abs(loop_response(weight, frequency) * S))
 
-    return bands(level, BAND_SEARCH)
+    return positive_bands(level, BAND_SEARCH)
 
 
 def _zero(curve: Callable[[float], float]) -> float:

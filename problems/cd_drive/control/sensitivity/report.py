@@ -112,7 +112,7 @@ def sensitivity_figure(answer: Dataset, axis: Axis) -> Figure:
         )
         panel.set_ylim(1e-4, 10)
     figures.legend_below(figure, panels[0])
-    return figures.numbered(figure, "6.6")
+    return figures.with_figure_numbers(figure, "6.6")
 
 
 def margins_figure(answer: Dataset, axis: Axis) -> Figure:

@@ -10,7 +10,7 @@ from workbench import Check
 from workbench.certificate import EVERY_PERTURBATION, quantified_checks, worst_value
 from workbench.systems import response
 from workbench.types import ComplexArray, Dataset, StateSpace
-from workbench.uncertainty import vertices
+from workbench.uncertainty import vertex_deltas
 
 from ...drive.plants import ANTIALIASING, controller
 from ...uncertainty.parametric.checks import plants
@@ -103,7 +103,7 @@ def _sampled(trade: TradeOff, K: StateSpace, upper: np.ndarray) -> float:
     """|W_p S| and |W_sd T| of vertices and random plants over their bounds, minus 1."""
     box = uncertain_parameters(trade.axis)
     rng = np.random.default_rng(0)
-    deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (RANDOM_PLANTS, len(box)))])
+    deltas = np.vstack([vertex_deltas(box), rng.uniform(-1, 1, (RANDOM_PLANTS, len(box)))])
     hertz = np.geomspace(1.0, 2e4, 400)
     omega = 2 * np.pi * hertz
     k, W_p, W_sd = (response(system, omega)[:, 0, 0] for system in (K, trade.W_p, trade.W_sd))

@@ -82,7 +82,7 @@ def _of_filter(
     supremum = f"certified supremum of mixed mu{limits_of(reached)}"
     again = "certified supremum over the claimed one, less 1"
     for channel in program.channels:
-        upper = program.certified(F, channel=channel).upper
+        upper = program.certified_peak(F, channel=channel).upper
         excess = upper / float(stored.sel(requirement=channel.name)) - 1
         over = f"{plants_of(reached)}, in the band of the requirement"
         yield Check(f"{name}: {channel.name}", supremum, upper, 1.0, over=over)
@@ -99,7 +99,7 @@ def _members(axis: Axis, loop: FaultLoop, F: StateSpace) -> dict[str, float]:
     """Largest error, leakage of the envelope [m] and gain of F on members of the set."""
     rng = np.random.default_rng(0)
     frequency = np.unique(np.concatenate([np.geomspace(0.1, 15e3, 1500), [SLOW, FAST, NOISE_BAND]]))
-    omega = loop.warped(frequency)
+    omega = loop.warped_omega(frequency)
     model = loop.model
     real = 0 * omega if model.W_r is None else model.W_r.response(omega)
     circular = model.W_c.response(omega)

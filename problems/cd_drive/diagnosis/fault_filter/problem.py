@@ -260,7 +260,10 @@ class FaultFilterStudy(Study):
     @array(dims=(filter, kind, quantity), unit="1")
     def judged(self, filters: dict[str, StateSpace], reached: DemandReached) -> Any:
         fronts = self.fronts("discrete", reached.share)
-        return [[each.judged(each.estimate(F)) for each in fronts] for F in filters.values()]
+        return [
+            [each.error_leakage_noise(each.estimate(F)) for each in fronts]
+            for F in filters.values()
+        ]
 
     shape = dim(SHAPES)
     seen = part(lambda: [sampled_defect(shape) for shape in SHAPES])

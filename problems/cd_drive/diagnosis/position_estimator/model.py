@@ -23,7 +23,7 @@ from workbench.diagnosis import (
     placed_estimator,
     prototype_poles,
 )
-from workbench.simulation import hold, sampled_model
+from workbench.simulation import held_input_matrices, sampled_model
 from workbench.types import RealArray, StateSpace
 
 from ...drive.actuator import specific_model
@@ -76,7 +76,7 @@ def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
         sampled_model(control.ss(a, b, c, 0.0), PERIOD),
         rotation,
         colour=colour(axis) if coloured else None,
-        beside=sampled_model(gain * lens, PERIOD),
+        unmeasured=sampled_model(gain * lens, PERIOD),
     )
 
 
@@ -88,7 +88,9 @@ def colour(axis: Axis, band: float = 1750.0) -> StateSpace:
     import control
 
     omega = 2 * np.pi * band
-    transition, _ = hold([[0.0, 1.0], [-(omega**2), -(2**0.5) * omega]], np.zeros((2, 1)), PERIOD)
+    transition, _ = held_input_matrices(
+        [[0.0, 1.0], [-(omega**2), -(2**0.5) * omega]], np.zeros((2, 1)), PERIOD
+    )
     drive = np.array([[0.0], [1.0]])
     variance = solve_discrete_lyapunov(transition, drive @ drive.T)[0, 0]
     size = NOISE[axis] * find_drive(axis, "nominal").K_optn

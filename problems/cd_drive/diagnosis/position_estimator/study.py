@@ -102,7 +102,7 @@ class EstimatorTrials(Study):
             return thesis_estimator(self.axis, rotation)
         if name.startswith("Kalman"):
             found = kalman(self.axis, rotation)
-            return found if name == "Kalman" else found.settled
+            return found if name == "Kalman" else found.steady_state
         bandwidth = FAST_BANDWIDTH if name == "ITAE 5 kHz" else SLOW_BANDWIDTH
         return itae(self.axis, rotation, bandwidth)
 

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from workbench.simulation import discrete_system, hold
+from workbench.simulation import discrete_system, held_input_matrices
 
 from ...drive.actuator import SERIES_RESISTANCE, specific_model
 from ...drive.photo_diodes import S_CURVE_LINEAR, S_CURVE_PEAK
@@ -76,7 +76,7 @@ def _overshoot(drive: str, late: float) -> float:
     a = np.zeros((n + 1, n + 1))
     a[:n, :n], a[n, :n], a[n, n] = A, -ANTIALIASING * model.K_optn * moving.C[0], -ANTIALIASING
     b = np.vstack([B, [[0.0]]])
-    step, push = hold(a, b, PERIOD / FINER)
+    step, push = held_input_matrices(a, b, PERIOD / FINER)
     state = np.append(z, -model.K_optn * late)
     K = discrete_system(controller("focus"), PERIOD)
     memory, queue, worst = np.zeros(K.nstates), [volts] * DELAY, 0.0

@@ -96,12 +96,15 @@ class Jump:
     def cascade(law: Controller) -> Cascade:
         """The reference controller with the pulse of a law."""
         parts = [
-            Part("jump", law, given=["f_en", "sum"], tells=["closed", "pulse", "held"]),
-            Part("seen", blender(), given=["closed", "f_en", "held"]),
+            Part("jump", law, inputs=["f_en", "sum"], outputs=["closed", "pulse", "held"]),
+            Part("seen", blender(), inputs=["closed", "f_en", "held"]),
             Part(
-                "K", linear_controller(controller("radial"), PERIOD), given=["seen"], tells=["u_k"]
+                "K",
+                linear_controller(controller("radial"), PERIOD),
+                inputs=["seen"],
+                outputs=["u_k"],
             ),
-            Part("u", adder(), given=["u_k", "pulse"]),
+            Part("u", adder(), inputs=["u_k", "pulse"]),
         ]
         return Cascade(MEASUREMENTS, parts)
 

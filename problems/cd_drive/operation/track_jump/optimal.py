@@ -19,7 +19,7 @@ import numpy as np
 
 from workbench import Options
 from workbench.errors import SolverError
-from workbench.simulation import hold
+from workbench.simulation import held_input_matrices
 from workbench.solvers import ipopt
 from workbench.types import RealArray
 
@@ -45,7 +45,7 @@ class FastestJump:
         """Sampled model A (4, 4), B (4,) of lens and arm, in tracks and tracks per millisecond."""
         parameters = find_drive("radial", self.drive)
         moving = specific_model(parameters).state_space()
-        A, B = hold(moving.A, moving.B * coil_gain(parameters), PERIOD)
+        A, B = held_input_matrices(moving.A, moving.B * coil_gain(parameters), PERIOD)
         n = len(A) // 2
         unit = TRACK_PITCH * np.repeat([1.0, 1e3], n)
         return A * unit / unit[:, None], B[:, 0] / unit

@@ -69,7 +69,7 @@ class Cases:
         fast = sampled_controller(one.axis, case.fast + one.gain_db)
         if case.use == "alone":
             return Cascade(
-                MEASUREMENTS, [Part("K", linear_controller(fast, PERIOD), ["f_en"], tells=["u"])]
+                MEASUREMENTS, [Part("K", linear_controller(fast, PERIOD), ["f_en"], outputs=["u"])]
             )
         made = Strategies(one.axis, level, one.believed, K=fast, replacement=self._slow(case, one))
         return made.named("K_prime" if case.use == "switched" else case.use)

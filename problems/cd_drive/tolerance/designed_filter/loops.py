@@ -78,7 +78,7 @@ def filter_checks(
     continuous = bilinear_continuous(F)
     plants, over_limits = plants_of(reached), limits_of(reached)
     for channel in program.channels:
-        upper = program.certified(continuous, channel=channel).upper
+        upper = program.certified_peak(continuous, channel=channel).upper
         over = f"{plants}, in the band of the requirement"
         words = f"certified supremum of mixed mu{over_limits}"
         found.append(Check(channel.name, words, upper, 1.0, over=over))

@@ -226,7 +226,7 @@ class DesignedFilter(Study):
     @part
     def responses(self, filters: dict[str, StateSpace]) -> RealArray:
         """L (1 - F) of the nominal loops."""
-        omega = self.loop.warped(FREQUENCY)
+        omega = self.loop.warped_omega(FREQUENCY)
         F = np.array([loop_response(one, FREQUENCY) for one in filters.values()])
         return np.asarray((1 - F) * self.loop.open_loop(omega))
 

@@ -52,7 +52,7 @@ def balloons(answer: Dataset) -> Figure:
         panel.tick_params(axis="y", labelsize=7)
         panel.set_title(f"{axis}: share of time out of spec", pad=18)
     figures.legend_below(figure, panels[0], columns=6)
-    return figures.numbered(figure, "2.15")
+    return figures.with_figure_numbers(figure, "2.15")
 
 
 def scores(answer: Dataset) -> Figure:

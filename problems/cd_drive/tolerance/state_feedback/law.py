@@ -124,7 +124,7 @@ class StateFeedback:
             MEASUREMENTS,
             [
                 *strategies.detector,
-                Part("estimator", estimator.controller, ["f_en", "u_last", "w_Q"], tells=told),
+                Part("estimator", estimator.controller, ["f_en", "u_last", "w_Q"], outputs=told),
                 Part(
                     "u",
                     linear_controller(law, PERIOD, measurements=range(n + 2)),
@@ -153,7 +153,7 @@ def estimating(filter_: KalmanEstimator, row: RealArray, K: StateSpace | None) -
     row: gains of the estimated states and of u_p. The gain of u_last is 1 minus that of u_p, so
     that the sum is zero at u = u_p. K: discrete, or None.
     """
-    settled = filter_.settled
+    settled = filter_.steady_state
     model, n = settled.model, settled.model.seen
     A, B, C, g = model.A[:n, :n], model.B[:n], model.C[:n], settled.gain
     on = np.zeros(n)

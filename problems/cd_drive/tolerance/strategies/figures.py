@@ -62,7 +62,7 @@ def _comparison(answer: Dataset, name: str, axis: Axis) -> Figure:
         "shaded: quality $w_Q$ below 1",
         fontsize=11,
     )
-    return figures.numbered(figure, *figures.numbers_in(STEMS[name]), *SIMULATED[name])
+    return figures.with_figure_numbers(figure, *figures.numbers_in(STEMS[name]), *SIMULATED[name])
 
 
 def _shade(panel: Axes, one: Dataset, stage: str) -> None:

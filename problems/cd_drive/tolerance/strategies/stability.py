@@ -34,7 +34,7 @@ def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:
     """
     drive = bench.sampled_error()
     K = discrete_system(strategies.controller, PERIOD)
-    settled = kalman(bench.axis, Rotation(strategies.rotation)).settled
+    settled = kalman(bench.axis, Rotation(strategies.rotation)).steady_state
     model, n = settled.model, settled.model.seen
     A, B, C = model.A[:n, :n], model.B[:n], model.C[:n]
     seen = np.eye(n) - np.outer(settled.gain, C)

@@ -194,7 +194,7 @@ def _errors_between_frequencies(drives: SwitchedDrives, answer: Dataset) -> Chec
         omega = np.geomspace(at.omega[0], at.omega[-1], MORE_FREQUENCIES)
         amplitude = envelope(drives.axis, omega / (2 * np.pi)) / MICRO
         more = replace(at, amplitude=amplitude, omega=omega)
-        value = float((more.single(root) / at.single(root)).max())
+        value = float((more.single_defect_error(root) / at.single_defect_error(root)).max())
         worst, where = max((worst, where), (value, f"of {strategy}"))
     statement = (
         f"largest error of one defect at {MORE_FREQUENCIES} frequencies over that stored, CD1"

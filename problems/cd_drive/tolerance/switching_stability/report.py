@@ -156,7 +156,7 @@ def _laboratory(answer: Dataset) -> str:
 
 def switching_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
     return {
-        "figure-8-10": figures.numbered(_open_loops(axis, answer), "8.10"),
+        "figure-8-10": figures.with_figure_numbers(_open_loops(axis, answer), "8.10"),
         "dwell": _dwell_figure(axis, answer),
         "region": _region(axis, answer),
     }

@@ -95,7 +95,7 @@ class ControllerPair:
             made = Strategies(one.axis, level, one.believed, K=fast, replacement=slow)
             return made.named("K_prime")
         alone = linear_controller(fast if case == "fast" else slow, PERIOD)
-        return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], tells=["u"])])
+        return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], outputs=["u"])])
 
     def error(self, case: str, one: Circumstance, drive: str, refine: int = 1) -> RealArray:
         """True error [m] (N,) in the scored part of a run."""

@@ -9,7 +9,7 @@ import numpy as np
 from workbench import Check
 from workbench.certificate import worst_value
 from workbench.types import ComplexArray, Dataset, RealArray
-from workbench.uncertainty import Parameter, ParametricModel, samples, vertices
+from workbench.uncertainty import Parameter, ParametricModel, random_deltas, vertex_deltas
 
 from ...drive.actuator import specific_model, stack
 from ...drive.plants import nominal_response
@@ -99,7 +99,7 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
 
 def _disagreement(axis: Axis, model: ParametricModel, hertz: RealArray) -> float:
     """Largest relative difference between a model and the actuator's equations at random deltas."""
-    deltas = samples(model.parameters, 20, np.random.default_rng(1))
+    deltas = random_deltas(model.parameters, 20, np.random.default_rng(1))
     found = model.response(2 * np.pi * hertz, deltas)[..., 0, 0]
     return float(abs(found / plants(axis, deltas, model.parameters, hertz) - 1).max())
 
@@ -107,7 +107,7 @@ def _disagreement(axis: Axis, model: ParametricModel, hertz: RealArray) -> float
 def _least_determinant(model: ParametricModel) -> float:
     """Least det(I - M11 Delta) over the vertices of the set."""
     copies = [block.rows for block in model.structure]
-    delta = np.repeat(vertices(model.parameters), copies, axis=-1)
+    delta = np.repeat(vertex_deltas(model.parameters), copies, axis=-1)
     loops = np.eye(sum(copies)) - model.lft.blocks[0] * delta[:, None, :]
     return float(np.linalg.det(loops).min())
 
@@ -134,6 +134,6 @@ def _missed(axis: Axis, answer: Dataset) -> RealArray:
     """Excess (3, F) of the largest deviation over the vertices above the one that was found."""
     hertz = answer["frequency"].values
     nominal = nominal_response(axis, hertz, antialiasing=False)
-    corners = [plants(axis, vertices(box), box, hertz) for box in boxes(axis).values()]
+    corners = [plants(axis, vertex_deltas(box), box, hertz) for box in boxes(axis).values()]
     most = np.array([abs(each / nominal - 1).max(axis=0) for each in corners])
     return most - answer["deviation"].values

@@ -18,7 +18,13 @@ from workbench import Check, problem
 from workbench.executor import Context
 from workbench.study import Study, array, arrays, dim, figure, metric, part, table
 from workbench.types import ComplexArray, DataArray, Dataset, Figure, RealArray
-from workbench.uncertainty import Parameter, ParametricModel, factorial_response, levels, samples
+from workbench.uncertainty import (
+    Parameter,
+    ParametricModel,
+    factorial_response,
+    level_deltas,
+    random_deltas,
+)
 
 from ...drive.plants import nominal_response, responses
 from ...drive.shared_parameters import TABLES, Frequencies, Frequency, grid
@@ -106,7 +112,7 @@ class ParametricSpread(Study):
     ) -> dict[str, Any]:
         """The largest deviations of all sets, and the plants that have them."""
         nine = models["nine"]
-        random = samples(nine.parameters, self.samples, context.rng)
+        random = random_deltas(nine.parameters, self.samples, context.rng)
         dense = np.linspace(-1.0, 1.0, 2 * self.between + 3)
         parts = []
         starts = range(0, len(self.grid), FREQUENCIES_AT_ONCE)
@@ -138,7 +144,7 @@ class ParametricSpread(Study):
     @array(dims=(set, frequency, parameter), unit="1", meaning="combination that deviates most")
     def delta(self, sets: dict[str, Any], extremes: dict[str, Any]) -> list[RealArray]:
         places = zip(sets.values(), extremes["place"], strict=True)
-        return [_placed(levels(box, 3)[i], box) for box, i in places]
+        return [_placed(level_deltas(box, 3)[i], box) for box, i in places]
 
     climb = part(
         lambda self, sets, delta: climbed(self.axis, sets["nine"], self.grid, delta.values[0])

@@ -119,10 +119,10 @@ def test_innovations_of_the_kalman_filter_have_the_size_that_it_states():
     scratches = Scratches("focus", 1.2e-3, 0.0, 0.0, "printed")
     trial = scratches.trial("nominal", ScratchDraw(3, 0.25))
     filtering = kalman("focus", ROTATION)
-    P, C = filtering.stationary, filtering.model.C[: filtering.model.seen]
+    P, C = filtering.stationary_covariance, filtering.model.C[: filtering.model.seen]
     stated = (C @ P @ C + filtering.noise.measurement**2) ** 0.5
     x, A, B = np.zeros(13), filtering.model.A, filtering.model.B
-    gain = np.concatenate([filtering.settled.gain, np.zeros(4)])
+    gain = np.concatenate([filtering.steady_state.gain, np.zeros(4)])
     innovations = []
     for y, u in zip(trial.record.f_en, trial.known, strict=True):
         innovations.append(y - filtering.model.C @ x)

@@ -268,7 +268,7 @@ def test_refusals():
     with pytest.raises(InputError, match=r"the controller has dt = 0\.0001 s"):
         Strategies("focus", 1.0, 5.5, F=other).named("C")
     broken = Controller(_broken, np.zeros(1), np.zeros(0))
-    cascade = Cascade(MEASUREMENTS, [Part("my strategy", broken, ["f_en"], tells=["u"])])
+    cascade = Cascade(MEASUREMENTS, [Part("my strategy", broken, ["f_en"], outputs=["u"])])
     with pytest.raises(InputError, match=r"my strategy's output 'u' .* sample 700 of .*, 0\.02 s"):
         Laboratory().closed_loop(cascade, duration=0.1)
 

@@ -99,9 +99,9 @@ def test_poles_are_those_of_each_controller(lens, strategy):
 def test_without_a_switch_the_error_is_that_of_the_loop(lens):
     found = deviations(switched_loop(lens, regulators(K, "none")), false=0.0)
     root = np.linalg.cholesky(np.eye(len(found.loop.clean[0])))
-    np.testing.assert_allclose(abs(found.forced).max(), 0.0, atol=1e-9)
+    np.testing.assert_allclose(abs(found.forced_deviation).max(), 0.0, atol=1e-9)
     assert found.simulated(20, 100, 3) == pytest.approx(abs(found.steady_error).max())
-    assert found.single(root)[0] >= abs(found.steady_error).max()
+    assert found.single_defect_error(root)[0] >= abs(found.steady_error).max()
 
 
 @pytest.mark.cases(0)
@@ -121,7 +121,7 @@ def test_bounds_hold_for_random_defects(loop):
         f = rng.integers(len(found.omega))
         phase = np.exp(1j * rng.uniform(0, 2 * np.pi))
         measured = 8e3 / (8e3 + 1j * found.omega[f] / (2 * np.pi))
-        x, turn = (found.steady[f] * phase).real, phase
+        x, turn = (found.steady_phasor[f] * phase).real, phase
         for _ in range(4):
             stays = (rng.integers(1, longest + 1), distance + rng.integers(50))
             for stay, (A, B) in zip(stays, (loop.defect, loop.clean), strict=True):

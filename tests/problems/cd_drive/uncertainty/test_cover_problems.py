@@ -81,7 +81,7 @@ def test_a_stadium_is_never_wider_than_the_circle_about_the_same_nominal(stadium
     axis, program, answer = stadiums
     resonance = WINDOWS[axis]["first resonance"]
     frequency = program.responses.frequency_hz
-    radius = abs(program.away(answer.model.nominal, program.points)).max(axis=1)
+    radius = abs(program.deviations_from(answer.model.nominal, program.points)).max(axis=1)
     assert (answer.second.radius <= radius * (1 + 1e-9)).all()
     assert (answer.third.radius >= answer.second.radius * (1 - 1e-9)).all()
     worst = radius.argmax()

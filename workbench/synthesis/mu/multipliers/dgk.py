@@ -66,7 +66,7 @@ direction.
 @method(MuSynthesis, "dk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _dk(program: MuSynthesis, context: Context) -> Claim:
     """D-K iteration with real scalars taken as complex; scalings are fitted to their bound."""
-    structure = program.closed.complexified()
+    structure = program.closed_structure.complexified()
     repeated = any(block.rows > 1 for block in structure if not isinstance(block, Full))
     return _from_dk(program, context, structure if repeated else None)
 
@@ -74,8 +74,8 @@ def _dk(program: MuSynthesis, context: Context) -> Claim:
 @method(MuSynthesis, "dgk", optimal=False, accuracy=ANY_ACCURACY_ALIKE, by_name=True)
 def _dgk(program: MuSynthesis, context: Context) -> Claim:
     """(D, G)-K iteration: D-K iteration, followed by rounds in which real scalars also have G."""
-    real = program.closed != program.closed.complexified()
-    return _from_dk(program, context, program.closed if real else None)
+    real = program.closed_structure != program.closed_structure.complexified()
+    return _from_dk(program, context, program.closed_structure if real else None)
 
 
 def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None) -> Claim:
@@ -199,14 +199,14 @@ def _rounds(
         if not stability_check(system).holds:
             return "rounding made a loop unstable"
         loop, corners = extended_loop(system)
-        peak = float(upper_bound(loop.M, program.closed).value.max())
+        peak = float(upper_bound(loop.M, program.closed_structure).value.max())
         now.within = now.within or corners
         start = now.used or without_G(structure, loop, begun.scalings["D"])
         now.before = now.used
         now.used, missed = dg_step(structure, loop, now.within, start)
         fit = float(np.expm1(missed))
         last = Iterate(peak, level, fit, K, scalings={"multipliers": now.used[1]})
-        reached = program.reaching(K, peak, (*now.history, last))
+        reached = program.answer_within_target(K, peak, (*now.history, last))
         if reached is not None:
             return reached
         finish.offer(last)

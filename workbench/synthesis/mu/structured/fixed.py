@@ -155,7 +155,7 @@ def _time_at(context: Context, share: float = 1.0) -> float | None:
     """The time [s since the epoch] when a share of the remaining time has passed; None without a
     limit.
     """
-    return None if np.isinf(context.left) else time.time() + share * context.left
+    return None if np.isinf(context.remaining) else time.time() + share * context.remaining
 
 
 def _starts(program: MuSynthesis, context: Context) -> list[Start]:
@@ -192,7 +192,7 @@ def _problem(program: MuSynthesis, start: StateSpace) -> tuple[PeakProblem, Real
     family, x = (program.family or Modal(start.nstates)).about(start)
     if isinstance(family, Modal):
         x = _with_inputs_for_hidden_modes(family, x)
-    return PeakProblem(program.plant, program.closed, family, program.demands), x
+    return PeakProblem(program.plant, program.closed_structure, family, program.demands), x
 
 
 def _with_inputs_for_hidden_modes(family: Modal, x: RealArray) -> RealArray:

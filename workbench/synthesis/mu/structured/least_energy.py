@@ -75,7 +75,7 @@ def _fixed(program: H2Synthesis, context: Context) -> Claim:
         except TimeLimitError:
             said = f"the time ended after {len(context.rows)} starts"
             break
-        answer = None if found is None else program.judged(found)
+        answer = None if found is None else program.answer(found)
         if answer is None:
             continue
         context.record({"norm": answer.norm})
@@ -101,7 +101,7 @@ def _within_gain_limit(
         return [*energies, *gain_limit(program, family)]
 
     found, said = searched(program, starts, terms_of, context)
-    answer = None if found is None else program.judged(found)
+    answer = None if found is None else program.answer(found)
     if answer is None:
         return None, Outcome.FAILED, said
     leasts = [claim_of_step(H2Synthesis(plant), riccati_step)[0] for plant in program.plants]

@@ -52,7 +52,7 @@ def _fixed(program: H2HinfSynthesis, context: Context) -> Claim:
         return [*energies, *peaks, *gain_limit(program, family)]
 
     found, said = searched(program, starts, terms_of, context)
-    answer = None if found is None else program.judged(found, least=least_norm(program))
+    answer = None if found is None else program.answer(found, least=least_norm(program))
     return answer, Outcome.FAILED if answer is None else Outcome.SOLVED, said
 
 

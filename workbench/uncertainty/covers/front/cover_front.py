@@ -96,7 +96,7 @@ def cover_front(
         raise SolverError(f"no cover of any of the orders: {failures}")
     points.sort(key=lambda point: (point.states, point.cost))
     checker = CoverFrontChecker(programs, loop)
-    return CoverFront(tuple(points), failures=failures).checked_by(checker)
+    return CoverFront(tuple(points), failures=failures).with_checker(checker)
 
 
 def _orders(given: Any, shape: str) -> list[Orders]:

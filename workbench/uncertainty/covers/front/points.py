@@ -129,7 +129,7 @@ class CoverFront(Answer):
         """Cost of the chosen point."""
         return self.chosen.cost
 
-    def said(self) -> str:
+    def summary(self) -> str:
         heads = "states  orders (G, W_c, W_r)  inflation  free   rms    rms free  mu"
         front = self.front
         rows = [

@@ -92,9 +92,9 @@ def _inflation(program: UncertaintyCover, model: FoundModel) -> RealArray:
     """Inflation (F,) of the sets that need least W_c, over the raw ones with free centres."""
     omega = program.responses.axis
     end = None if model.W_r is None else model.W_r.response(omega)
-    size = needed_radius(program.away(model.nominal, program.points), end)
+    size = needed_radius(program.deviations_from(model.nominal, program.points), end)
     if end is not None:
         size = size + np.abs(end)
     if program.form == "multiplicative":
         size = size * np.abs(model.nominal.response(omega))
-    return np.asarray(size / np.maximum(extent(program.raw), np.finfo(float).tiny))
+    return np.asarray(size / np.maximum(extent(program.raw_sets), np.finfo(float).tiny))

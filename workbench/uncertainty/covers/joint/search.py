@@ -150,7 +150,7 @@ class ModelSize:
         additive = program.form == "additive"
         size = np.abs(program.points).max(axis=1) / unit if additive else np.ones_like(unit)
         pairs = [self._pairs(k) for k in (REAL, CIRCLE)]
-        raw, plain = program.raw, plant_sizes(program.points)
+        raw, plain = program.raw_sets, plant_sizes(program.points)
         free = np.maximum(extent(raw) / plain, RADIUS_ROUNDING)
         reached = np.union1d(beyond(omega), between(omega, SEARCHED_LOG_STEP))
         log = np.log(omega)

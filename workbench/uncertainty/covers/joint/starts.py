@@ -53,7 +53,7 @@ def starts(program: UncertaintyCover, context: Context) -> Iterator[Start]:
             nominal = program.nominal
             if nominal is None:
                 nominal = _nearest(nominal_fit(response, sizes, program), context)
-            away = program.away(
+            away = program.deviations_from(
                 nominal, program.points
             )  # raises InputError if the nominal passes through zero
             weights: dict[str, Rational | None] = {"": None}

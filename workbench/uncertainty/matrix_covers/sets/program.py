@@ -76,7 +76,7 @@ class FoundSets(ProgramAnswer):
     weights: RealArray
     of_loop: RealArray | None = None
 
-    def said(self) -> str:
+    def summary(self) -> str:
         size = self.radius
         return (
             f"sets at {size.size} frequencies, of mean radius {size.min():.4g} to {size.max():.4g}"

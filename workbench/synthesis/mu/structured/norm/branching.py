@@ -158,7 +158,7 @@ class _Search:
         answer = GainBoxBound(
             self.low, self.high, lower, self.upper, self.gain, finished, tuple(self.proofs)
         )
-        return answer.checked_by(GainBoxChecker(self.P, self.low, self.high))
+        return answer.with_checker(GainBoxChecker(self.P, self.low, self.high))
 
     def _halves(self, low: RealArray, high: RealArray) -> list[tuple[RealArray, RealArray]]:
         """Both halves of the box, cut along the gain whose range is the largest share of its

@@ -89,7 +89,7 @@ class GainBoxBound(Answer):
         """Number of boxes with proofs."""
         return len(self.proofs)
 
-    def said(self) -> str:
+    def summary(self) -> str:
         ends = ", ".join(
             f"{a:.4g} to {b:.4g}" for a, b in zip(self.low.flat, self.high.flat, strict=True)
         )

@@ -175,7 +175,7 @@ class NormSearch:
 
     def share_of_time(self, share: float) -> Context:
         """A context with a part of the time left, for starts of one kind."""
-        left, options = self.context.left, self.context.options
+        left, options = self.context.remaining, self.context.options
         limit = None if math.isinf(left) else max(share * left, SHORTEST)
         return Context(options=replace(options, time_limit=limit), progress=self.context.progress)
 

@@ -12,12 +12,12 @@ from typing import Any
 from workbench._core.heavy_types import Dataset
 from workbench.bench.cells.site import Site
 from workbench.bench.code import code_hash
+from workbench.bench.parameter_sweep import SWEEP, ParameterSweep, SweptPoint, sweep_dataset
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry
 from workbench.bench.question import Question, asked
 from workbench.bench.results import Run
 from workbench.bench.run import Bound, default_bench
-from workbench.bench.sweep import SWEEP, ParameterSweep, SweptPoint, sweep_dataset
 from workbench.errors import InputError, UnknownNameError, WorkbenchError
 from workbench.executor import InProcess, Progress, Workers, finished_calls, no_progress
 from workbench.solvers import Options, Outcome

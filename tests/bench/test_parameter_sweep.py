@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import workbench as wb
-from workbench.bench.sweep import ParameterSweep, SweptPoint, sweep_dataset
+from workbench.bench.parameter_sweep import ParameterSweep, SweptPoint, sweep_dataset
 from workbench.cli import main
 from workbench.errors import InputError, UnknownNameError
 
