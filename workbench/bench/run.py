@@ -144,19 +144,23 @@ class Bench:
         with self.store.writing(question.problem, question.key) as writer:
             # While this process waited for the lock, another one may have answered.
             run = self._stored(question, code)
-            if run is None and path and (writer.final.exists() or self._rests_beside(bound)):
+            if (
+                run is None
+                and path
+                and (writer.final.exists() or self._uses_waiting_results(bound))
+            ):
                 with self.store.beside.writing(question.problem, question.key) as aside:
                     run = self.answer(bound, question, code, aside)
                 if not _failed(run):
-                    return self._beside(run)
+                    return self._waiting(run)
                 run = Run(writer.take(run.path), note=run.note)
             return run or self.answer(bound, question, code, writer)
 
-    def _rests_beside(self, bound: Bound) -> bool:
+    def _uses_waiting_results(self, bound: Bound) -> bool:
         """Whether a result that the problem needs still waits in `Store.beside`."""
         return any((run.problem, run.key) in self.beside for run in bound.fed)
 
-    def _beside(self, run: Run) -> Run:
+    def _waiting(self, run: Run) -> Run:
         """Remember a run that waits in `Store.beside`; it is read now, before it is moved."""
         self.beside[run.problem, run.key] = None
         _ = run.certificate, run.metrics, run.data
@@ -178,7 +182,7 @@ class Bench:
             return replace(run, reused=True)
         run = earlier_run(aside, question)
         if run is not None and run.info["code"] == code:
-            return self._beside(replace(run, reused=True))
+            return self._waiting(replace(run, reused=True))
         return None
 
     def answer(
