@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass, field, replace
+from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +53,10 @@ def distinct_texts(value: float, limit: float, *, digits: int = 6) -> tuple[str,
 
 MOST_DIGITS = 17
 """Digits that tell any two doubles apart."""
+
+
+VALUE_IS = " " * 9 + "value: "
+"""Start of the line that says what a check's value is, below the check's name."""
 
 
 @dataclass(frozen=True)
@@ -110,14 +115,22 @@ class Check:
 
     @property
     def line(self) -> str:
-        """Whether it holds, its numbers, and what they are of, as certificates print it."""
+        """Whether it holds, its numbers and its set; below, what the value is and in which unit.
+
+        Certificates print checks in this form.
+
+        Examples
+        --------
+        >>> from workbench import Check
+        >>> print(Check("inside", "largest distance [m]", value=0.75, limit=1.0).line)
+        checked  inside: 0.75 <= 1
+                 value: largest distance [m]
+        """
         over = f"; {self.over}" if self.over else ""
         value, limit = distinct_texts(self.value, self.limit)
-        return (
-            f"{self.verdict}  {'second opinion, ' if self.opinion else ''}"
-            f"{self.name}: {value} <= {limit} {self.where}".rstrip()
-            + over
-        )
+        line = f"{self.verdict}  {'second opinion, ' if self.opinion else ''}{self.name}: "
+        line += f"{value} <= {limit} {self.where}".rstrip() + over
+        return line + (f"\n{VALUE_IS}{self.statement}" if self.statement else "")
 
     @property
     def failure(self) -> str:
@@ -269,10 +282,11 @@ class Certificate:
 
     def __repr__(self) -> str:
         lines = [f"Certificate: {self.outcome}"]
-        lines += [f"  {check.line}" for check in self.checks]
+        lines += [indent(check.line, "  ") for check in self.checks]
         if self.gap is not None:
             needed = "required" if self.gap.required else "not claimed"
             lines.append(f"  gap {self.gap.value:.3g}, {needed} within {self.gap.tolerance:.3g}")
+            lines.append(f"  {VALUE_IS}{self.gap.statement}")
         return "\n".join([*lines, *(f"  {fact}" for fact in self.facts)])
 
     def to_json(self) -> dict[str, Any]:

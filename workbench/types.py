@@ -1,8 +1,8 @@
 """Types of arrays, systems, datasets and figures, for annotations; no heavy library is imported.
 
-`RealArray` and `ComplexArray` are NumPy arrays of doubles and complex doubles; an `Array` may be
-any. `StateSpace` and `TransferFunction` are python-control's, `DataArray` and `Dataset` are
-xarray's, and `Axes` and `Figure` are Matplotlib's.
+`RealArray` and `ComplexArray` are NumPy arrays of doubles and of complex doubles; an `Array` may
+have entries of any type. `StateSpace` and `TransferFunction` are python-control's, `DataArray` and
+`Dataset` are xarray's, and `Axes` and `Figure` are Matplotlib's.
 """
 
 from typing import TYPE_CHECKING

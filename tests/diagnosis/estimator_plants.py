@@ -25,7 +25,7 @@ def disturbed(rotation=None, coloured=False, beside=False):
         noise = control.ss(phi, [[0.0], [3.0]], [[1.0, 0.0]], 0.0, PERIOD)
     if beside:
         motor = control.ss(0.9, 0.1, 2.0, 0.0, PERIOD)
-    return DisturbedPlant(lens(), rotation or Rotation(5.0), colour=noise, beside=motor)
+    return DisturbedPlant(lens(), rotation or Rotation(5.0), colour=noise, unmeasured=motor)
 
 
 def record(rotation=5.0, samples=4000, noise=0.0, seed=0, harmonics=(1.0,)):

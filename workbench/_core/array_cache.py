@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 def array_cache(megabytes: float) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Cache the arrays that a function returned last, up to so many megabytes in total.
+    """Keep the latest results of a function, up to `megabytes` in total.
 
     `functools.lru_cache` limits the number of results; here many short series or a few long ones
     are kept. The function must return an array or a tuple of arrays, and its arguments must be

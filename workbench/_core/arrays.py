@@ -23,7 +23,8 @@ EPS = float(np.finfo(np.float64).eps)
 def single_precision_bounds(bounds: Any) -> NDArray[np.float32]:
     """Lower and upper bounds (..., 2, F) in single precision, each rounded away from the other.
 
-    A study stores long curves of bounds so: what lies between them still does.
+    A study stores long curves of bounds in this form. The rounding is outward, so the bounds still
+    enclose the same values.
 
     Examples
     --------

@@ -144,7 +144,7 @@ def _compile_and_cache(
     options: dict[str, Any],
     private: dict[str, Any],
 ) -> Any:
-    """Compile with Numba's documented options, and where the door is open with private ones too.
+    """Compile with Numba's documented options, and also with private ones if they may be used.
 
     In the plain way, the code is compiled in every process: Numba's own cache would keep code that
     is out of date.

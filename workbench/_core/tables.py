@@ -10,7 +10,7 @@ import numpy as np
 from workbench._core.heavy_types import DataArray
 
 Rows = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table of a Study."""
+"""A table of a Study: the heads of its columns, and its rows."""
 
 
 def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

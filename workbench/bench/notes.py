@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import indent
 from typing import Any
 
 from workbench._core.heavy_types import Dataset
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.formats import netcdf
 from workbench.bench.results import Run
-from workbench.certificate import distinct_texts
 from workbench.executor import Row, row_entry
 from workbench.solution import Solution
 from workbench.solvers import Options, Outcome
@@ -47,10 +47,7 @@ def log(
         f"outcome: {solution.outcome}. {solution.outcome.advice}",
     ]
     if solution.certificate is not None:
-        for check in solution.certificate.checks:
-            value, limit = distinct_texts(check.value, check.limit, digits=3)
-            line = f"  {check.verdict}  {check.name}: {value} <= {limit} {check.where}"
-            lines.append(line.rstrip())
+        lines += [indent(check.line, "  ") for check in solution.certificate.checks]
         gap = solution.certificate.gap
         if gap is not None:
             lines.append(f"  gap {gap.value:.3g} ({gap.statement})")

@@ -53,8 +53,8 @@ class Bench:
     ``executor`` runs parts of the work. ``problems`` are those of the project, found once.
 
     A new answer to a need replaces an earlier one only when the run that needs it has ended, as
-    earlier results rest on the earlier one. Until then it lies beside; ``beside`` names the problem
-    and the key of each. An interrupted run finds there what it had finished.
+    earlier results use the earlier one. Until then it waits in `Store.beside`; ``beside`` has the
+    problem and the key of each. An interrupted run finds there what it had finished.
     """
 
     store: Store
@@ -83,7 +83,7 @@ class Bench:
         return run
 
     def _move_in(self) -> None:
-        """Move the new answers to needs to their places."""
+        """Move the new results of needed problems from `Store.beside` to their places."""
         for problem, key in self.beside:
             made = self.store.beside.folder(problem, key)
             with self.store.writing(problem, key) as writer:
@@ -144,20 +144,24 @@ class Bench:
         with self.store.writing(question.problem, question.key) as writer:
             # While this process waited for the lock, another one may have answered.
             run = self._stored(question, code)
-            if run is None and path and (writer.final.exists() or self._rests_beside(bound)):
+            if (
+                run is None
+                and path
+                and (writer.final.exists() or self._uses_waiting_results(bound))
+            ):
                 with self.store.beside.writing(question.problem, question.key) as aside:
                     run = self.answer(bound, question, code, aside)
                 if not _failed(run):
-                    return self._beside(run)
+                    return self._waiting(run)
                 run = Run(writer.take(run.path), note=run.note)
             return run or self.answer(bound, question, code, writer)
 
-    def _rests_beside(self, bound: Bound) -> bool:
-        """Whether a result that the problem needs lies beside."""
+    def _uses_waiting_results(self, bound: Bound) -> bool:
+        """Whether a result that the problem needs still waits in `Store.beside`."""
         return any((run.problem, run.key) in self.beside for run in bound.fed)
 
-    def _beside(self, run: Run) -> Run:
-        """Remember a run that lies beside; it is read now, as it will be moved."""
+    def _waiting(self, run: Run) -> Run:
+        """Remember a run that waits in `Store.beside`; it is read now, before it is moved."""
         self.beside[run.problem, run.key] = None
         _ = run.certificate, run.metrics, run.data
         return run
@@ -165,7 +169,7 @@ class Bench:
     def _stored(self, question: Question, code: str) -> Run | None:
         """The stored answer, if it may be reused: undamaged, and by the same code.
 
-        One that lies beside was finished before a run was interrupted.
+        A run that waits in `Store.beside` was finished before another run was interrupted.
         """
         if self.fresh:
             return None
@@ -178,7 +182,7 @@ class Bench:
             return replace(run, reused=True)
         run = earlier_run(aside, question)
         if run is not None and run.info["code"] == code:
-            return self._beside(replace(run, reused=True))
+            return self._waiting(replace(run, reused=True))
         return None
 
     def answer(

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import indent
 
 from workbench.bench.formats import netcdf
 from workbench.bench.parameter_sweep import SWEEP
@@ -72,7 +73,7 @@ class Verification:
         lines = [f"{self.path}: {verdict}"]
         lines += [f"  {problem}" for problem in self.problems]
         lines += [f"  note: {note}" for note in self.notes]
-        lines += [f"  deep: {check.line}" for check in self.deep]
+        lines += [indent(f"deep: {check.line}", "  ") for check in self.deep]
         return "\n".join(lines)
 
 

@@ -5,6 +5,10 @@ catalogue                         list, show, cite, results
 starting                          init, notebooks, doctor
 running, comparing                run, sweep, compare
 folders                           verify, draw, report
+
+Takes: words of a command.
+Gives: lines on the terminal, or JSON; folders of results and pages.
+Rests on: `workbench.api` and the bench, which do the work; no theorem is needed.
 """
 
 from workbench.cli import catalogue, comparing, folders, running, starting

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterable, Sequence
+from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -80,23 +81,21 @@ def certificate_word(one: Run) -> str:
 
 def print_details(one: Run) -> None:
     """Print the certificate of a run, check by check, and the path of its folder."""
-    from workbench.certificate import distinct_texts
+    from workbench.certificate import VALUE_IS, distinct_texts
 
     if one.certificate is not None:
         needs = tuple(f"{name}{mark}" for name in one.info["needs"] for mark in ":[")
         inherited = [c for c in one.certificate.checks if c.name.startswith(needs) and c.holds]
         for check in one.certificate.checks:
-            if check in inherited:
-                continue
-            sign = check.verdict
-            value, limit = distinct_texts(check.value, check.limit, digits=3)
-            click.echo(f"  {sign}  {check.name}: {value} <= {limit}")
+            if check not in inherited:
+                click.echo(indent(check.line, "  "))
         if inherited:
             click.echo(f"  holds  {len(inherited)} checks of its needs")
         gap = one.certificate.gap
         if gap is not None:
             value, limit = distinct_texts(gap.value, gap.tolerance, digits=3)
             click.echo(f"  optimality gap {value}{f' <= {limit}' if gap.required else ''}")
+            click.echo(f"  {VALUE_IS}{gap.statement}")
         for fact in one.certificate.facts:
             click.echo(f"  {fact}")
     if one.info["message"] and (one.certificate is None or one.outcome is not Outcome.SOLVED):

@@ -1,6 +1,8 @@
 """The course and the examples: where their files are, and functions that copy them for a reader.
 
-The course is ten notebooks. The examples are folders of scripts, from records to C.
+Takes: the name of a folder.
+Gives: ten notebooks, and folders of scripts that go from records to C.
+Rests on: tests that run them; no theorem is needed.
 
 `workbench.course.execution` runs the notebooks and renews their outputs.
 """

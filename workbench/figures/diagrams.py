@@ -17,8 +17,9 @@ INCHES = 0.62
 """Size of the diagram's unit on a screen [inch]."""
 FILL = "#eef3fa"
 MOST_NAMED, MOST_LETTERS = 4, 16
-"""Most signals named at one wire (of more, the first and the last are named), and most letters of a
-line above a wire.
+"""Largest number of signals named at one wire, and of letters in a line above a wire.
+
+If a wire has more signals, the first and the last are named.
 """
 
 DiagramKind = Literal["N-Delta", "P-K", "two degrees of freedom", "sampled", "fault filter"]
@@ -95,7 +96,7 @@ def loop_diagram(kind: DiagramKind) -> Figure:
     Raises
     ------
     InputError
-        Raises
+        Another kind.
 
     Examples
     --------

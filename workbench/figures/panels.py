@@ -97,9 +97,10 @@ def numbers_in(name: str) -> list[str]:
 
 
 def with_figure_numbers(figure: Figure, *numbers: str) -> Figure:
-    """Put the numbers of the figures that it reproduces above a figure, before any title.
+    """Write above a figure which figures of a publication it reproduces, such as "Figure 5.12".
 
-    The same figure is returned. It is unchanged if it shows the numbers already, or has none.
+    The same figure is returned. It stays unchanged if it shows the numbers already, or if none are
+    given.
     """
     before = figure.get_suptitle()
     said = " ".join([before, *(panel.get_title() for panel in figure.axes)])

@@ -71,9 +71,9 @@ class FigureStyle:
     width: float | None = None
 
     def size(self, wanted: tuple[float, float], rows: int) -> tuple[float, float]:
-        """Width and height [inch] of a figure with so many rows that asks for a size.
+        """Width and height [inch] of a figure with `rows` rows of panels, drawn for size `wanted`.
 
-        It keeps its proportions, but its panels stay high enough to be read.
+        The proportions are kept, but panels stay high enough to be read.
         """
         if self.width is None:
             return wanted

@@ -2,6 +2,10 @@
 
 `workbench.plants.cd_drive` is the folder `problems/cd_drive`: in a checkout this package points
 there, and in a wheel `problems` is packed in its place.
+
+Takes: nothing.
+Gives: plants, data and registered problems, by name.
+Rests on: the sources that docstrings and the README files of the data name.
 """
 
 from pathlib import Path

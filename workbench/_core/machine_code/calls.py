@@ -18,7 +18,10 @@ VECTOR = types.Array(types.float64, 1, "C")
 
 @cache
 def address_of(function: Any, arguments: int) -> int:
-    """Address of a compiled function of so many float arrays; it must stay in memory."""
+    """Address of a compiled function that takes `arguments` float arrays.
+
+    The caller must keep the function in memory.
+    """
     function.compile(types.void(*[VECTOR] * arguments))
     (made,) = (one for key, one in function.overloads.items() if key == (VECTOR,) * arguments)
     found: int = made.library.get_pointer_to_function(made.fndesc.llvm_func_name)

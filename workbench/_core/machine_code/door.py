@@ -1,9 +1,9 @@
-"""The door to private parts of Numba and LLVM: who may pass, and the plain way for all others.
+"""The door to private parts of Numba and LLVM: when they are used, and the plain way otherwise.
 
-A fast road needs members of Numba and llvmlite that their authors may change in any release. So a
-road is taken only with releases that it was tested with, only if its modules can be imported, and
-only if its self-test gives the known answers. Otherwise the same answers are computed by ordinary
-Numba functions, more slowly, and the user is told once.
+A *fast road* is code that uses private members of Numba and llvmlite, which may change in any
+release. It is taken if three things are true: the installed releases were tested, its modules can
+be imported, and its self-test gives the known answers. Otherwise ordinary Numba functions compute
+the same answers more slowly (the *plain way*), and the user is told once.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from typing import Any
 
 RELEASES = {"numba": ((0, 61), (0, 69)), "llvmlite": ((0, 44), (0, 51))}
-"""For each package the first release that was tested, and the first one that was not."""
+"""For each package the oldest tested release, and the first release after the tested ones."""
 NOTHING_COUNTED: dict[str, Any] = {"_nrt": False}
 """Undocumented option of Numba: references to arrays are not counted."""
 NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -61,7 +61,7 @@ def tell_plain(what: str, reason: str) -> None:
 
 @contextmanager
 def plain_way() -> Iterator[None]:
-    """Take no fast road inside, in all threads: to compare the answers and the times."""
+    """Take no fast road inside the block, in any thread, to compare answers and times."""
     global _plain
     _plain += 1
     try:
@@ -71,7 +71,7 @@ def plain_way() -> Iterator[None]:
 
 
 class Road:
-    """A fast road: what it serves, and a function that imports, tests and returns it.
+    """A fast road: the task that it serves, and a function that imports, tests and returns it.
 
     The function raises an error where something cannot be imported or gives a wrong answer.
     """
@@ -83,7 +83,7 @@ class Road:
         self._road: Any = None
 
     def taken(self) -> Any:
-        """What the function returns; None where the plain way must be taken.
+        """The result of the function; None if the plain way must be taken.
 
         The first call makes the self-test. Other threads wait for it, so that no two of them
         compile the same functions.

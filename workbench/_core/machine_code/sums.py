@@ -154,39 +154,42 @@ TILE = 2
 set_product: Any = _summed(SET)
 """C[c] = sum over k < n of A[a + k a_step] B[b + k b_step], of complex entries."""
 set_product_left: Any = _summed(SET, left=True)
-"""The same with the conjugates of A."""
+"""As `set_product`, with the conjugates of A."""
 set_product_right: Any = _summed(SET, right=True)
-"""The same with the conjugates of B."""
+"""As `set_product`, with the conjugates of B."""
 set_tile: Any = _summed(SET, tile=(TILE, TILE))
-"""A tile of C = A B."""
+"""Compute a tile of C = A B."""
 set_tile_right: Any = _summed(SET, right=True, tile=(TILE, TILE))
-"""A tile of C = A B^H."""
+"""Compute a tile of C = A B^H."""
 add_tile_right: Any = _summed(ADD, right=True, tile=(TILE, TILE))
-"""A tile of C = C + A B^H."""
+"""Add a tile of A B^H to C."""
 add_product_right: Any = _summed(ADD, right=True)
-"""C[c] and the sum, in its place, with the conjugates of B."""
+"""Add to C[c] the sum of `set_product`, with the conjugates of B."""
 set_tile_left: Any = _summed(SET, left=True, tile=(TILE, TILE))
-"""A tile of C = A^H B."""
+"""Compute a tile of C = A^H B."""
 take_product_left: Any = _summed(TAKE, left=True)
-"""C[c] less the sum, in its place, with the conjugates of A."""
+"""Subtract from C[c] the sum of `set_product`, with the conjugates of A."""
 take_product_right: Any = _summed(TAKE, right=True)
-"""C[c] less the sum, in its place, with the conjugates of B."""
+"""Subtract from C[c] the sum of `set_product`, with the conjugates of B."""
 take_tile_right: Any = _summed(TAKE, right=True, tile=(TILE, TILE))
-"""A tile of C less A B^H."""
+"""Subtract a tile of A B^H from C."""
 take_tile_left: Any = _summed(TAKE, left=True, tile=(TILE, TILE))
-"""A tile of C less A^H B."""
+"""Subtract a tile of A^H B from C."""
 set_real_product: Any = _summed(SET, complex_=False)
-"""The sum of products of real entries; of complex ones, two real each, their inner product."""
+"""C[c] = sum of products of real entries.
+
+A complex entry counts as two real ones, so this is then the real inner product.
+"""
 take_real_tile: Any = _summed(TAKE, complex_=False, tile=(TILE, TILE))
-"""A tile of C less A B^T, of real entries."""
+"""Subtract a tile of A B^T from C; the entries are real."""
 take_real_product: Any = _summed(TAKE, complex_=False)
-"""C[c] less the sum, in its place, of real entries."""
+"""Subtract the sum of `set_real_product` from C[c]."""
 
 
 def _set_sum(
     typing: Any, C: Any, c: Any, A: Any, a: Any, s: Any, k: Any, B: Any, b: Any, n: Any
 ) -> Any:
-    """C = A + s B over n real entries from c, a and b on; s is the real entry k of an array."""
+    """C = A + s B for n real entries, which begin at c, a and b; s is entry k of a real array."""
     size = types.intp
     signature = types.void(C, size, A, size, s, size, B, size, size)
 
@@ -208,7 +211,7 @@ def _set_sum(
 
 
 def _scaled(sign: int) -> Any:
-    """Intrinsic for C = s A, or - s A, over n real entries."""
+    """Intrinsic for C = s A or C = -s A, with n real entries."""
 
     def scaled(typing: Any, C: Any, c: Any, s: Any, k: Any, A: Any, a: Any, n: Any) -> Any:
         size = types.intp
@@ -234,8 +237,8 @@ def _scaled(sign: int) -> Any:
 
 
 set_sum: Any = intrinsic(_set_sum)
-"""C = A + s B over n real entries from c, a and b on; s is the real entry k of an array."""
+"""C = A + s B for n real entries, which begin at c, a and b; s is entry k of a real array."""
 set_scaled: Any = _scaled(1)
-"""C = s A over n real entries from c and a on; s is the real entry k of an array."""
+"""C = s A for n real entries, which begin at c and a; s is entry k of a real array."""
 set_negative_scaled: Any = _scaled(-1)
-"""C = - s A, likewise."""
+"""C = -s A; see `set_scaled`."""

@@ -118,12 +118,13 @@ def _where_less(typing: Any, a: Any, b: Any, value: Any, other: Any) -> Any:
 
 
 of_lanes: Any = _extend.intrinsic(_eight_of)
-"""The eight values of the real entry k of an array of lanes."""
+"""Read real entry k of an array of lanes: eight values."""
 put: Any = _extend.intrinsic(_put)
-"""Make eight values, or one float for all, the real entry k of an array of lanes."""
+"""Store eight values, or one float eight times, as real entry k of an array of lanes."""
 square_root: Any = _extend.intrinsic(_square_root)
 """Square roots of eight values."""
 where_less: Any = _extend.intrinsic(_where_less)
-"""The third value where the first is less than the second, else the fourth; all of them values or
-floats.
+"""In each lane the third argument if the first is less than the second, otherwise the fourth.
+
+Each argument is eight values or a float.
 """

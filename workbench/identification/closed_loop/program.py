@@ -32,19 +32,21 @@ SAME_TIME = 1e-6
 """Largest relative difference of the sampling times of controller and record."""
 
 SETTLED = 10
-"""A mode that takes longer than a record over this many sums up the unknown offset of its input."""
+"""A mode slower than this fraction of the record (1/10) acts as an integrator of the unknown
+offset.
+"""
 ENDLESS = (
     "the responses to the excitation have not died out where their estimates end: models of "
     "methods two-stage and indirect may be biased, and their deviations are infinite; take "
     "instrumental-variables, a longer record, or a periodic excitation with period_samples"
 )
-"""Said where the explained part lacks what the excitation did long before."""
+"""Message if the explained part lacks the effect of the excitation long before."""
 DRIFTS = (
     "sums up the unknown offset of the input for more than a tenth of the record: models of all "
     "methods but direct may be biased, and their deviations are infinite; take direct, or a "
     "periodic excitation with period_samples"
 )
-"""Said of a pole near the unit circle."""
+"""Message about a pole near the unit circle."""
 
 
 @dataclass(frozen=True, eq=False)

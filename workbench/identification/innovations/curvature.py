@@ -1,15 +1,16 @@
-"""What the curvature of prediction errors tells of a model's parameters, and what of the noise.
+"""Deviations of a model's parameters, from the curvature of the prediction errors and the noise.
 
-The noise near slow or lightly damped poles of a plant shows at a few lines of a short record only.
-There a model of the noise with as many poles as the plant follows what these lines happen to have,
-most often as if there were little, and the plant seems more certain than it is. So deviations are
-computed from the scatter over records that the model makes, and with a second model of the noise,
-an autoregression of the free run's errors, whose spectrum has no narrow dips; the larger count.
+In a short record, only a few spectral lines lie near a slow or lightly damped pole of the plant. A
+model of the noise with as many poles as the plant follows the noise of these few lines. It often
+finds too little noise there, and then the plant seems more certain than it is. So deviations are
+computed twice: from the scatter of estimates over simulated records, and with a second model of
+the noise, an autoregression of the errors of the free run, whose spectrum has no narrow dips. The
+larger deviations count.
 
-The larger of two uncertain numbers is too large. So the scatter over thirty records, which is known
-to 13 percent, is compared with that of the same records' steps by their mean curvature, whose
-expected size is known: chance moves both alike. And an autoregression counts as far as it exceeds
-its own standard error.
+The larger of two uncertain numbers is too large on average, so both are made more certain. The
+scatter over thirty records, which is known to 13 percent, is compared with that of the same
+records' steps by their mean curvature. The expected size of the latter is known, and chance moves
+both alike. And an autoregression counts only as far as it exceeds its own standard error.
 
 Sources: L. Ljung, System Identification, 2nd ed., 1999, section 9.4; P. Glasserman, Monte Carlo
 Methods in Financial Engineering, 2003, section 4.1 (control variates); K. Berk, "Consistent
@@ -39,19 +40,25 @@ from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 
 HESSIAN_ROUNDING = 1e-14
-"""Curvature, relative to the largest, below which the record tells nothing of a direction."""
+"""Relative curvature below which the record says nothing about a direction of the parameters."""
 OPEN = 1e-3
-"""Change along such a direction, over the deviation by all others, that is no rounding.
+"""Smallest change along such a direction, over the deviation by all others, that is not rounding.
 
-One that only changes the basis of states changes no pole and no response."""
+A direction that only changes the basis of the states changes no pole and no response.
+"""
 KNOWN_ROUNDING = 1e-7
-"""The same over the value itself: what is known exactly has no deviation."""
+"""Smallest such change over the value itself: a value that is known exactly has no deviation."""
 REPEATED, REPEATED_SEED = 30, 141421356237
-"""Number of records that a model makes to tell the scatter of its estimates, and their seed.
+"""Number of records simulated to find the scatter of estimates, and the seed of their noise.
 
-No seed that a user takes: noise drawn as the input was would be a multiple of the input."""
+The seed is one that no user chooses: noise from the seed of the input would be a multiple of the
+input.
+"""
 REMEMBERED = 8
-"""Models whose estimates are remembered: facts, bands and figures ask for those of one answer."""
+"""Number of models whose estimates are remembered.
+
+Facts, bands and figures of one answer ask for the same estimates.
+"""
 Change = Callable[[Criterion, RealArray, RealArray], Array]
 """Change of values by a small step of the parameters: of a criterion, its parameters, the step."""
 

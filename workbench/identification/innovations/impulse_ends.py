@@ -1,10 +1,11 @@
 """Whether estimated impulse responses have died out where they end.
 
-What an input did longer ago acts as an error of the model, and later steps take it for a part of
-the plant. The last quarter of the samples tells whether it is small.
+The effect of inputs before the first sample of a response counts as an error of the model, and
+later steps mistake it for a part of the plant. The last quarter of the response shows whether this
+effect is small.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 9.4 (the covariance of a response)
-and 6.4 (the spectrum of what a model leaves).
+and 6.4 (the spectrum of residuals).
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ from workbench._core.arrays import RealArray
 from workbench.identification.innovations.autoregression import chosen_autoregression
 
 ENDED, SURE = 0.02, 3.0
-"""Largest response of the last quarter of the samples, relative to the whole response, of a
-response that has ended; and standard deviations beyond which noise does not explain a larger one.
+"""A response has ended if its last quarter is smaller than the first number, relative to the whole.
+
+A larger last quarter still counts as noise up to so many (`SURE`) of its standard deviations.
 """
 MOST_COLOUR = 4.0
-"""Largest factor of the noise's power at a frequency: beyond it, slow residuals rather come from a
-response that is cut off than from noise.
+"""Largest ratio of the noise's power at a frequency to its mean.
+
+Stronger slow residuals are taken as the effect of a response that is cut off, not as noise.
 """
 FINE = 4096
 """Frequencies over which the spectrum of the residuals is averaged."""

@@ -1,8 +1,8 @@
-"""Whether one-step errors are white: else the model lacks a part of the plant or of the noise.
+"""Test whether one-step errors are white; if not, the model lacks a part of plant or noise.
 
-Past errors of a wrong model tell something of the next one that no change of its parameters tells.
-The test accounts for the parameters, which were fitted to the same errors; so it is right for few
-samples and for many parameters too.
+The past errors of a wrong model predict a part of its next error that no change of its parameters
+can remove. The test accounts for the parameters that were fitted to the same errors, so it is also
+right for few samples and for many parameters.
 
 Source: L. Godfrey, Misspecification Tests in Econometrics, 1988, section 4.4 (the test by Lagrange
 multipliers for errors that depend on each other).
@@ -23,14 +23,14 @@ from workbench.identification.innovations.curvature import root_of_inverse
 from workbench.identification.innovations.model import InnovationsModel
 
 LAGS = 12
-"""Past errors of each output that are tried [samples]."""
+"""Number of past errors [samples] of each output that the test uses."""
 CHANCE = 0.01
-"""Probability of errors that seem to depend on each other by chance, below which they do."""
+"""Errors count as dependent if chance alone explains them with a smaller probability than this."""
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Share of the errors' variance that past errors tell, and how probable that is by chance."""
+    """Share of the errors' variance that past errors predict, and its probability by chance."""
 
     share: float
     chance: float

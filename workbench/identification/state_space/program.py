@@ -103,7 +103,7 @@ class StateSpaceFit(RecordedQuestion, Program):
     known_poles
         Known poles of the plant in discrete time: values of z, complex ones with their conjugates,
         each repeated by its multiplicity. An integrator is the pole 1; a pole s [rad/s] in
-        continuous time is exp(s sample_time). Both models have them exactly. An unstable one needs
+        continuous time is exp(s dt). Both models have them exactly. An unstable one needs
         ``poles="any"``.
     static_gain
         Known static gains (ny, nu), NaN where unknown; a number for one input and one output. Both

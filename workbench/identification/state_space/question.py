@@ -164,12 +164,15 @@ class RecordedQuestion:
 
     @property
     def estimation_samples(self) -> int:
-        """Number of samples that methods may use."""
+        """Length of the part that methods may use [samples]."""
         return int(self.estimation or 0)
 
     @property
     def washout_samples(self) -> int:
-        """Number of samples that do not count: their inputs act later, or they tell the state."""
+        """Samples at the start that do not count [samples].
+
+        Their inputs act later, or they tell the state.
+        """
         return int(self.washout or 0) + max(self.delays_samples, default=0)
 
     @cached_property

@@ -245,7 +245,7 @@ class ClosedLoop:
             raise InputError(
                 f"the loop of the set with the dead time {self._late} does not fall to 0 at "
                 "infinite frequency, where no Pade approximation is accurate, so that no disk of "
-                "every plant can be proven; `nominal` has the disks of the nominal plant"
+                "every plant can be proven; `nominal_disks` has those of the nominal plant"
             )
         return found
 
@@ -275,6 +275,6 @@ class ClosedLoop:
             raise InputError(
                 f"the dead time {self._late} turns the loop by {turn:.4g} rad at its highest "
                 "crossover, too far for the Pade approximation that margins of every plant rest "
-                "on; `nominal` has the disks of the nominal plant"
+                "on; `nominal_disks` has those of the nominal plant"
             )
         return order

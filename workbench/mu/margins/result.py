@@ -47,9 +47,9 @@ class LoopMargins(Answer):
 
     ``classical`` has the margins of each channel of the nominal loop by name; for measured
     responses those of each plant, as `MeasuredMargins`. The following are computed when asked for:
-    ``disks``, the disk margins of each channel; ``together``, those of "inputs", "outputs" and
+    ``disks``, the disk margins of each channel; ``multiloop``, those of "inputs", "outputs" and
     "all" channels at once. For an uncertain plant all disks hold for every plant of the set,
-    ``nominal`` has the disks of the nominal plant, and ``every_plant`` the gain, phase and delay
+    ``nominal_disks`` has those of the nominal plant, and ``every_plant`` the gain, phase and delay
     margins, each alone, that every plant keeps. The certificate covers the crossings and the disks,
     and ``every_plant`` once somebody has asked for it.
     """

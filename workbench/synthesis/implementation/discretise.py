@@ -79,7 +79,7 @@ def discretise(
     InputError
         K is sampled; the time is not positive; a prewarp is given with another method or is not
         below half the sampling rate; "matched" is asked of several inputs or outputs; K has a pole
-        at 2 / sample_time; or, with a plant, half the sampling rate is below the loop's bandwidth,
+        at 2 / dt; or, with a plant, half the sampling rate is below the loop's bandwidth,
         or the sampled loop is unstable.
 
     Warns

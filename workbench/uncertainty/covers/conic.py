@@ -80,8 +80,8 @@ def _best_numerator(
         count = omega.size
         shape = cp.Variable(basis.columns.shape[1])
         real, imaginary = basis.columns[:count] @ shape, basis.columns[count:] @ shape
-        left = [_beside(points.real / unit[:, None], real), _beside(points.imag / unit[:, None],
-                                                                    imaginary)]  # fmt: skip
+        scaled = points / unit[:, None]
+        left = [_differences(scaled.real, real), _differences(scaled.imag, imaginary)]
         radius = cp.Variable(count)
         size, limits = cp.sum(cp.multiply(shares, radius**2)), []
         if isinstance(program, StadiumCover):
@@ -90,11 +90,11 @@ def _best_numerator(
             parts = (direction.real, direction.imag)
             left = [each - cp.multiply(part[:, None], along)
                     for each, part in zip(left, parts, strict=True)]  # fmt: skip
-            limits.append(cp.abs(along) <= _beside_row(half, points.shape[1]))
+            limits.append(cp.abs(along) <= _equal_columns(half, points.shape[1]))
             size += HALF_LENGTH_WEIGHT * cp.sum(cp.multiply(shares, half**2))
         flat = cp.vstack([cp.vec(each, order="C") for each in left])
         limits.append(
-            cp.norm(flat, axis=0) <= cp.vec(_beside_row(radius, points.shape[1]), order="C")
+            cp.norm(flat, axis=0) <= cp.vec(_equal_columns(radius, points.shape[1]), order="C")
         )
         problem = cp.Problem(cp.Minimize(size), limits)
     _, said = solve_conic(problem, solver, context.options, context)
@@ -111,12 +111,12 @@ def _directions(program: StadiumCover, near: Rational, response: ComplexArray) -
     return np.asarray(turn * response / np.abs(response) if relative else turn)
 
 
-def _beside(points: RealArray, value: Any) -> Any:
+def _differences(points: RealArray, value: Any) -> Any:
     """Points (F, N) less a value (F,) for each row."""
-    return points - _beside_row(value, points.shape[1])
+    return points - _equal_columns(value, points.shape[1])
 
 
-def _beside_row(value: Any, count: int) -> Any:
+def _equal_columns(value: Any, count: int) -> Any:
     """A vector (F,) as a matrix (F, count) of equal columns."""
     import cvxpy as cp
 

@@ -59,8 +59,8 @@ def raised_cover(
     """The cover from a model whose complex weight is multiplied by a gain until it reaches every
     radius.
 
-    ``fine`` is the program at all frequencies at which the plants are known. Known plants are
-    covered between them only if asked for ``everywhere``.
+    ``fine`` is the program at all frequencies at which the plants are known. With ``everywhere``,
+    known plants are also covered between these frequencies.
     """
     omega, nominal = fine.responses.axis, program.realisable(found.nominal)
     W_r = _realisable(found.W_r, fine)

@@ -140,7 +140,7 @@ class _Round:
         L = L[0].conj(), L[1].conj()
         M = self.M[numbers, plants]
         ends = np.r_[0:CONSTANT_DECADES, self.inside.stop : len(self.grid)]
-        limits = [_beside((L[0][place], L[1][place]), (R[0][place], R[1][place]), M)]
+        limits = [_block_inequality((L[0][place], L[1][place]), (R[0][place], R[1][place]), M)]
         for square, root, before in ((left, roots[0], 0), (right, roots[1], len(left))):
             coefficients, constant = square.at(ends, root[ends])
             after = slope.size - before - len(square)
@@ -150,7 +150,7 @@ class _Round:
         return left.weight(found[: len(left)]), right.weight(found[len(left) :])
 
 
-def _beside(L: Inequality, R: Inequality, M: Array) -> Inequality:
+def _block_inequality(L: Inequality, R: Inequality, M: Array) -> Inequality:
     """The matrix [[L, M], [M^*, R]], with the unknowns of L before those of R."""
     f, (p, m) = len(M), M.shape[1:]
     a, b = L[0].shape[1], R[0].shape[1]

@@ -31,8 +31,8 @@ def factorial_response(model: ParametricModel, omega: ArrayLike, deltas: ArrayLi
     -------
     Matrix
         (L, ..., L, F, outputs, inputs), with P axes in the order of the parameters; flattened, the
-        combinations are in the order of `levels`. Values are infinite or NaN where the model is not
-        well posed.
+        combinations are in the order of `level_deltas`. Values are infinite or NaN where the model
+        is not well posed.
 
     Examples
     --------

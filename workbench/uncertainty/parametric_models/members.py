@@ -31,7 +31,8 @@ def members(
     omega
         Frequencies [rad/s] (F,).
     deltas
-        Normalised deviations (N, P) of the parameters; see `vertices`, `levels` and `samples`.
+        Normalised deviations (N, P) of the parameters; see `vertex_deltas`, `level_deltas` and
+        `random_deltas`.
     names
         Names of the N plants; with None they are numbered.
 

@@ -20,12 +20,12 @@ AGREEMENT = 1e-5
 
 
 def check_lanes() -> None:
-    """Raise ArithmeticError unless the bounds of M = u v^T are its mu.
+    """Raise ArithmeticError unless the bounds for M = u v^T equal mu.
 
-    With u and v > 0, mu is the sum over the blocks of the norm of their part of u times that of v:
-    the real scalars are 1 as the complex ones would be. At every second matrix only the two real
-    scalars count, with u_i v_i = 1 + j and 1 - j. Their imaginary parts must cancel each other, so
-    mu is 2. This takes G: D alone proves 2 sqrt(2).
+    For u and v > 0, mu is the sum over the blocks of |part of u| |part of v|. It is reached with
+    real scalars of 1, so they count like complex ones. In every second matrix only the two real
+    scalars count, with u_i v_i = 1 + j and 1 - j. Their imaginary parts must cancel, so mu is 2.
+    This bound needs G: D alone proves 2 sqrt(2).
     """
     count = LANES + 3
     u, v = np.split(np.random.default_rng(0).uniform(0.5, 2.0, (count, 9)), [5], axis=1)

@@ -14,12 +14,12 @@ from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.front.points import CoverFront, FrontCover, Loop, Orders
 
 REPEATED = 1e-6
-"""Rounding error by which a told cost may be below the recomputed one, relative."""
+"""Relative rounding error by which a stated cost may be below the recomputed one."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoverFrontChecker(Checker):
-    """Checks every cover of a front by the program of its orders, and the costs that are told."""
+    """Checks every cover of a front by the program of its orders, and recomputes its cost."""
 
     programs: dict[Orders, UncertaintyCover]
     loop: Loop | None

@@ -35,8 +35,8 @@ def cover_front(
 ) -> CoverFront:
     """Covers of several orders, and how large their sets are, or what they cost a loop in mu.
 
-    For each of the orders, covers are made by the methods "inflation" and "joint". The cheaper one
-    is a point of the front.
+    For each of the orders, covers are made by the methods "inflation" and "joint", and the cheaper
+    one is kept. The front consists of those covers that no other cover beats in states and cost.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def cover_front(
         Orders of nominal, W_c and W_r: three numbers, or one for all. With circles the last one is
         not used.
     loop
-        Function of an `UncertaintyModel` that returns an upper bound on mu of a loop, as
+        Function of an `UncertaintyModel` that returns an upper bound on mu of a loop, such as
         ``lambda model: performance_peak(plant_of(model), controller).upper``. If it is given, mu is
         the cost that the front compares; otherwise it is the largest ratio of the sets to the
         narrowest ones. An unstable loop has the value ``inf``.

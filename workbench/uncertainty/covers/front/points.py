@@ -15,6 +15,10 @@ from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.steps import CoverSteps
 
+LEGEND = """\
+inflation: largest ratio of a set's size to the narrowest one about the nominal
+rms: the same ratio of root mean square radii; free: relative to sets with free centres"""
+"""Lines below the table of a front, which say what its columns are."""
 Orders = tuple[int, int, int]
 """Orders of the nominal, of W_c and of W_r; the last one is 0 for circles."""
 Loop = Callable[[UncertaintyModel], float]
@@ -98,7 +102,7 @@ class CoverFront(Answer):
 
     @property
     def front(self) -> tuple[FrontCover, ...]:
-        """The points of which none has as few states and costs less."""
+        """The points that no other point beats: none has at most as many states and costs less."""
         kept: list[FrontCover] = []
         for point in self.points:  # of equally many states the cheapest comes first
             if not kept or point.cost < kept[-1].cost:
@@ -107,7 +111,7 @@ class CoverFront(Answer):
 
     @property
     def dominated(self) -> tuple[FrontCover, ...]:
-        """The other points."""
+        """The points that are not on the front."""
         front = self.front
         return tuple(point for point in self.points if all(point is not one for one in front))
 
@@ -139,7 +143,7 @@ class CoverFront(Answer):
             for p in self.points
         ]
         missing = [f"  {orders}: {why}" for orders, why in self.failures.items()]
-        return "\n".join(["CoverFront (* chosen)", heads, *rows, *missing])
+        return "\n".join(["CoverFront (* chosen)", heads, *rows, *missing, LEGEND])
 
 
 def _mu(loop: Loop, model: UncertaintyModel, orders: Orders) -> float:
