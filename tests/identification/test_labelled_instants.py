@@ -62,6 +62,7 @@ def test_rows_out_of_place_are_refused(zone, rows, said):
 
 WRONG = {
     "shifted dates": ((PLAIN, PLAIN.shift(3)), r"y begins 1\.5 s after u"),
+    "half a sample": ((PLAIN, PLAIN.shift(1, "250ms")), r"y begins 0\.25 s after u"),
     "shifted zones": (
         (PLAIN.tz_localize("UTC"), PLAIN.tz_localize("Asia/Tokyo")), "y begins -32400 s after u",
     ),

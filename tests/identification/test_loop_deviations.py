@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import test_periodic_loops
 from lanes import thinned
+from scipy.signal import lfilter
 from test_periodic_loops import LINES, PERIOD, fit, plant
 
 from workbench import solve
@@ -114,6 +115,33 @@ def test_certificates_tell_where_deviations_are():
     """Those of white prediction errors do not hold for every method."""
     facts = " ".join(solve(program(0, "two-stage", 300), method="two-stage").certificate.facts)
     assert "closed_loop_deviations" in facts and "+-" not in facts
+
+
+@pytest.mark.parametrize("period", [None, 100])
+def test_an_excitation_weaker_than_the_noise_tells_nothing(period):
+    """The noise that is fed back by u = r - 2 y leans the model to -1/2; it said -0.48 +- 0.08."""
+    rng, samples = np.random.default_rng([1, 9]), 3000
+    steps = rng.choice([-1.0, 1.0], samples // 20).repeat(20)
+    steps = steps if period is None else np.resize(steps[:period], samples)
+    noise = lfilter([0.3], [1.0, -0.95], rng.standard_normal(samples))
+    for size, told in ((0.1, False), (10.0, True)):
+        r, u, y, x = size * steps, np.zeros(samples), np.zeros(samples), 0.0
+        for t in range(samples):
+            y[t] = x + noise[t]
+            u[t] = r[t] - 2 * y[t]
+            x = 0.8 * x + 0.2 * u[t]
+        question = ClosedLoopFit(
+            u, y, orders=(1,), direct=False, excitation=r, period_samples=period
+        )
+        for method in ("two-stage", "instrumental-variables"):
+            model = solve(question, method=method).answer.simulator
+            found = closed_loop_deviations(question, method, model, [0.02])
+            assert np.isfinite(found).all() == told
+            doubts = " ".join(question.doubts(model, method))
+            assert ("which the controller fed back" in doubts) != told
+        if told:
+            truth = abs(0.2 / (np.exp(0.04j * np.pi) - 0.8))
+            assert abs(abs(model.response([0.02])) - truth) < 4 * found < 0.2
 
 
 def test_slopes_of_a_response_are_those_of_differences():

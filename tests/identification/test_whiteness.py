@@ -9,7 +9,11 @@ from workbench.identification import StateSpaceFit, arx, as_experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.pole_limits import PoleLimits
 from workbench.identification.innovations.prediction_error import refine
-from workbench.identification.innovations.whiteness import CHANCE, model_whiteness
+from workbench.identification.innovations.whiteness import (
+    CHANCE,
+    model_whiteness,
+    whiteness_of_errors,
+)
 
 
 def record(seed, above=(1.0,), below=(1.0, -0.8), samples=600):
@@ -42,6 +46,25 @@ def test_scales_of_signals_do_not_change_the_chance():
         model_whiteness(arx(one, 1, direct=False), one, False) for one in (told, large)
     )
     assert scaled.chance == pytest.approx(plain.chance, rel=1e-4)
+
+
+def test_freed_noise_moves_a_plant_whose_pole_the_noise_took():
+    """The model has one pole for plant and noise; the noise's is 0.5, and the plant's 0.8."""
+    found = []
+    for seed in range(6):
+        u, e = np.random.default_rng([seed, 7]).standard_normal((2, 2000))
+        noise = lfilter([1.0], [1.0, -0.5], e)
+        told = as_experiments(u, lfilter([0.0, 0.2], [1.0, -0.8], u) + noise)
+        model = refine(arx(told, 1, direct=False), told, 0.0, direct=False)[0]
+        criterion = Criterion(model, told, 0.0, False)
+        theta = criterion.start(model)
+        first, *chance = whiteness_of_errors(criterion, theta, np.eye(len(theta))).moves.T
+        pole = model.A[0, 0]
+        moved = criterion.model(theta + first).A[0, 0]
+        spread = np.linalg.norm([criterion.model(theta + one).A[0, 0] - pole for one in chance])
+        found.append([abs(pole - 0.8), abs(moved - 0.8), spread])
+    before, after, spread = np.mean(found, axis=0)
+    assert after < before and 0 < spread < 0.2
 
 
 @pytest.mark.cases(0)

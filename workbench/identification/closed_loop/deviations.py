@@ -9,6 +9,8 @@ The direct method has a model of the noise, and is right only with it: feedback 
 model lacks into u, and so into the plant's model. If its errors are not white, its deviations are
 infinite. If they are, they come from the curvature and its scatter over records (`curvature`), to
 first order as in an open loop; slow parts of the noise need not end within a part of the record.
+What the model lacks biases the plant before the errors show it. So deviations also count by how much
+the response would change if the next error might depend on past ones (`whiteness`).
 
 The part of the input that the excitation explains is an estimate too. Its error, passed through the
 plant, and the loop's noise at the output add up to the plant's own noise: y minus the model's
@@ -41,12 +43,13 @@ from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.curvature import (
+    covariance_of_moves,
     estimates_of,
     response_along,
     root_of_inverse,
 )
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.whiteness import model_whiteness
+from workbench.identification.innovations.whiteness import whiteness_of_errors
 
 PARTS, FEWEST = 30, 8
 """Number of parts of a record without period; fewest periods of an excitation whose groups are the
@@ -70,10 +73,13 @@ def closed_loop_deviations(
     its correlation ends within a part: a thirtieth of the record or, with a period, one period or
     more. They are of first order: if a criterion has several minima, estimates scatter more. They
     do not contain a bias of the model: the order must be that of the plant. For the direct method
-    it must be that of plant and noise together; if its errors are not white, all deviations are
-    infinite. Without a period, so are those of the other methods if the model has a mode slower
-    than a tenth of the record, and those of "two-stage" and "indirect" if the responses to the
-    excitation have not died out where their estimates end. With thirty parts a deviation is
+    it must be that of plant and noise together. If its errors are not white, all deviations are
+    infinite; if they seem white, deviations count by how much the response would change if the
+    noise had 12 parameters more, but a record seldom tells whether the order suffices. Deviations
+    of the other methods are infinite if more than a hundredth of what the excitation explains of
+    the input is noise. Without a period, so are those of the other methods if the model has a mode
+    slower than a tenth of the record, and those of "two-stage" and "indirect" if the responses to
+    the excitation have not died out where their estimates end. With thirty parts a deviation is
     accurate to about 13 percent.
 
     They are far too large if the model has a mode that is hardly excited.
@@ -166,10 +172,8 @@ def closed_loop_covariance(
         moves = _of_errors(program, clean_input, model, record, parts, cycles_per_sample)
     if program.doubts(model, method):
         return _infinite(moves.shape[1:])
-    apart = moves - moves.mean(axis=0)
-    both = np.stack([apart.real, apart.imag], axis=-1)
     share = (len(moves) - 1) / len(moves)
-    return np.asarray(share * np.einsum("pfoua,pfoub->fouab", both, both))
+    return np.asarray(share * covariance_of_moves(moves - moves.mean(axis=0)))
 
 
 def _of_direct(program: ClosedLoopFit, model: InnovationsModel, frequency: ArrayLike) -> RealArray:
@@ -178,12 +182,12 @@ def _of_direct(program: ClosedLoopFit, model: InnovationsModel, frequency: Array
     def change(criterion: Criterion, theta: RealArray, step: RealArray) -> ComplexArray:
         return response_along(criterion, theta, step, frequency)
 
-    found = estimates_of(model, program.estimation_record, program.direct, program.known)[
-        0
-    ].covariances(change)
-    if model_whiteness(model, program.estimation_record, program.direct).holds:
-        return found
-    return _infinite(found.shape[:-2])
+    own = estimates_of(model, program.estimation_record, program.direct, program.known)[0]
+    white = whiteness_of_errors(own.criterion, own.theta, own.free)
+    if not white.holds:
+        return _infinite(model.response(frequency).shape)
+    moves = np.array([change(own.criterion, own.theta, move) for move in white.moves.T])
+    return own.covariances(change) + covariance_of_moves(moves)
 
 
 def _infinite(shape: tuple[int, ...]) -> RealArray:

@@ -13,6 +13,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.identification.closed_loop.explained import (
     explained_part,
+    noise_share,
     refuse_other_period,
     steady_fit,
 )
@@ -47,6 +48,17 @@ DRIFTS = (
     "periodic excitation with period_samples"
 )
 """Message about a pole near the unit circle."""
+WEAK = (
+    "of what the excitation explains of the input is noise, which the controller fed back: models "
+    "of all methods but direct lean to the controller's negative inverse, and their deviations are "
+    "infinite; excite more, or longer"
+)
+"""Message about an excitation that is weak beside the noise."""
+LARGEST_NOISE = 0.01
+"""Largest share of noise in the explained part of the input.
+
+The noise was fed back by the controller, so models of this part lean to its negative inverse. With
+one percent the bias is about as large as the standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +83,8 @@ class ClosedLoopFit(StateSpaceFit):
         (both for one excitation). Where the loop takes longer to respond, models of methods
         "two-stage" and "indirect" may be biased, and where the plant integrates, those of
         "instrumental-variables" too; the certificate says so, and their deviations are infinite.
+        So they are, with a period too, where more than a hundredth of what the excitation explains
+        of the input is noise: such models lean to the controller's negative inverse.
 
     The other parameters are those of `StateSpaceFit`.
 
@@ -169,17 +183,23 @@ class ClosedLoopFit(StateSpaceFit):
     def doubts(self, model: InnovationsModel, method: str) -> list[str]:
         """Reasons why a method's model may be biased by more than its deviations.
 
-        With a periodic excitation there is none: its lines tell neither offset nor initial state.
+        With a periodic excitation, its lines tell neither offset nor initial state.
         """
-        if self.period_samples is not None or method == "direct":
+        if method == "direct":
             return []
-        endless = (
-            method != "instrumental-variables" and not self._explained_of(self.estimation_record)[1]
-        )
-        reasons = [ENDLESS] if endless else []
+        share = self._noise_share
+        reasons = [] if share <= LARGEST_NOISE else [f"{share:.2g} {WEAK}"]
+        if self.period_samples is not None:
+            return reasons
+        if method != "instrumental-variables" and not self._explained_of(self.estimation_record)[1]:
+            reasons.append(ENDLESS)
         if (1 - model.radius) * len(self.estimation_record) < SETTLED:
             reasons.append(f"a pole of modulus {model.radius:.6g} {DRIFTS}")
         return reasons
+
+    @cached_property
+    def _noise_share(self) -> float:
+        return noise_share(self.estimation_record, self.period_samples)
 
     def _explained_of(self, record: Experiments) -> tuple[Experiments | None, bool]:
         # the piece is stored, so that no other object gets its id
@@ -207,7 +227,10 @@ class ClosedLoopFit(StateSpaceFit):
         return steady_fit(model, clean, self.period_samples)
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
-        where = "standard deviations depend on the method: closed_loop_deviations tells them"
+        where = (
+            "standard deviations depend on the method: closed_loop_deviations tells them; those of "
+            "direct hold only if its states suffice for plant and noise, which few records tell"
+        )
         found = [*facts_of(self, answer, self.tasks), where, LINEAR]
         found += self.doubts(answer.simulator, "two-stage")
         white = not_white(self, answer.predictor, "predictor")

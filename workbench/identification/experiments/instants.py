@@ -15,11 +15,9 @@ from workbench.identification.files.names import split_name
 from workbench.identification.files.units import converted, plain_unit
 
 UNEVEN = 0.1
-"""Largest relative deviation of a sampling interval from the mean interval, since instants are
-rounded.
+"""Largest deviation of a sampling interval from the mean one, and largest distance between the
+first instants of u and y, in sampling intervals: instants are rounded.
 """
-UNEVEN_START = 0.5
-"""Largest distance between the first instants of u and y, in sampling intervals."""
 
 ROWS = "numbers of rows"
 """The kind of labels that give an order but no time."""
@@ -144,8 +142,9 @@ def need_same_start(u: Instants, y: Instants, step: float) -> None:
         later = float((y.origin - u.origin) / np.timedelta64(1, "ns") * 1e-9)
     else:
         later = float(y.seconds[0] - u.seconds[0])
-    if not abs(later) <= UNEVEN_START * step:
+    if not abs(later) <= UNEVEN * step:
         unit = "rows" if u.kind == ROWS else "s"
         raise InputError(
-            f"y begins {later:.6g} {unit} after u; cut both to the instants that they share"
+            f"y begins {later:.6g} {unit} after u; cut both to the instants that they share, "
+            "or resample one of them there"
         )

@@ -67,12 +67,13 @@ Change = Callable[[Criterion, RealArray, RealArray], Array]
 class Estimates:
     """Estimated parameters of a criterion, and how well it tells them.
 
-    Each column of ``root`` is a change by one standard deviation. What changes along the columns of
-    ``untold`` the record does not see.
+    The parameters were free along the columns of ``free``. Each column of ``root`` is a change by
+    one standard deviation. What changes along the columns of ``untold`` the record does not see.
     """
 
     criterion: Criterion
     theta: RealArray
+    free: RealArray
     root: RealArray
     untold: RealArray
 
@@ -90,8 +91,7 @@ class Estimates:
     def covariances(self, change: Change) -> RealArray:
         """Covariances (..., 2, 2) of the real and imaginary part of values (...,) that change."""
         along = np.array([self._along(change, step) for step in self.root.T])
-        both = np.stack([along.real, along.imag], axis=-1)
-        found = np.einsum("p...a,p...b->...ab", both, both)
+        found = covariance_of_moves(along)
         plain = np.trace(found, axis1=-2, axis2=-1)
         scale = self._size(along) ** 2 / np.where(plain > 0, plain, 1.0)
         return np.asarray(found * scale[..., None, None])
@@ -121,6 +121,12 @@ class RepeatedEstimates(Estimates):
             for steps in (self.steps, self.plain)
         )
         return super()._size(along) * stepped / np.where(plain > 0, plain, 1.0)
+
+
+def covariance_of_moves(moves: ComplexArray) -> RealArray:
+    """Covariances (..., 2, 2) of real and imaginary part from independent moves (p, ...)."""
+    both = np.stack([moves.real, moves.imag], axis=-1)
+    return np.asarray(np.einsum("p...a,p...b->...ab", both, both))
 
 
 def largest_deviations(estimates: list[Estimates], change: Change, values: Array) -> RealArray:
@@ -184,7 +190,8 @@ def _repeated(
     for gradient, hessian in zip(gradients, hessians, strict=True):
         own = root_of_inverse(hessian)
         steps.append(root.T @ (mean @ (own @ (own.T @ gradient))))
-    return RepeatedEstimates(criterion, theta, root, found.untold, np.array(steps).T, plain)
+    moved = np.array(steps).T
+    return RepeatedEstimates(criterion, theta, found.free, root, found.untold, moved, plain)
 
 
 def _autoregressive(criterion: Criterion, theta: RealArray) -> RealArray:
@@ -208,13 +215,13 @@ def _estimated(
     criterion: Criterion, theta: RealArray, hessian: RealArray, known: Knowledge | None
 ) -> Estimates:
     """Estimates by a Hessian, along the surface of what is known."""
-    along = np.eye(len(theta))
+    free = np.eye(len(theta))
     if known is not None and known.gain is not None:
         scale = np.sqrt(np.diag(hessian))
         scale[scale == 0] = 1.0
-        along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    told, untold = _curved(along.T @ hessian @ along)
-    return Estimates(criterion, theta, along @ told, along @ untold)
+        free = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
+    told, untold = _curved(free.T @ hessian @ free)
+    return Estimates(criterion, theta, free, free @ told, free @ untold)
 
 
 def _free_entries(model: InnovationsModel, known: Knowledge | None) -> BoolArray:

@@ -144,8 +144,8 @@ def prompt_outputs(record: RecordData) -> TestedAssumption:
                         f"{record.outputs[one.output]!r}",
                         float(one.most),
                         "delay in samples",
-                        'give the fit a delay of so many samples, or delay_samples="estimate"; '
-                        "shift the input for what takes no delay",
+                        'give the fit delay_samples="estimate", or so many, one less with '
+                        "direct=False; shift the input for what takes no delay",
                     )
                 )
     testable = any(one.tested for one in several)

@@ -27,7 +27,10 @@ MOST_STATES_OF_DEVIATIONS = 24
 """Most states of a model for which standard deviations are computed: the cost grows with their
 cube.
 """
-LINEAR = "standard deviations take the plant as linear: they do not count its distortion"
+LINEAR = (
+    "standard deviations take the plant as linear: they do not count its distortion, and are too "
+    "small where it has some; regions of Responses.from_files count it if the excitation repeats"
+)
 """What deviations assume; the report of the record says how large the distortion is."""
 ENDLESS = (
     "its impulse responses have not died out where they end, so deviations are infinite; "

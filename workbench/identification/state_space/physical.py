@@ -63,7 +63,7 @@ class PhysicalModel:
     ...     {"a": FittedParameter(1.0, lower=0.0), "k": FittedParameter(1.0)},
     ... )
     >>> fit = StateSpaceFit(u, y, dt=0.1, orders=[1], physical={"motor": motor})
-    >>> sorted(motor.estimated(fit.used))
+    >>> sorted(motor.estimated(fit.estimation_record))
     ['a', 'k']
     """
 

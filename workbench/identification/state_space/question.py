@@ -210,6 +210,8 @@ class RecordedQuestion:
         """Delay [samples] of each input; empty if no input is delayed."""
         if isinstance(self.delay_samples, str):
             found = estimated_delays(self.estimation_record)
+            if not self.direct:  # without D the plant itself answers a sample later
+                found = tuple(max(each - 1, 0) for each in found)
         else:
             found = checked_delays(self.delay_samples, self.record)
         return found if any(found) else ()

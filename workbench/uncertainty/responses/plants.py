@@ -321,7 +321,17 @@ class Responses:
             f"  at {self.omega.size} frequencies from {self.frequency_hz[0]:.4g} to "
             f"{self.frequency_hz[-1]:.4g} Hz, {noise}",
         ]
-        return "\n".join(lines + [f"  {self.read}"] * bool(self.read))
+        lines += [f"  {self.read}"] * bool(self.read)
+        return "\n".join(lines + [f"  found: {'; '.join(self._findings)}"] * bool(self._findings))
+
+    @property
+    def _findings(self) -> list[str]:
+        """What was found in the records, each with the names of their plants."""
+        plants: dict[str, list[str]] = {}
+        for name, report in self.reports.items():
+            for kind in dict.fromkeys(finding.kind for finding in report.findings):
+                plants.setdefault(kind, []).append(name)
+        return [f"{kind} ({', '.join(names)}), see reports" for kind, names in plants.items()]
 
     def plot(self) -> Figure:
         """Bode plot of the responses of all plants."""
