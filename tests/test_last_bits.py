@@ -88,6 +88,7 @@ OTHERS = [
     "cd/radial/optical-gain",
     "cd/radial/parametric",
     "cd/radial/position-estimator",
+    "cd/radial/recovery",
     "cd/radial/residual-index",
     "cd/radial/response-methods",
     "cd/radial/sensitivity",
@@ -102,6 +103,7 @@ OTHERS = [
     "cd/radial/wrong-rotation",
     "cd/raised-sum",
     "cd/red-book",
+    "cd/sums",
     "compare",
     "mass-spring/analysis",
     "textbook/estimate-regions",
@@ -125,6 +127,7 @@ HEAVY = [
     "cd/radial/mu-pid-analysis",
     "cd/radial/smallest-area-stadiums",
     "cd/radial/switching-stability",
+    "cd/two-axes",
     "mass-spring/demands",
     "textbook/box/estimate-to-mu",
 ]

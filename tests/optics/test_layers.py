@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from workbench.errors import InputError
 from workbench.optics import TrackLayer, quadrants, read_layer, round_pupil
@@ -33,6 +34,28 @@ def test_a_groove_sends_back_what_its_orders_say(phase):
     pushed = mean[:, :2].sum(axis=1) - mean[:, 2:].sum(axis=1)
     size = width / pitch * np.sinc(width / pitch) * np.sin(phase)
     assert pushed == pytest.approx(-4 * shared * size * np.sin(turn), abs=0.01)
+
+
+@pytest.mark.parametrize("blur", [0.2, 0.6])
+def test_tracks_fade_out_of_focus_as_the_overlap_says(blur):
+    """Between a circle and its copy a quadratic path leaves a phase that is linear across them."""
+    pitch, width, phase = 0.9, 0.3, 1.1
+    layer = TrackLayer(pitch, 1.0, 1.0, width, phase)
+    place = np.array([0.0, pitch / 2])
+    reading = read_layer(layer, PUPIL, place, WHOLE, aberration=lambda radius: blur * radius**2)
+    light = reading.mean[:, 0]
+
+    def fringe(x):
+        inside = 1.0 - (abs(x) + 0.5 / pitch) ** 2
+        return 2.0 * np.sqrt(max(inside, 0.0)) * np.cos(4 * np.pi * blur * x / pitch) / np.pi
+
+    end = 1.0 - 0.5 / pitch
+    shared = quad(fringe, -end, end)[0]
+    rest = np.exp(1j * phase) - 1
+    zeroth, first = 1 + width / pitch * rest, width / pitch * np.sinc(width / pitch) * rest
+    expected = 8 * shared * (np.conj(zeroth) * first).real
+    assert light[0] - light[1] == pytest.approx(expected, abs=0.01)
+    assert abs(shared) < 0.95 * overlap(1 / pitch)
 
 
 def test_carrier_of_a_grating_along_the_track():

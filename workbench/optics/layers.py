@@ -8,13 +8,13 @@ discs, J. Opt. Soc. Am. 69 (1979); G. Bouwhuis et al., Principles of Optical Dis
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.optics.spots import Pupil
 
@@ -94,10 +94,22 @@ class Reading(NamedTuple):
     carrier: ComplexArray
 
 
-def read_layer(layer: TrackLayer, pupil: Pupil, place: RealArray, detectors: RealArray) -> Reading:
+Aberration = Callable[[RealArray], RealArray]
+"""Path [wavelengths] that is added at distances from the pupil's centre, in its radii."""
+
+
+def read_layer(
+    layer: TrackLayer,
+    pupil: Pupil,
+    place: RealArray,
+    detectors: RealArray,
+    *,
+    aberration: Aberration | None = None,
+) -> Reading:
     """Reading of a layer at distances (Y,) from the middle of a track, by D detectors in the pupil.
 
     detectors (D, n, n): share of the light in each cell of the pupil that each detector receives.
+    aberration: of the light that falls on the layer, such as a defocus.
     Raises InputError for detectors of another shape.
 
     Examples
@@ -109,6 +121,12 @@ def read_layer(layer: TrackLayer, pupil: Pupil, place: RealArray, detectors: Rea
     >>> reading = read_layer(mirror, pupil, np.array([0.0]), quadrants(pupil))
     >>> round(float(reading.mean.sum()), 6)  # a mirror sends back all the light
     1.0
+    >>> groove = TrackLayer(pitch=1.6, period=1.0, length=1.0, width=0.8, phase=np.pi / 2)
+    >>> asked = groove, pupil, np.array([0.0, 0.8]), quadrants(pupil)
+    >>> sharp = read_layer(*asked).mean.sum(axis=1)
+    >>> blurred = read_layer(*asked, aberration=lambda radius: 0.5 * radius**2).mean.sum(axis=1)
+    >>> bool(np.ptp(blurred) < 0.5 * np.ptp(sharp))  # the tracks fade out of focus
+    True
     """
     cells = pupil.share.shape
     if detectors.shape[1:] != cells:
@@ -118,7 +136,7 @@ def read_layer(layer: TrackLayer, pupil: Pupil, place: RealArray, detectors: Rea
     mean = np.zeros((len(place), len(detectors)))
     carrier: ComplexArray = np.zeros(mean.shape, complex)
     last_number, last = -(10**9), np.zeros(0, complex)
-    for number, field in _fields(layer, pupil, place):
+    for number, field in _fields(layer, pupil, place, aberration):
         mean += abs(field) ** 2 @ taken.T
         if number == last_number + 1:
             carrier += (field * last.conj()) @ taken.T
@@ -128,7 +146,7 @@ def read_layer(layer: TrackLayer, pupil: Pupil, place: RealArray, detectors: Rea
 
 
 def _fields(
-    layer: TrackLayer, pupil: Pupil, place: RealArray
+    layer: TrackLayer, pupil: Pupil, place: RealArray, aberration: Aberration | None
 ) -> Iterator[tuple[int, ComplexArray]]:
     """Fields (Y, n n) of the orders with the same number along the track, which interfere."""
     number, field = None, np.zeros((len(place), pupil.share.size), complex)
@@ -138,16 +156,21 @@ def _fields(
                 yield number, field
             number, field = m, np.zeros_like(field)
         turn = size * np.exp(2j * np.pi * f_y * place)
-        field += np.outer(turn, _shifted(pupil, f_x, f_y).ravel())
+        field += np.outer(turn, _shifted(pupil, f_x, f_y, aberration).ravel())
     if number is not None:
         yield number, field
 
 
-def _shifted(pupil: Pupil, right: float, up: float) -> RealArray:
-    """Share of each cell (n, n) inside the pupil, moved along x and y."""
+def _shifted(pupil: Pupil, right: float, up: float, aberration: Aberration | None) -> Array:
+    """Field (n, n) of the pupil moved along x and y: the share of each cell inside, with its
+    phase.
+    """
     distance = np.hypot((pupil.x - right)[:, None], pupil.x - up)
     share: RealArray = np.clip((1.0 - distance) / pupil.step + 0.5, 0.0, 1.0)
-    return share
+    if aberration is None:
+        return share
+    field: ComplexArray = share * np.exp(2j * np.pi * aberration(np.minimum(distance, 1.0)))
+    return field
 
 
 def quadrants(pupil: Pupil, *, shift: float = 0.0) -> RealArray:

@@ -8,6 +8,7 @@ controller takes over from the ramp's voltage, without a bump.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,11 +44,14 @@ class Search:
     """A search for the focus, in voltages that suit the nominal drive.
 
     speed: speed of the advancing lens [m/s]. light: sum of the diodes [V] above which the focus is
-    near.
+    near. patience: time [s] of darkness after which a closed loop counts as lost, and the search
+    begins anew. closed: whether it begins with the loop closed.
     """
 
     speed: float
     light: float
+    patience: float = math.inf
+    closed: bool = False
 
     @property
     def law(self) -> Controller:
@@ -57,8 +61,10 @@ class Search:
         volts = volts_per_metre()
         steps = RETREAT * volts * PERIOD, self.speed * volts * PERIOD
         ends = BEGIN * volts, END * volts
-        parameters = np.array([*ends, *steps, WAIT / PERIOD, self.light])
-        return Controller(_search, np.zeros(5), parameters, outputs=2, reads=2, dt=PERIOD)
+        times = WAIT / PERIOD, self.patience / PERIOD
+        parameters = np.array([*ends, *steps, *times, self.light])
+        state = np.array([3.0 if self.closed else 0.0, 0.0, 0.0, 0.0, 0.0])
+        return Controller(_search, state, parameters, outputs=2, reads=2, dt=PERIOD)
 
     @property
     def cascade(self) -> Cascade:
@@ -80,9 +86,9 @@ def _search(state: RealArray, parameters: RealArray, given: RealArray, told: Rea
     """Step of `Search`.
 
     The state holds the phase (0 drawing back, 1 waiting, 2 advancing, 3 closed), the voltage, the
-    number of samples of waiting, the last error, and whether there was light.
+    number of samples of waiting or of darkness, the last error, and whether there was light.
     """
-    begin, end, back, forth, wait, light = parameters
+    begin, end, back, forth, wait, patience, light = parameters
     error, lit = given[0], given[1] > light
     phase, volts, count = state[0], state[1], state[2]
     if phase == 0.0:
@@ -96,8 +102,12 @@ def _search(state: RealArray, parameters: RealArray, given: RealArray, told: Rea
     elif phase == 2.0:
         volts += forth
         if lit and state[4] == 1.0 and error * state[3] <= 0.0:
-            phase = 3.0
+            phase, count = 3.0, 0.0
         elif volts >= end:
+            phase = 0.0
+    else:
+        count = 0.0 if lit else count + 1.0
+        if count >= patience:
             phase = 0.0
     state[0], state[1], state[2], state[3] = phase, volts, count, error
     state[4] = 1.0 if lit else 0.0

@@ -49,7 +49,8 @@ class TrackSensor:
     much. width: width of a pit [m]. bits: length of a pit, and of the land behind it, in channel
     bits. stagger: shift of the pits from track to track, over their period. reflection: amplitude
     that a pit reflects, over that of the land. landing: displacement of the light on the split
-    diodes across the tracks, in radii of the pupil.
+    diodes across the tracks, in radii of the pupil. focus_error: distance of the layer from the
+    focus [m].
     """
 
     depth: float
@@ -58,6 +59,7 @@ class TrackSensor:
     stagger: float = 0.0
     reflection: float = 1.0
     landing: float = 0.0
+    focus_error: float = 0.0
 
     def layer(self) -> TrackLayer:
         """The layer, with lengths in units of wavelength / NA."""
@@ -76,9 +78,15 @@ class TrackSensor:
     def reading(self, place: RealArray) -> Reading:
         """Light on the four quadrants at distances (Y,) [m] from the middle of a track."""
         pupil = _pupil()
-        return read_layer(
-            self.layer(), pupil, place / _unit(), quadrants(pupil, shift=self.landing)
-        )
+        detectors = quadrants(pupil, shift=self.landing)
+        late = self._defocus if self.focus_error else None
+        return read_layer(self.layer(), pupil, place / _unit(), detectors, aberration=late)
+
+    def _defocus(self, radius: RealArray) -> RealArray:
+        """Path [wavelengths] by which the light at a distance from the pupil's centre is late."""
+        disc = disc_formats()["CD"]
+        path: RealArray = 1.0 - np.sqrt(1.0 - (disc.NA * radius) ** 2)
+        return self.focus_error / disc.wavelength * path
 
     def light(self, place: RealArray) -> RealArray:
         """Light (Y,) on all quadrants together, over that of a mirror, averaged along the track."""
