@@ -5,6 +5,7 @@ import sys
 import pytest
 
 import workbench as wb
+from workbench.bench.problem import Problem
 from workbench.bench.run import Bench
 from workbench.bench.store import Store
 from workbench.errors import ResultError
@@ -166,11 +167,15 @@ def test_a_need_that_fails_is_told_in_its_place_and_replaces_nothing(project, ch
     assert list(project.results.glob("chain/b/*.failed"))
 
 
-def test_needs_of_a_loaded_problem_are_in_their_places(project, chain):
+def test_needs_of_a_loaded_problem_are_in_their_places(project, chain, monkeypatch):
+    """The problem is bound to them once."""
     wb.run("chain/c")
     chain(7.0)
+    made, task = [], Problem.task
+    monkeypatch.setattr(Problem, "task", lambda one, *fed: made.append(one.name) or task(one, *fed))
     bound = Bench(Store(project.results), Options()).load("chain/c", {})
     (need,) = bound.fed
+    assert made == ["chain/a", "chain/b", "chain/c"]
     assert need.path.parent == project.results / "chain" / "b" and need.value == 21.0
     assert wb.verify(need.path).holds
 

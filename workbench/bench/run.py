@@ -69,11 +69,16 @@ class Bench:
 
     def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
         """A problem with its data bound; missing results that it needs are computed first."""
-        bound = self._load(Ref(name, None, parameters), ())
+        problem, values, fed = self._fed(Ref(name, None, parameters), ())
         if self.beside and not self.stored_only:
             self._move_in()
-            bound = self._load(Ref(name, None, parameters), ())
-        return bound
+            fed = {
+                need: [self._placed(run) for run in runs]
+                if isinstance(runs, list)
+                else self._placed(runs)
+                for need, runs in fed.items()
+            }
+        return _bound(problem, values, fed)
 
     def run(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run:
         """The run that answers a question, computed or stored."""
@@ -91,6 +96,10 @@ class Bench:
                     writer.take(made)
         self.beside.clear()
 
+    def _placed(self, run: Run) -> Run:
+        """The run at its place, to which it may have been moved."""
+        return replace(run, path=self.store.folder(run.problem, run.key))
+
     def found(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run | None:
         """The stored answer of a question, if it may be reused; nothing is computed."""
         try:
@@ -101,10 +110,15 @@ class Bench:
         return self._stored(question, bound.code(question.method))
 
     def _load(self, asked_for: Ref, path: tuple[str, ...]) -> Bound:
+        return _bound(*self._fed(asked_for, path))
+
+    def _fed(
+        self, asked_for: Ref, path: tuple[str, ...]
+    ) -> tuple[Problem, dict[str, Any], dict[str, Run | list[Run]]]:
+        """A problem, its parameters, and the results that it needs."""
         problem = self.problems.find(asked_for.name)
         parameters = problem.bind(asked_for.parameters)
-        stored = problem.to_json(parameters)
-        step = f"{problem.name} {stored}"
+        step = f"{problem.name} {problem.to_json(parameters)}"
         if step in path:
             chain = " -> ".join(one.partition(" ")[0] for one in (*path, step))
             raise RegistryError(f"cyclic needs: {chain}")
@@ -113,16 +127,14 @@ class Bench:
             raise RegistryError(f"needs that do not end, {len(path)} of them: ... -> {last}")
         # A needed problem uses its own method, not the accuracy of this run.
         upstream = replace(self, options=Options(seed=self.options.seed), fresh=False)
-        fed: dict[str, Any] = {}
+        fed: dict[str, Run | list[Run]] = {}
         for name, need in problem.needs(parameters).items():
             fed[name] = (
                 [upstream._feed(one, problem, (*path, step)) for one in need]
                 if isinstance(need, list)
                 else upstream._feed(need, problem, (*path, step))
             )
-        problem.data_hashes()  # a missing file is reported before the function opens it
-        task = problem.task(parameters, fed)
-        return Bound(problem, stored, fed, task)
+        return problem, parameters, fed
 
     def _feed(self, need: Ref, problem: Problem, path: tuple[str, ...]) -> Run:
         run = self._run(need, path)
@@ -306,6 +318,13 @@ class Bound:
             for check in run.certificate.checks
         ]
         return replace(own, checks=(*checks, *own.checks))
+
+
+def _bound(problem: Problem, parameters: dict[str, Any], fed: dict[str, Run | list[Run]]) -> Bound:
+    """The problem with its data bound."""
+    problem.data_hashes()  # a missing file is reported before the function opens it
+    task = problem.task(parameters, fed)
+    return Bound(problem, problem.to_json(parameters), fed, task)
 
 
 def answer_arrays(bound: Bound, solution: Solution) -> Dataset | None:

@@ -2,18 +2,31 @@
 
 Rounding moves a repeated pole at 0 by the root of the rounding error, to either side of the axis.
 Poles at 0 are therefore decided by ranks, and poles elsewhere on the axis by the distance of the
-matrix from one with a pole there: both answers hold for all entries that differ from the given ones
+matrix from one with a pole there: both answers hold for all matrices that differ from the given one
 by rounding.
+
+Rounding is as large as the whole matrix makes it, since the states may have been mixed. A pole may
+be slower than that beside others that are 1e12 times faster. It is still no integrator if the
+entries show it: no change of each entry by rounding moves it to 0, in any units of the states.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from graphlib import TopologicalSorter
+
 import numpy as np
 from scipy.linalg import block_diag, schur
 from scipy.linalg.lapack import dtrsen
+from scipy.sparse.csgraph import connected_components
 
-from workbench._core.arrays import EPS, BoolArray, ComplexArray, RealArray
-from workbench.systems.balancing import axis_rounding, integrators_first
+from workbench._core.arrays import EPS, BoolArray, ComplexArray, IntegerArray, RealArray
+from workbench.systems.balancing import (
+    AXIS_ROUNDING,
+    axis_rounding,
+    null_states_first,
+    poles_at_zero,
+)
 from workbench.systems.frequency_response import driven_states
 
 EIGENVECTOR_MARGIN = 10.0
@@ -24,7 +37,13 @@ move.
 """
 
 
-def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = None) -> bool:
+def pole_may_be_at(
+    point: complex,
+    A: RealArray,
+    entries: RealArray | None = None,
+    *,
+    roundings: float = POLE_ROUNDINGS,
+) -> bool:
     """Whether changes of A by rounding, entry by entry, may give it a pole at a point.
 
     ``entries``: if A is a sum, the sum of the sizes of its terms, which are rounded. The units of
@@ -35,7 +54,32 @@ def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = Non
     except np.linalg.LinAlgError:
         return True
     moved = (near.T * (np.abs(A) if entries is None else entries)).sum()
-    return not POLE_ROUNDINGS * EPS * moved < 1.0  # true for NaN
+    return not roundings * EPS * moved < 1.0  # true for NaN
+
+
+def _shown_beside(point: complex, A: RealArray, rounding: float) -> bool:
+    """Whether the entries of A show that its pole nearest to a point on the boundary is not there.
+
+    A distance up to the rounding of the whole matrix shows nothing: a Schur form made of rounded
+    numbers has such entries.
+    """
+    away = np.abs(np.linalg.eigvals(A) - point).min()
+    return away > rounding and not pole_may_be_at(point, A, roundings=AXIS_ROUNDING * len(A))
+
+
+def shown_apart(A: RealArray, poles: ComplexArray, points: ComplexArray) -> BoolArray:
+    """Marks those poles of A (n, n), with balanced states, of which its entries show that they are
+    not at points on the boundary of stability, one point for each pole.
+    """
+    if not len(poles):
+        return np.zeros(0, bool)
+    blocks = [A[np.ix_(part, part)] for part in _irreducible_parts(A)]
+    modes = [np.linalg.eigvals(block) for block in blocks]
+    marks = []
+    for pole, point in zip(poles, points, strict=True):
+        own = min(range(len(blocks)), key=lambda i, pole=pole: np.abs(modes[i] - pole).min())
+        marks.append(_shown_beside(point, blocks[own], axis_rounding(A) / AXIS_ROUNDING))
+    return np.array(marks)
 
 
 def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int, int]:
@@ -48,20 +92,113 @@ def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int, int]:
     small = axis_rounding(A)
     Q, T, k = integrators_first(A, small)
     T2, Q2 = schur(T[k:, k:])
-    poles = _poles(T2)
-    clear = _clear_of_axis(T2, np.array(poles), small)
-    select = np.array(
-        [not far and _not_stable(T2, pole, small) for pole, far in zip(poles, clear, strict=True)],
-        dtype=np.int32,
-    )
+    poles = np.array(_poles(T2), complex)
+    on_axis = _on_axis(A, T2, poles, small)
+    select = on_axis | (poles.real >= 0.0)
     count = int(select.sum())
     if 0 < count < len(T2):
-        T2, Q2 = dtrsen(select, T2, Q2, job="N", lwork=len(T2))[:2]
+        T2, Q2 = dtrsen(select.astype(np.int32), T2, Q2, job="N", lwork=len(T2))[:2]
     Q = Q @ block_diag(np.eye(k), Q2)
     T[:k, k:] = T[:k, k:] @ Q2
     T[k:, k:] = T2
-    _put_on_axis(T[k : k + count, k : k + count], small)
+    _put_on_axis(T[k : k + count, k : k + count], on_axis[select], small)
     return Q, T, k + count, k
+
+
+def integrators_first(
+    A: RealArray, small: float, points: Sequence[float] = (0.0,)
+) -> tuple[RealArray, RealArray, int]:
+    """An orthogonal Q, Q^T A Q and the number k of poles at the points, which come first, exactly.
+
+    A (n, n) has balanced states, and changes of it up to `small` count as rounding. The first k
+    columns of Q^T A Q have no entries below the diagonal.
+    """
+    Q, T, found = _by_ranks(A, small, points)
+    parts = _deciding_parts(A, small, points) if found else []
+    if all(own == list(points) for _, own in parts):
+        return Q, T, len(found)
+    turns, found, first = [], list[float](), list[int]()
+    for part, own in parts:
+        turn, T, places = _by_ranks(A[np.ix_(part, part)], small, own)
+        k, n = len(places), len(part)
+        turns.append(turn @ block_diag(np.eye(k), schur(T[k:, k:])[1]))
+        found += places
+        first += k * [1] + (n - k) * [0]
+    if not found:
+        return np.eye(len(A)), A.copy(), 0
+    Q = np.eye(len(A))[:, np.concatenate([part for part, _ in parts])] @ block_diag(*turns)
+    T, Q = dtrsen(np.array(first, np.int32), Q.T @ A @ Q, Q, job="N", lwork=len(A))[:2]
+    k = len(found)
+    T[:, :k] = np.triu(T[:, :k], 1)
+    T[range(k), range(k)] = found
+    return Q, T, k
+
+
+def integrators_by_size(A: RealArray) -> int:
+    """Number of poles of A (n, n) that are 0 by their sizes, in a unit of time in which the others
+    are not small.
+    """
+    parts = _deciding_parts(A, axis_rounding(A), (0.0,)) if len(A) else []
+    return sum(
+        poles_at_zero(np.linalg.eigvals(A[np.ix_(part, part)])) for part, own in parts if own
+    )
+
+
+def _deciding_parts(
+    A: RealArray, small: float, points: Sequence[float]
+) -> list[tuple[IntegerArray, list[float]]]:
+    """Sets of states that decide separately which of their poles are at the points, with those
+    points where they may have poles.
+
+    There is one set if no entries show that a pole nearer to a point than `small` is not there.
+    """
+    decided = []
+    for part in _irreducible_parts(A):
+        block = A[np.ix_(part, part)]
+        away = np.abs(np.linalg.eigvals(block)[:, None] - np.array(points)).min(axis=0)
+        beside = [
+            point
+            for point, least in zip(points, away, strict=True)
+            if least <= small and _shown_beside(point, block, small / AXIS_ROUNDING)
+        ]
+        decided.append((part, [point for point in points if point not in beside]))
+    shown = any(len(own) < len(points) for _, own in decided)
+    return decided if shown else [(np.arange(len(A)), list(points))]
+
+
+def _irreducible_parts(A: RealArray) -> list[IntegerArray]:
+    """Sets of states that influence each other in a circle; in this order A is block triangular."""
+    count, member = connected_components(A != 0.0, connection="strong")
+    before: dict[int, set[int]] = {k: set() for k in range(count)}
+    for i, j in np.unique(member[np.argwhere(A)], axis=0):
+        before[j] |= {i} - {j}
+    return [np.flatnonzero(member == k) for k in TopologicalSorter(before).static_order()]
+
+
+def _by_ranks(
+    A: RealArray, small: float, points: Sequence[float]
+) -> tuple[RealArray, RealArray, list[float]]:
+    """Q, Q^T A Q and the poles at the points, told by ranks, which come first."""
+    Q, T, places = np.eye(len(A)), A.copy(), list[float]()
+    for point in points:
+        k = len(places)
+        shift = point * np.eye(len(A) - k)
+        turn, moved, count = null_states_first(T[k:, k:] - shift, small)
+        T[:k, k:], T[k:, k:] = T[:k, k:] @ turn, moved + shift
+        Q[:, k:] = Q[:, k:] @ turn
+        places += count * [point]
+    return Q, T, places
+
+
+def _on_axis(A: RealArray, T: RealArray, poles: ComplexArray, small: float) -> BoolArray:
+    """Marks the poles of T, the rest of a Schur form of A, that are on the axis up to rounding."""
+    clear = _clear_of_axis(T, poles, small)
+    near = np.array(
+        [not far and _near_axis(T, pole, small) for pole, far in zip(poles, clear, strict=True)],
+        dtype=bool,
+    )
+    near[near] = ~shown_apart(A, poles[near], 1j * poles[near].imag)
+    return near
 
 
 def _poles(T: RealArray) -> list[complex]:
@@ -91,16 +228,14 @@ def _clear_of_axis(T: RealArray, poles: ComplexArray, small: float) -> BoolArray
     return clear
 
 
-def _not_stable(T: RealArray, pole: complex, small: float) -> bool:
-    """Whether a pole lies right of the axis, or a change of T by rounding puts one on it."""
-    if pole.real >= 0.0:
-        return True
+def _near_axis(T: RealArray, pole: complex, small: float) -> bool:
+    """Whether a change of T by rounding puts a pole on the axis at the height of the given one."""
     near = 1j * pole.imag * np.eye(len(T)) - T
     return bool(np.linalg.svd(near, compute_uv=False)[-1] <= small)
 
 
-def _put_on_axis(T: RealArray, small: float) -> None:
-    """Set the real parts of pairs of poles to 0 where they are only rounding."""
+def _put_on_axis(T: RealArray, on_axis: BoolArray, small: float) -> None:
+    """Set the real parts of pairs of poles that are on the axis to 0."""
     for i in range(len(T) - 1):
-        if T[i + 1, i] != 0.0 and abs(T[i, i]) <= small:
+        if on_axis[i] and T[i + 1, i] != 0.0 and abs(T[i, i]) <= small:
             T[i, i] = T[i + 1, i + 1] = 0.0

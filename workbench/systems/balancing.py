@@ -61,7 +61,7 @@ def _in_units(A: RealArray, B: RealArray, C: RealArray, rate: float) -> RealArra
 
 def _integrators(A: RealArray) -> int:
     """Number of poles that are 0 up to rounding of the matrix."""
-    return integrators_first(A, axis_rounding(A))[2]
+    return null_states_first(A, axis_rounding(A))[2]
 
 
 AXIS_ROUNDING = 100.0
@@ -74,9 +74,9 @@ def axis_rounding(A: RealArray) -> float:
     return AXIS_ROUNDING * EPS * len(A) * float(np.linalg.norm(A))
 
 
-def integrators_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:
-    """Q, Q^T A Q and the number k of poles at 0: its first k columns have nonzero entries only
-    above the diagonal.
+def null_states_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:
+    """Q, Q^T A Q and the number k of poles at 0, told by ranks: its first k columns have nonzero
+    entries only above the diagonal. Singular values up to `small` count as 0.
     """
     n = len(A)
     Q, T, k = np.eye(n), A.copy(), 0

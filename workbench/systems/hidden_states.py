@@ -10,6 +10,7 @@ from workbench._core.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.solvers import slicot_routine
+from workbench.systems.axis_poles import shown_apart
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -141,7 +142,10 @@ def _unstable(A: RealArray, dt: float) -> ComplexArray:
     """Modes beyond the stability boundary, or on it up to rounding."""
     modes = np.linalg.eigvals(A).astype(complex)
     rounding = ZERO_ROUNDING * EPS * len(A) * float(np.linalg.norm(A))
-    return modes[(np.abs(modes) - 1.0 if dt else modes.real) >= -rounding]
+    modes = modes[(np.abs(modes) - 1.0 if dt else modes.real) >= -rounding]
+    inside = np.abs(modes) < 1.0 if dt else modes.real < 0.0
+    points = modes / np.abs(modes) if dt else 1j * modes.imag
+    return modes[~(inside & shown_apart(A, modes, points))]
 
 
 def _check_hidden(unstable: ComplexArray, left: RealArray) -> None:

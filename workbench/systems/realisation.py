@@ -11,13 +11,8 @@ from scipy.linalg import block_diag
 from workbench._core.arrays import EPS, Array, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.systems.axis_poles import pole_may_be_at
-from workbench.systems.balancing import (
-    axis_rounding,
-    balancing,
-    integrators_first,
-    state_units,
-)
+from workbench.systems.axis_poles import integrators_first, pole_may_be_at
+from workbench.systems.balancing import axis_rounding, balancing, state_units
 
 Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D of a realisation."""
@@ -92,7 +87,7 @@ def _boundary_poles(system: StateSpace) -> tuple[int, list[float], RealArray]:
     """
     A, poles, at_rest = np.asarray(system.A, dtype=float), system.poles(), float(bool(system.dt))
     poles = poles[np.argsort(np.abs(poles - at_rest))]
-    count = _integrators(system, poles - at_rest, at_rest)
+    count = _integrators(system, at_rest)
     poles = poles[count:]
     boundary = poles / np.maximum(np.abs(poles), EPS) if system.dt else 1j * poles.imag
     near = np.abs(poles - boundary) <= NEAR_BOUNDARY * np.abs(poles)
@@ -103,21 +98,13 @@ def _boundary_poles(system: StateSpace) -> tuple[int, list[float], RealArray]:
     return count, sizes.tolist(), beyond
 
 
-def _integrators(system: StateSpace, beside: Array, at_rest: float) -> int:
-    """Number of poles at 0 (sampled: 1), up to rounding; ``beside`` are all poles, relative to that
-    point.
-
-    A slow stable pole is not counted if the entries of A show that it is not 0.
-    """
+def _integrators(system: StateSpace, at_rest: float) -> int:
+    """Number of poles at 0 (sampled: 1), up to rounding."""
     A = np.asarray(system.A, dtype=float)
     units = state_units(A, system.B, system.C)
-    moved = A * units[:, None] / units - at_rest * np.eye(len(A))
-    count = integrators_first(moved, axis_rounding(moved))[2] if len(A) else 0
-    size = np.abs(beside)
-    slow = (beside[:count].real < 0).all() and (
-        size[:count] > len(A) * EPS * size.max(initial=0.0)
-    ).all()
-    return 0 if slow and not pole_may_be_at(at_rest, A) else count
+    moved = A * units[:, None] / units
+    small = axis_rounding(moved - at_rest * np.eye(len(A)))
+    return integrators_first(moved, small, (at_rest,))[2]
 
 
 def realisation(matrices: Matrices, dt: float | None, **labels: Any) -> StateSpace:

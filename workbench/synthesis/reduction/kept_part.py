@@ -14,14 +14,8 @@ from scipy.linalg import block_diag, solve_sylvester
 
 from workbench._core.arrays import RealArray
 from workbench.errors import InputError
-from workbench.systems.axis_poles import stable_last
-from workbench.systems.balancing import (
-    axis_rounding,
-    integrators_first,
-    poles_at_zero,
-    speed,
-    state_units,
-)
+from workbench.systems.axis_poles import integrators_by_size, integrators_first, stable_last
+from workbench.systems.balancing import axis_rounding, speed, state_units
 from workbench.systems.bilinear import to_continuous, to_sampled
 from workbench.systems.realisation import Matrices, in_parallel
 
@@ -113,13 +107,7 @@ def _exact_poles_first(K: Matrices) -> tuple[Matrices, RealArray, RealArray, int
     A, B, C, D = K
     units = state_units(A, B, C)
     T = A * units[:, None] / units
-    Q, k, small = np.eye(len(A)), 0, axis_rounding(T)
-    for end in (-1.0, 1.0):
-        turn, moved, count = integrators_first(T[k:, k:] - end * np.eye(len(A) - k), small)
-        T[:k, k:] = T[:k, k:] @ turn
-        T[k:, k:] = moved + end * np.eye(len(A) - k)
-        Q[:, k:] = Q[:, k:] @ turn
-        k += count
+    Q, T, k = integrators_first(T, axis_rounding(T), (-1.0, 1.0))
     return (T, Q.T @ (B * units[:, None]), C / units @ Q, D), Q / units[:, None], units, k
 
 
@@ -132,7 +120,7 @@ def _scaled_system(K: Matrices) -> tuple[float, Matrices, RealArray]:
     rate = speed(A, B, C)
     A, B = A / rate, B / rate
     units = state_units(A, B, C)
-    integrators = poles_at_zero(np.linalg.eigvals(A)) if len(A) else 0
+    integrators = integrators_by_size(A)
     for factor in (units, np.ones(len(A))):
         scaled = A * factor[:, None] / factor
         if stable_last(scaled)[3] >= integrators:

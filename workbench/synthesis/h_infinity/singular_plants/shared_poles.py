@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import null_space, schur, solve_continuous_are
 
 from workbench._core.arrays import EPS, RealArray
-from workbench.systems.balancing import axis_rounding, balanced, integrators_first, speed
+from workbench.systems.balancing import axis_rounding, balanced, null_states_first, speed
 from workbench.systems.hidden_states import ZERO_ROUNDING
 from workbench.systems.standard_plant import StandardPlant
 
@@ -112,7 +112,7 @@ def _hidden_axis_modes(plant: StandardPlant, rate: float) -> RealArray:
     if not N.shape[1]:
         return N
     rounding, hidden = axis_rounding(A), N.T @ A @ N
-    Q, T, k = integrators_first(hidden, rounding)
+    Q, T, k = null_states_first(hidden, rounding)
     rest = T[k:, k:]
 
     def beyond(real: float, imag: float = 0.0) -> bool:
