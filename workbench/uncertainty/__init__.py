@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from workbench.uncertainty.covers.everywhere import containment_check
     from workbench.uncertainty.covers.front.cover_front import cover_front
     from workbench.uncertainty.covers.front.points import CoverFront
+    from workbench.uncertainty.covers.limits.least_inflation import (
+        LeastInflation,
+        least_inflation,
+    )
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate
     from workbench.uncertainty.covers.orientation import (
@@ -74,6 +78,7 @@ __all__ = [
     "CoverSteps",
     "EstimateRegion",
     "GeneralisedPlant",
+    "LeastInflation",
     "MatrixCover",
     "MatrixForm",
     "MatrixModel",
@@ -106,6 +111,7 @@ __all__ = [
     "generalised_plant",
     "interconnect",
     "inverse",
+    "least_inflation",
     "left_divide",
     "level_deltas",
     "limited_orientation",

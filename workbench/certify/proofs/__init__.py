@@ -1,1 +1,1 @@
-"""Proofs of peaks: results of a search, stored so that they can be checked again."""
+"""Proofs of bounds: results of a search, stored so that they can be checked again."""

@@ -12,6 +12,10 @@ from workbench._core.heavy_types import Figure
 from workbench.certificate import Check, Checker, relative_excess
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.front.points import CoverFront, FrontCover, Loop, Orders
+from workbench.uncertainty.covers.limits.least_inflation import (
+    LeastInflation,
+    LeastInflationChecker,
+)
 
 REPEATED = 1e-6
 """Relative rounding error by which a stated cost may be below the recomputed one."""
@@ -37,14 +41,32 @@ class CoverFrontChecker(Checker):
             excess = relative_excess(again.cost, point.cost)
             statement = "recomputed cost over the told one, less 1"
             found += _named(point, [Check("cost", statement, excess, REPEATED)])
-        return found
+            if point.orders[0] in answer.least:
+                least = answer.least[point.orders[0]].value
+                statement = "its bound over the inflation with free centres, less 1"
+                excess = relative_excess(least, again.inflation_free)
+                found += _named(point, [Check("above the bound", statement, excess, REPEATED)])
+        return found + [
+            check
+            for checker, least in self._limits(answer)
+            for check in checker.checks(least, tolerance)
+        ]
 
     def second_opinion(self, answer: CoverFront) -> list[Check]:
         return [
             check
             for point in answer.points
             for check in _named(point, self.programs[point.orders].second_opinion(point.cover))
+        ] + [
+            check
+            for checker, least in self._limits(answer)
+            for check in checker.second_opinion(least)
         ]
+
+    def _limits(self, answer: CoverFront) -> list[tuple[LeastInflationChecker, LeastInflation]]:
+        """The bounds of the nominals' orders, each with its checker."""
+        programs = {orders[0]: program for orders, program in self.programs.items()}
+        return [(LeastInflationChecker(programs[n]), least) for n, least in answer.least.items()]
 
     def figures(self, answer: CoverFront) -> dict[str, Figure]:
         return {"front": front_figure(answer)}
@@ -71,6 +93,10 @@ def front_figure(answer: CoverFront) -> Figure:
         name = name.replace("inflation", "rms")
         axes[0].plot(states, [getattr(p, name) for p in answer.points], "+", color=colour,
                      label=f"rms of the radius, {label}")  # fmt: skip
+    bounded = [point for point in answer.points if point.orders[0] in answer.least]
+    least = [answer.least[point.orders[0]].value for point in bounded]
+    axes[0].plot([point.states for point in bounded], least, "_", color="0.4", markersize=12,
+                 label="extent, free centres, proven least")  # fmt: skip
     figures.label(axes[0], x="states of G, W_c and W_r", y="size over that of the narrowest sets")
     front = answer.front
     axes[1].step([p.states for p in front], [p.cost for p in front], where="post",

@@ -16,6 +16,7 @@ from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.front.checks import CoverFrontChecker
 from workbench.uncertainty.covers.front.points import CoverFront, FrontCover, Loop, Orders
+from workbench.uncertainty.covers.limits.least_inflation import least_inflation
 from workbench.uncertainty.covers.sets import CoverForm
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.responses.plants import Responses
@@ -36,7 +37,8 @@ def cover_front(
     """Covers of several orders, and how large their sets are, or what they cost a loop in mu.
 
     For each of the orders, covers are made by the methods "inflation" and "joint", and the cheaper
-    one is kept. The front consists of those covers that no other cover beats in states and cost.
+    one is kept. The front consists of those covers that no other cover beats in states and cost. `least_inflation` says how small the sets can be with a nominal of the
+    order, so that a reader sees what the order costs.
 
     Parameters
     ----------
@@ -96,7 +98,9 @@ def cover_front(
         raise SolverError(f"no cover of any of the orders: {failures}")
     points.sort(key=lambda point: (point.states, point.cost))
     checker = CoverFrontChecker(programs, loop)
-    return CoverFront(tuple(points), failures=failures).with_checker(checker)
+    nominals = {point.orders[0]: programs[point.orders] for point in points}
+    least = {order: least_inflation(each, options=options) for order, each in nominals.items()}
+    return CoverFront(tuple(points), failures=failures, least=least).with_checker(checker)
 
 
 def _orders(given: Any, shape: str) -> list[Orders]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from workbench.answer import Answer
 from workbench.errors import InputError
 from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.limits.least_inflation import LeastInflation
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.steps import CoverSteps
 
@@ -84,7 +85,8 @@ class CoverFront(Answer):
     """Certified covers of several orders, and the one that is chosen.
 
     ``points`` are by increasing number of states. ``failures`` are the reasons why there is no
-    cover, by orders. `cover_front` returns it.
+    cover, by orders. ``least`` are lower bounds on ``inflation_free``, by order of the nominal: no
+    nominal of this order allows less, whatever the weights. `cover_front` returns it.
 
     Examples
     --------
@@ -99,6 +101,7 @@ class CoverFront(Answer):
     points: tuple[FrontCover, ...]
     _: KW_ONLY
     failures: dict[Orders, str] = field(default_factory=dict, kw_only=True)
+    least: dict[int, LeastInflation] = field(default_factory=dict, kw_only=True)
 
     @property
     def front(self) -> tuple[FrontCover, ...]:
@@ -134,11 +137,12 @@ class CoverFront(Answer):
         return self.chosen.cost
 
     def summary(self) -> str:
-        heads = "states  orders (G, W_c, W_r)  inflation  free   rms    rms free  mu"
-        front = self.front
+        heads = "states  orders (G, W_c, W_r)  inflation  free   least  rms    rms free  mu"
+        front, least = self.front, self.least
         rows = [
             f"{p.states:6d}  {p.orders!s:21s} {p.inflation:9.3f}  {p.inflation_free:5.3f}  "
-            f"{p.rms:5.3f}  {p.rms_free:5.3f}     {'-' if np.isnan(p.mu) else f'{p.mu:.3f}'}"
+            + (f"{least[p.orders[0]].value:5.3f}  " if p.orders[0] in least else "-      ")
+            + f"{p.rms:5.3f}  {p.rms_free:5.3f}     {'-' if np.isnan(p.mu) else f'{p.mu:.3f}'}"
             + (" *" if p is self.chosen else "" if p in front else "  (dominated)")
             for p in self.points
         ]

@@ -52,7 +52,7 @@ def starts(program: UncertaintyCover, context: Context) -> Iterator[Start]:
         try:
             nominal = program.nominal
             if nominal is None:
-                nominal = _nearest(nominal_fit(response, sizes, program), context)
+                nominal = nearest_fit(nominal_fit(response, sizes, program), context)
             away = program.deviations_from(
                 nominal, program.points
             )  # raises InputError if the nominal passes through zero
@@ -85,7 +85,7 @@ def real_weights(
     mean = float(np.sqrt(program.responses.shares @ third.half_length**2))
     roots = -np.geomspace(omega[0], omega[-1], order + 2)[1:-1].astype(complex)
     return {
-        "": _nearest(held(omega, end, weight, order, program.minimum_phase), context),
+        "": nearest_fit(held(omega, end, weight, order, program.minimum_phase), context),
         ", constant real weight": Rational(roots, roots.copy(), mean),
     }
 
@@ -129,6 +129,6 @@ def nominals(program: UncertaintyCover) -> dict[str, tuple[ComplexArray, Circle 
     }
 
 
-def _nearest(fit: ResponseFit, context: Context) -> Rational:
+def nearest_fit(fit: ResponseFit, context: Context) -> Rational:
     """The best fit by pole relocation only, since the search refines it."""
     return min(relocated_fits(fit, context), key=lambda found: worst_error(fit, found))

@@ -1,0 +1,1 @@
+"""Limits of covers: how small their sets can be at given orders."""
