@@ -31,7 +31,7 @@ from workbench.starter.study_folder import (
     write_files,
 )
 from workbench.synthesis import MuSynthesis, WorkingPoint
-from workbench.synthesis.demands.channels import scaled_response
+from workbench.synthesis.demands.channels import sized_response
 from workbench.synthesis.demands.demands import Demands
 from workbench.synthesis.implementation.working_point.actuator import actuator
 
@@ -101,16 +101,26 @@ def write_channel_study(
 
     Parameters
     ----------
-    folder, data, time, record_dt, dt, delay_samples, bandwidth_hz
+    folder, data, time
         As in `write_study`. The plants must be stable.
+    record_dt, dt
+        Sampling times [s] of records without a time column, and of the controller's computer; None:
+        that of the records.
+    delay_samples
+        Delay [samples] of the controller's computer.
+    bandwidth_hz
+        Bandwidth of every output that is asked for [Hz]; None: the largest tried bandwidth that
+        meets the weights.
     inputs, outputs
         Names of columns.
     limits
         Least and largest value of each input, absolute; None: those in the records.
     effort
         Weight of the inputs relative to their sizes, which are half the ranges of their limits.
-    overshoot, settling_time
-        As in `Demands`, of every output.
+    overshoot
+        Overshoot of every output after a step of its set-point, relative to the step.
+    settling_time
+        Time [s] after which such a step has settled to 2 %.
 
     Raises
     ------
@@ -289,13 +299,13 @@ def _kept(
     models = study.rows_of({name: _model(study, name) for name in chosen.channels})
     lowest = 2 * math.pi * max(one.band_hz[0] for one in chosen.channels.values())
     u_sizes = chosen.sizes[0]
-    static = np.abs(scaled_response(models, np.array([lowest]), (u_sizes, chosen.sizes[1]))[0])
+    static = np.abs(sized_response(models, np.array([lowest]), (u_sizes, chosen.sizes[1]))[0])
     sizes = u_sizes, tuple(float(f"{one:.4g}") for one in static.max(axis=1))
 
     def tried(bandwidth: float) -> ChannelChoices:
         bandwidth = float(f"{bandwidth:.3g}")
         omega = np.geomspace(lowest, max(2 * math.pi * bandwidth, 1.01 * lowest), GRID)
-        gains = np.linalg.svd(scaled_response(models, omega, sizes), compute_uv=False)
+        gains = np.linalg.svd(sized_response(models, omega, sizes), compute_uv=False)
         effort = given_effort or float(f"{EFFORT * gains[:, -1].min():.3g}")
         plant = study.weighted(models, bandwidth, effort, sizes)
         task = MuSynthesis(plant, target=TARGET, integral=True)

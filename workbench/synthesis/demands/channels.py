@@ -119,12 +119,12 @@ def demanded_channels(
     sums |= {f"e{i}": f"r{i} - y{i}" for i in outs}
     late = lateness(dt, delay_samples).state_space()
     omega = np.array([demands.crossover])
-    loads = LOAD / np.abs(scaled_response(rows, omega, sizes)[0]).max(axis=0) * u_sizes
+    loads = LOAD / np.abs(sized_response(rows, omega, sizes)[0]).max(axis=0) * u_sizes
     loaded = bool(demands.crossover)
     for j in ins:
         blocks.append((late, f"u{j}", f"late{j}"))
         if loaded:
-            blocks.append((gain(loads[j]), f"d{j}", f"load{j}"))
+            blocks.append((_gain(loads[j]), f"d{j}", f"load{j}"))
         sums[f"v{j}"] = f"late{j} + load{j}" if loaded else f"late{j}"
     performance = []
     for one in strictest(demands.weights(rows[0][0].nominal, dt)):
@@ -133,7 +133,7 @@ def demanded_channels(
             performance.append(f"z_{one.name}{k}")
             blocks.append((one.W.scaled(1 / size).state_space(), f"{signal}{k}", performance[-1]))
     for i, size in enumerate(y_sizes):
-        blocks.append((gain(size), f"step{i}", f"r{i}"))
+        blocks.append((_gain(size), f"step{i}", f"r{i}"))
     loads_named = [f"d{j}" for j in ins] if loaded else []
     return generalised_plant(
         blocks,
@@ -145,7 +145,7 @@ def demanded_channels(
     )
 
 
-def scaled_response(
+def sized_response(
     models: Sequence[Sequence[UncertaintyModel]], omega: RealArray, sizes: tuple[Any, Any]
 ) -> ComplexArray:
     """Response (F, p, m) of the nominal plant, with signals divided by their sizes."""
@@ -155,7 +155,7 @@ def scaled_response(
     return found
 
 
-def gain(size: float) -> StateSpace:
+def _gain(size: float) -> StateSpace:
     """A gain as a system."""
     return rational_of([], [], float(size)).state_space()
 

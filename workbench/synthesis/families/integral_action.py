@@ -20,7 +20,7 @@ def with_integrator(K: StateSpace) -> StateSpace:
     channels is the smaller one of the numbers of inputs and outputs. K is returned unchanged if it
     has the integrators already, or too few real poles.
     """
-    count = channels(K)
+    count = channel_count(K)
     if integrators(np.asarray(K.A)) >= count:
         return K
     A, B, C = balanced(K.A, K.B, K.C)
@@ -42,7 +42,7 @@ def with_integrator(K: StateSpace) -> StateSpace:
     return realisation((T, inward, outward, K.D), 0.0, **labels)
 
 
-def channels(K: StateSpace) -> int:
+def channel_count(K: StateSpace) -> int:
     """Number of constant signals that a controller can hold independently."""
     return min(int(K.ninputs), int(K.noutputs))
 
@@ -61,5 +61,5 @@ def without_integrators(K: StateSpace) -> StateSpace:
 def integral_check(K: StateSpace) -> Check:
     """Check that a controller has an exact integrator for each channel."""
     statement = "channels without a state that is an integrator to the last bit"
-    missing = float(max(channels(K) - integrators(np.asarray(K.A)), 0))
+    missing = float(max(channel_count(K) - integrators(np.asarray(K.A)), 0))
     return Check("integral action", statement, missing, 0.0, over=THIS_SYSTEM, proven=True)
