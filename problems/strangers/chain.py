@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -28,20 +30,29 @@ import workbench as wb
 
 omega = np.load("omega.npy")
 runs = {one.problem.rpartition("/")[2]: one for one in wb.results(sys.argv[1] + "/*")}
-model, K = runs["cover"].answer.model, runs["controller"].answer.K
-found = {name: getattr(model, name).response(omega) for name in ("nominal", "W_c")}
-found["W_r"] = 0 * omega if model.W_r is None else model.W_r.response(omega)
-found["K"] = np.asarray(K(1j * omega)).ravel()
+covers = {
+    tuple(int(k) - 1 for k in name.split("-")[1:]) or (0, 0): run
+    for name, run in runs.items() if name.startswith("cover")
+}
+p, m = (max(place[side] for place in covers) + 1 for side in (0, 1))
+found = {name: np.zeros((len(omega), p, m), complex) for name in ("nominal", "W_c", "W_r")}
+bands = np.zeros((p, m, 2))
+for (i, j), run in covers.items():
+    model, frequency = run.answer.model, run.task.responses.frequency_hz
+    for name, values in found.items():
+        part = getattr(model, name)
+        values[:, i, j] = 0 if part is None else part.response(omega)
+    bands[i, j] = frequency[0], frequency[-1]
+K = runs["controller"].answer.K
+found["K"] = np.moveaxis(K(1j * omega, squeeze=False), -1, 0)
 told = {
     name: {"outcome": str(one.outcome), "holds": bool(one.holds), "metrics": one.metrics,
            "parameters": one.info["parameters"], "path": str(one.path),
            "states": getattr(getattr(one.answer, "K", None), "nstates", None)}
     for name, one in runs.items()
 }
-np.savez("evidence.npz", **found)
-frequency = runs["cover"].task.responses.frequency_hz
-band = [float(frequency[0]), float(frequency[-1])]
-print(json.dumps({"form": model.form, "band": band, "runs": told}, default=str))
+np.savez("evidence.npz", bands=bands, **found)
+print(json.dumps({"form": model.form, "runs": told}, default=str))
 """
 """Script that reads the results in the study's own folder, where its problems are registered."""
 
@@ -82,13 +93,16 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True)
 class Delivered:
-    """Results of the chain: facts about its runs, responses (F,) by name, and the header file.
+    """Results of the chain: facts about its runs, responses by name, and the header file.
 
-    ``band`` [Hz]: frequencies for which the cover was made.
+    Responses of the covers are (F, p, m), those of the controller (F, m, p). ``bands`` (p, m, 2)
+    [Hz]: frequencies for which the covers were made. ``sizes`` (p,): sizes of the outputs that
+    count as equally large.
     """
 
     form: str
-    band: tuple[float, float]
+    bands: RealArray
+    sizes: RealArray
     runs: dict[str, Any]
     responses: dict[str, ComplexArray]
     header: Path
@@ -105,13 +119,20 @@ def delivered(plant: str, one: Stranger, way: Way, omega: RealArray) -> Delivere
     """
     write_records(one, way.folder / "records")
     study = name_of(plant)
-    actuator = one.inputs[0]
-    given = ["--input", actuator.name, "--output", one.outputs[0].name]
-    given += ["--limits", f"{actuator.low:g}", f"{actuator.high:g}"]
+    given = []
+    for kind, channels in (("--input", one.inputs), ("--output", one.outputs)):
+        given += [word for channel in channels for word in (kind, channel.name)]
+    for actuator in one.inputs:
+        given += ["--limits", f"{actuator.low:g}", f"{actuator.high:g}"]
     workbench = ["-m", "workbench"]
     way.go([*workbench, "init", study, "--data", "records/*.csv", *given], way.folder)
     place = way.folder / study
     way.go([*workbench, "run", f"{study}/*"], place)
+    return delivered_by(study, place, way, omega)
+
+
+def delivered_by(study: str, place: Path, way: Way, omega: RealArray) -> Delivered:
+    """What a study in its folder has delivered. Raises `RefusedError` if there is no header."""
     np.save(place / "omega.npy", omega)
     told = json.loads(way.go(["-c", EVIDENCE, study], place).splitlines()[-1])
     headers = sorted(place.glob(f"results/{study}/*/*/controller.h"))
@@ -119,5 +140,8 @@ def delivered(plant: str, one: Stranger, way: Way, omega: RealArray) -> Delivere
         raise RefusedError("no controller.h was written")
     with np.load(place / "evidence.npz") as stored:
         responses = {name: stored[name] for name in stored.files}
-    low, high = told["band"]
-    return Delivered(told["form"], (low, high), told["runs"], responses, headers[0])
+    bands = responses.pop("bands")
+    (design,) = place.glob("problems/*/design.py")
+    said = re.search(r"^SIZES = (.*)$", design.read_text(encoding="utf-8"), re.MULTILINE)
+    sizes = np.ones(len(bands)) if said is None else np.array(ast.literal_eval(said[1])[1])
+    return Delivered(told["form"], bands, sizes, told["runs"], responses, headers[0])

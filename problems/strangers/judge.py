@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.signal import zpk2ss
 
 from workbench.types import ComplexArray, RealArray
 
@@ -18,6 +19,8 @@ DECADES_BELOW = 1.0
 """Decades below the lowest measured frequency at which the comparison begins."""
 STATIC = 1000.0
 """Error weight at low frequencies, as in the study that `workbench init` writes."""
+CANCELLED = 0.02
+"""Relative distance of a pole from a zero that counts as cancelled."""
 HALF_A_SAMPLE = 0.5
 """Delay of the hold [samples]."""
 
@@ -31,11 +34,13 @@ def grid(plant: Stranger) -> RealArray:
 def excess_of_cover(
     G: ComplexArray, nominal: ComplexArray, W_c: ComplexArray, W_r: ComplexArray, form: str
 ) -> RealArray:
-    """Distance (F, N) of plants (F, N) from the cover's real segment, divided by its radius (F,).
+    """Distance (F, N, p, m) of plants (F, N, p, m) from the cover's real segment, divided by its
+    radius, for covers (F, p, m) of each channel.
 
     A plant with at most 1 is covered. The segment holds the points W_r d with real |d| <= 1.
     """
-    away = G - nominal[:, None] if form == "additive" else G / nominal[:, None] - 1
+    centre = nominal[:, None]
+    away = G - centre if form == "additive" else G / centre - 1
     along = W_r[:, None]
     size = np.abs(along) ** 2
     d = np.where(size > 0, (away * along.conj()).real / np.where(size > 0, size, 1.0), 0.0)
@@ -51,7 +56,8 @@ def error_weight(omega: RealArray, bandwidth_hz: float) -> ComplexArray:
 
 
 def kept_bandwidth(S: Any, omega: RealArray) -> float:
-    """Largest bandwidth [Hz] at which a sensitivity (F,) satisfies |W_e S| <= 1 at every frequency.
+    """Largest bandwidth [Hz] at which a sensitivity, of size (F,), satisfies |W_e S| <= 1 at every
+    frequency.
 
     Zero if there is none.
     """
@@ -63,28 +69,71 @@ def kept_bandwidth(S: Any, omega: RealArray) -> float:
 def bandwidth_of_simc(plant: Stranger, delay: float) -> float:
     """Bandwidth [Hz] that a SIMC controller reaches on the true nominal plant; NaN if there is
     none.
+
+    A plant of several channels is decoupled at frequency zero, and each output has a SIMC
+    controller of its own.
     """
     (nominal,) = linear_plants(plant, plant.middle())
     hold, omega = (delay + HALF_A_SAMPLE) * plant.period, grid(plant)
-    found = tuned(nominal, hold)
-    if found is None:
+    if len(plant.inputs) == 1:
+        found = tuned(nominal, hold)
+        if found is None:
+            return float("nan")
+        return kept_bandwidth(1 / (1 + loop(nominal, found, hold, omega)), omega)
+    decoupler = np.linalg.inv(-nominal.C @ np.linalg.solve(nominal.A, nominal.B))
+    every = [tuned(decoupled(nominal, decoupler, i), hold) for i in range(len(plant.outputs))]
+    K = np.stack([one.response(omega) for one in every if one is not None], axis=1)
+    if K.shape[1] < len(every):
         return float("nan")
-    return kept_bandwidth(1 / (1 + loop(nominal, found, hold, omega)), omega)
+    late = np.exp(-1j * omega * hold)
+    loops = nominal.response(omega) @ decoupler * (K * late[:, None])[:, None]
+    return kept_bandwidth(size_of_sensitivity(loops, np.array(plant.demand.step)), omega)
+
+
+def decoupled(plant: LinearPlant, decoupler: RealArray, i: int) -> LinearPlant:
+    """The channel from the i-th input of a decoupler to output i, without the poles that its zeros
+    cancel.
+    """
+    whole = LinearPlant(plant.A, plant.B @ decoupler[:, [i]], plant.C[[i]], plant.delay)
+    poles, zeros = list(whole.poles), []
+    for zero in whole.zeros:
+        nearest = min(poles, key=lambda pole: abs(pole - zero))
+        if abs(nearest - zero) < CANCELLED * abs(zero):
+            poles.remove(nearest)
+        else:
+            zeros.append(zero)
+    A, B, C, _ = zpk2ss(zeros, poles, 1.0)
+    static = (-C @ np.linalg.solve(A, B)).item()
+    return LinearPlant(A, B / static, C, plant.delay)
+
+
+def size_of_sensitivity(loops: ComplexArray, sizes: RealArray) -> RealArray:
+    """Largest singular value (...) of (1 + L)^-1 for loops (..., p, p), with outputs divided by
+    their sizes (p,).
+    """
+    S = np.linalg.inv(np.eye(len(sizes)) + loops)
+    found: RealArray = np.linalg.norm(S * sizes / sizes[:, None], 2, axis=(-2, -1))
+    return found
 
 
 def true_responses(plant: Stranger, omega: RealArray) -> tuple[list[LinearPlant], ComplexArray]:
-    """True linear plants of the units, and their responses (F, N)."""
+    """True linear plants of the units, and their responses (F, N, p, m)."""
     every = linear_plants(plant, plant.drawn())
-    return every, np.stack([one.response(omega)[:, 0, 0] for one in every], axis=1)
+    return every, np.stack([one.response(omega) for one in every], axis=1)
 
 
 def broken_weights(
-    G: ComplexArray, K: ComplexArray, omega: RealArray, late: float, parameters: dict[str, Any]
+    G: ComplexArray,
+    K: ComplexArray,
+    omega: RealArray,
+    late: float,
+    bandwidth_hz: float,
+    sizes: RealArray,
 ) -> RealArray:
-    """Largest |W_e S| (N,) over frequency, for the true linear plants with the designed
-    controller.
+    """Largest |W_e S| (N,) over frequency, for the true linear plants (F, N, p, m) with the
+    designed controller (F, m, p).
     """
-    loops = G * (K * np.exp(-1j * omega * late))[:, None]
-    W_e = error_weight(omega, float(parameters["bandwidth"]))
-    peaks: RealArray = np.abs(W_e[:, None] / (1 + loops)).max(axis=0)
+    loops = G @ (K * np.exp(-1j * omega * late)[:, None, None])[:, None]
+    W_e = np.abs(error_weight(omega, bandwidth_hz))
+    peaks: RealArray = (W_e[:, None] * size_of_sensitivity(loops, sizes)).max(axis=0)
     return peaks

@@ -74,8 +74,6 @@ class StrangerLoop(StrangerStudy):
         with tempfile.TemporaryDirectory(prefix="stranger-") as place:
             way = Way(Path(place))
             try:
-                if len(self.stranger.inputs) > 1:
-                    raise RefusedError("`workbench init` takes plants of one input and one output")
                 found = delivered(self.plant, self.stranger, way, grid(self.stranger))
                 data = self._judged(found, Path(place))
             except RefusedError as error:
@@ -90,7 +88,7 @@ class StrangerLoop(StrangerStudy):
         """The data that are stored if the chain stops early."""
         import xarray as xr
 
-        simc = bandwidth_of_simc(self.stranger, DELAY) if len(self.stranger.inputs) == 1 else np.nan
+        simc = bandwidth_of_simc(self.stranger, DELAY)
         return xr.Dataset(
             {"simc_bandwidth": ((), simc, {"units": "Hz"})}, attrs={"refused": reason}
         )
@@ -105,39 +103,45 @@ class StrangerLoop(StrangerStudy):
         _, G = true_responses(plant, omega)
         given = found.responses
         excess = excess_of_cover(G, given["nominal"], given["W_c"], given["W_r"], found.form)
-        low, high = (2 * np.pi * one for one in found.band)
-        used = (omega >= low) & (omega <= high)
+        low, high = np.moveaxis(2 * np.pi * found.bands, -1, 0)
+        at = omega[:, None, None]
+        used = ((at >= low) & (at <= high))[:, None]
+        largest = excess.max(axis=(2, 3))
         design = found.runs["controller"]
+        bandwidth = float(design["parameters"]["bandwidth"])
         late = (DELAY + 0.5) * plant.period
-        weights = broken_weights(G, given["K"], omega, late, design["parameters"])
-        one = driven(plant, CController(found.header, place), DELAY, plant.seed + 1000)
-        said = verdicts(plant, one)
+        weights = broken_weights(G, given["K"], omega, late, bandwidth, found.sizes)
+        code = CController(found.header, place, (len(plant.inputs), len(plant.outputs)))
+        one, quiet = (
+            driven(plant, code, DELAY, plant.seed + 1000, noise=noise) for noise in (True, False)
+        )
+        said = verdicts(plant, one, quiet)
         units = ("unit",)
         return xr.Dataset(
             {
-                "excess": (units, excess[used].max(axis=0)),
-                "excess_everywhere": (units, excess.max(axis=0)),
+                "excess": (units, (excess * used).max(axis=(0, 2, 3))),
+                "excess_everywhere": (units, largest.max(axis=0)),
                 "worst_frequency": (
                     units,
-                    omega[excess.argmax(axis=0)] / (2 * np.pi),
+                    omega[largest.argmax(axis=0)] / (2 * np.pi),
                     {"units": "Hz"},
                 ),
                 "weight": (units, weights),
                 "verdict": (("measure", "unit"), np.array([said[name] for name in MEASURES])),
-                "certified_bandwidth": (
-                    *((), float(design["parameters"]["bandwidth"])),
-                    {"units": "Hz"},
-                ),
+                "noisy_error": (units, said["noisy error"]),
+                "certified_bandwidth": ((), bandwidth, {"units": "Hz"}),
                 "simc_bandwidth": ((), bandwidth_of_simc(plant, DELAY), {"units": "Hz"}),
                 "peak": ((), float(design["metrics"].get("peak", np.nan))),
                 "states": ((), float(found.runs["board"]["states"] or np.nan)),
                 "unproven": ((), float(sum(not run["holds"] for run in found.runs.values()))),
-                **_time_series(one, plant),
+                **_time_series(one),
             },
             coords={
                 "measure": list(MEASURES),
                 "unit": np.arange(1, plant.units + 1),
                 "time": ("time", one.time, {"units": "s"}),
+                "output_name": [channel.name for channel in plant.outputs],
+                "input_name": [channel.name for channel in plant.inputs],
             },
             attrs={"refused": ""},
         )
@@ -180,6 +184,7 @@ class StrangerLoop(StrangerStudy):
         told = {name: value for name, _, value in self._promises(answer)}
         if told:  # nothing is promised outside the measured band
             told["cover_everywhere"] = float(answer["excess_everywhere"].max())
+            told["error_with_noise"] = float(answer["noisy_error"].max())
         return {"worst": self._worst(answer), **told}
 
     def tables(self, answer: Dataset) -> dict[str, str]:
@@ -194,32 +199,40 @@ class StrangerLoop(StrangerStudy):
     def figures(self, answer: Dataset) -> dict[str, Figure]:
         if answer.attrs["refused"]:
             return {}
-        return {"loop": _loop_figure(answer, self.stranger)}
+        return {"loop": loop_figure(answer, self.stranger)}
 
 
-def _time_series(one: Driven, plant: Stranger) -> dict[str, Any]:
+def _time_series(one: Driven) -> dict[str, Any]:
     """Time series as variables of a dataset."""
-    both = ("time", "unit")
-    output, actuator = plant.outputs[0], plant.inputs[0]
+    outputs, inputs = (("time", name, "unit") for name in ("output_name", "input_name"))
     return {
-        "wanted": (both, one.wanted, {"units": output.unit}),
-        "output": (both, one.output, {"units": output.unit, "long_name": output.name}),
-        "control": (both, one.control, {"units": actuator.unit, "long_name": actuator.name}),
+        "wanted": (outputs, one.wanted),
+        "output": (outputs, one.output),
+        "control": (inputs, one.control),
     }
 
 
-def _loop_figure(answer: Dataset, plant: Stranger) -> Figure:
+def loop_figure(answer: Dataset, plant: Stranger) -> Figure:
     """Figure of all units: outputs relative to their values at rest, and controls."""
-    figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 5.4), sharex=True)
+    channels = [("output", one) for one in plant.outputs] + [
+        ("control", one) for one in plant.inputs
+    ]
+    figure, panels = figures.axes(len(channels), 1, size=(7.0, 2.7 * len(channels)), sharex=True)
     time: RealArray = answer["time"].values
-    rest = answer["wanted"].values[0]
-    top.plot(time, answer["output"].values - rest, linewidth=0.9)
-    top.plot(time, answer["wanted"].values[:, 0] - rest[0], "k:", linewidth=1.0)
-    bottom.plot(time, answer["control"].values, linewidth=0.9)
-    step = plant.demand.step[0]
-    low, high = sorted((-0.8 * step, 2.2 * step))
-    top.set_ylim(low, high)
-    figures.label(top, y=f"{plant.outputs[0].name} from rest [{plant.outputs[0].unit}]")
-    figures.label(bottom, x="time [s]", y=figures.axis_label(answer["control"], "control"))
-    top.set_title(f"{plant.title}: {plant.units} units")
+    place = {"output": 0, "control": 0}
+    for panel, (kind, channel) in zip(panels, channels, strict=True):
+        k = place[kind]
+        place[kind] += 1
+        values = answer[kind].values[:, k]
+        if kind == "control":
+            panel.plot(time, values, linewidth=0.9)
+            figures.label(panel, y=f"{channel.name} [{channel.unit}]")
+            continue
+        wanted, step = answer["wanted"].values[:, k], plant.demand.step[k]
+        panel.plot(time, values - wanted[0], linewidth=0.9)
+        panel.plot(time, wanted[:, 0] - wanted[0, 0], "k:", linewidth=1.0)
+        panel.set_ylim(*sorted((-0.8 * step, 2.2 * step)))
+        figures.label(panel, y=f"{channel.name} from rest [{channel.unit}]")
+    figures.label(panels[-1], x="time [s]")
+    panels[0].set_title(f"{plant.title}: {plant.units} units")
     return figure

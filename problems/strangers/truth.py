@@ -58,11 +58,10 @@ class StrangerTruth(StrangerStudy):
         import xarray as xr
 
         plant = self.stranger
-        omega, alone = grid(plant), len(plant.inputs) == 1
-        every, _ = true_responses(plant, omega)
-        G = np.stack([one.response(omega) for one in every], axis=1)
+        omega = grid(plant)
+        every, G = true_responses(plant, omega)
         over = ("frequency", "unit", "output", "input")
-        simc = bandwidth_of_simc(plant, DELAY) if alone else np.nan
+        simc = bandwidth_of_simc(plant, DELAY)
         unstable = [int((one.poles.real > 1e-9 * np.abs(one.poles).max()).sum()) for one in every]
         return xr.Dataset(
             {

@@ -11,7 +11,15 @@ from workbench.errors import InputError
 from workbench.starter import FirstChoices, kept_weights
 
 DESIGN = """
-def cover(shape, form): return "cover", f"{form} {shape}"
+from types import SimpleNamespace
+from workbench.errors import InputError
+NEEDED = {"additive circle": 6, "multiplicative stadium": 10}
+def cover(shape, form, weight_order):
+    name = f"{form} {shape}"
+    if weight_order > 6:
+        raise InputError("too few frequencies")
+    rms = 1.0 if weight_order >= NEEDED.get(name, 4) else 2.0
+    return SimpleNamespace(name=name, inflation=lambda answer: SimpleNamespace(rms=rms))
 def weighted(model, bandwidth, effort): return bandwidth, model
 """
 
@@ -30,9 +38,9 @@ def settled(tmp_path, monkeypatch):
         tried = []
 
         def solve(task, **_):
-            if task[0] == "cover":
+            if hasattr(task, "inflation"):
                 valid = SimpleNamespace(valid=True)
-                return SimpleNamespace(certificate=valid, answer=SimpleNamespace(model=task[1]))
+                return SimpleNamespace(certificate=valid, answer=SimpleNamespace(model=task.name))
             tried.append(task)
             return SimpleNamespace(answer=SimpleNamespace(upper=peak(*task)))
 
@@ -67,6 +75,12 @@ def test_the_cover_of_the_smallest_peak_is_taken(settled, better):
     found, _ = settled(lambda bandwidth, cover: 0.8 if cover == better else 0.9)
     assert (f"{found.form} {found.shape}", found.peak) == (better, 0.8)
     assert f"{better}s 0.8" in found.reasons["shape"]
+
+
+@pytest.mark.parametrize(("better", "order"), list(zip(COVERS, (4, 6, 6), strict=True)))
+def test_a_weight_far_larger_than_the_sets_gets_a_higher_order(settled, better, order):
+    found, _ = settled(lambda bandwidth, cover: 0.8 if cover == better else 0.9)
+    assert found.weight_order == order  # the last cover would need 10, its frequencies allow 6
 
 
 def test_it_is_lowered_until_the_weights_are_kept_and_then_refined(settled):

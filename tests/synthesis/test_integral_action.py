@@ -10,8 +10,8 @@ import workbench as wb
 from workbench.errors import InputError
 from workbench.synthesis import PI, MuSynthesis
 from workbench.synthesis.families.integral_action import (
-    has_integrator,
     integral_check,
+    integrators,
     with_integrator,
     without_integrators,
 )
@@ -44,7 +44,7 @@ def test_the_slowest_real_pole_moves_and_nothing_else(states, seed):
     A = np.block([[-1e-9, np.zeros((1, states))], [np.zeros((states, 1)), fast]])
     given_K = control.ss(turn @ A @ turn.T, turn @ B, C @ turn.T, [[0.3]])
     K = with_integrator(given_K)
-    assert has_integrator(K.A) and integral_check(K).holds
+    assert integrators(K.A) == 1 and integral_check(K).holds
     assert not integral_check(given_K).holds
     omega = np.geomspace(1e-2, 1e2, 20)
     assert K(1j * omega) == pytest.approx(given_K(1j * omega), rel=1e-5)
@@ -57,6 +57,20 @@ def test_a_controller_without_a_real_pole_stays():
     assert with_integrator(K) is K
 
 
+def test_each_channel_gets_an_integrator_of_its_own():
+    rng = np.random.default_rng(4)
+    A = np.diag([-1e-9, -2e-9, -3.0, -5.0]) + np.diag([0.0, 0.0, 1.0], 1)
+    turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    B, C = rng.normal(size=(4, 2)), rng.normal(size=(2, 4))
+    given_K = control.ss(turn @ A @ turn.T, turn @ B, C @ turn.T, np.zeros((2, 2)))
+    K = with_integrator(given_K)
+    assert integrators(K.A) == 2 and integral_check(K).holds
+    assert not integral_check(given_K).holds
+    omega = np.geomspace(1e-2, 1e2, 20)
+    assert K(1j * omega) == pytest.approx(given_K(1j * omega), rel=1e-5)
+    assert np.linalg.matrix_rank(np.asarray(K.C)[:, :2] @ np.asarray(K.B)[:2]) == 2
+
+
 @pytest.mark.cases(0)
 def test_integral_action_is_certified_and_costs_little():
     without = wb.solve(MuSynthesis(weighted(0.9, 0.01))).answer
@@ -65,7 +79,7 @@ def test_integral_action_is_certified_and_costs_little():
         done = wb.solve(MuSynthesis(weighted(0.9, 1e-6), integral=True, **more))
         assert done.certificate.holds, done.certificate
         assert any(check.name == "integral action" for check in done.certificate.checks)
-        assert has_integrator(done.answer.lti.A)
+        assert integrators(done.answer.lti.A) == 1
         assert done.answer.upper < 1.0
         best = best or done.answer  # the first, of which nothing else is asked
     assert best.upper < 1.02 * without.upper

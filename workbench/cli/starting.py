@@ -42,13 +42,56 @@ def not_negative(_: Any, option: click.Parameter, number: float) -> float:
     return number
 
 
+def for_one_channel(given: dict[str, Any]) -> dict[str, Any]:
+    """The options of `init` for plants of one input and one output."""
+    single = {name: next(iter(given[name]), None) for name in ("input", "output", "limits")}
+    if len(given["limits"]) > 1:
+        raise click.UsageError("several --limits are given for one input")
+    return given | single
+
+
+def for_channels(given: dict[str, Any]) -> dict[str, Any]:
+    """The options of `init` for plants of several inputs or outputs.
+
+    Raises a UsageError for options that are for one channel only.
+    """
+    for name in ONE_CHANNEL:
+        if given[name] not in (None, (), "free"):
+            raise click.UsageError(
+                f"--{name.replace('_', '-')} is for plants of one input and one output"
+            )
+    if not (given["input"] and given["output"]):
+        raise click.UsageError("name every column of several inputs and outputs: --input, --output")
+    taken = {name: one for name, one in given.items() if name not in ("input", "output")}
+    found = {name: one for name, one in taken.items() if name not in ONE_CHANNEL}
+    limits = given["limits"] or None
+    return found | {"inputs": given["input"], "outputs": given["output"], "limits": limits}
+
+
+ONE_CHANNEL = (
+    "excitation", "assume", "spread", "resonance_shift", "structure", "recovery_time",
+    "control_rms", "step",
+)  # fmt: skip
+"""Options of `init` that plants of several channels do not have."""
+
+
 @main.command()
 @click.argument("words", metavar="FOLDER", nargs=-1, required=True)
 @click.option(
     "--data", metavar="FILES", required=True, help="One record of each plant: drive*.csv."
 )
-@click.option("--input", metavar="NAME", help="Column of the input [found by its name].")
-@click.option("--output", metavar="NAME", help="Column of the output [found by its name].")
+@click.option(
+    "--input",
+    metavar="NAME",
+    multiple=True,
+    help="Column of the input [found by its name]; of several inputs, each with an option.",
+)
+@click.option(
+    "--output",
+    metavar="NAME",
+    multiple=True,
+    help="Column of the output [found by its name]; of several outputs, each with an option.",
+)
 @click.option("--time", metavar="NAME", help="Column of the time [the equidistant one].")
 @click.option(
     "--sample-rate",
@@ -110,8 +153,9 @@ def not_negative(_: Any, option: click.Parameter, number: float) -> float:
     "--limits",
     type=float,
     nargs=2,
+    multiple=True,
     metavar="LOW HIGH",
-    help="Limits of the input, absolute [those in the records].",
+    help="Limits of the input, absolute [those in the records]; of several inputs in their order.",
 )
 @click.option(
     "--effort", type=float, metavar="W", help="Weight of the input [from the plants' gains]."
@@ -146,7 +190,7 @@ def not_negative(_: Any, option: click.Parameter, number: float) -> float:
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
     from workbench.certificate import distinct_texts
-    from workbench.starter import write_study
+    from workbench.starter import write_channel_study, write_study
 
     # A shell puts several files in the place of a pattern without quotes; --data takes the first.
     files = [word for word in words if Path(word).is_file()]
@@ -158,7 +202,13 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
             "--data 'records/*.csv'"
         )
     folder = folders[0]
-    chosen = write_study(folder, [data, *files] if files else data, **given)
+    records = [data, *files] if files else data
+    conflict = ""
+    if max(len(given["input"]), len(given["output"])) > 1:
+        chosen: Any = write_channel_study(folder, records, **for_channels(given))
+    else:
+        chosen = write_study(folder, records, **for_one_channel(given))
+        conflict = f"; workbench run {folder.name}/demands says which demands exclude each other"
     click.echo(f"read: {chosen.columns}")
     width = max(len(name.removesuffix("_hz")) for name in chosen.reasons)
     for name, reason in chosen.reasons.items():
@@ -180,8 +230,7 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.secho(
             f"! no controller was found that keeps its weights: at {chosen.bandwidth_hz:g} Hz the "
             f"certified peak of mu is {peak}, and must be below 1. {folder} is written; "
-            "change BANDWIDTH, EFFORT or BAND there (README.md says how); "
-            f"workbench run {folder.name}/demands says which demands exclude each other",
+            f"change its numbers there (README.md says how){conflict}",
             fg="red",
         )
         sys.exit(1)

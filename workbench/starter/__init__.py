@@ -8,10 +8,17 @@ Rests on: the certificates of the rooms that it calls; its first choices are onl
 from typing import TYPE_CHECKING
 
 from workbench._core.on_demand import no_more_names
+from workbench.starter.channel_study import ChannelChoices, write_channel_study
 from workbench.starter.first_choices import FirstChoices, first_choices
 from workbench.starter.study_folder import write_study
 
 if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
-__all__ = ["FirstChoices", "first_choices", "write_study"]
+__all__ = [
+    "ChannelChoices",
+    "FirstChoices",
+    "first_choices",
+    "write_channel_study",
+    "write_study",
+]

@@ -88,7 +88,7 @@ class FirstChoices:
     name. ``columns``: the columns read from the records; ``notes``: peculiarities of the records;
     ``tested``: assumptions about the records, with the results of their tests. ``peak``: certified
     peak of mu with a first controller, below 1 if it meets the weights; NaN before one was tried.
-    ``shape``, ``form``: of its cover. ``states``: fewest states of
+    ``shape``, ``form``, ``weight_order``: of its cover. ``states``: fewest states of
     a controller that meets them; 0 before one was tried.
 
     Examples
@@ -116,6 +116,7 @@ class FirstChoices:
     peak: float = field(default=np.nan, kw_only=True)
     shape: Shape = field(default="circle", kw_only=True)
     form: CoverForm = field(default="multiplicative", kw_only=True)
+    weight_order: int = field(default=4, kw_only=True)
     states: int = field(default=0, kw_only=True)
 
 

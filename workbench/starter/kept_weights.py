@@ -33,6 +33,12 @@ COVERS: tuple[Cover, ...] = (
 """Shapes and forms that are tried. Plants with many resonances differ little in absolute terms
 where they are small, as about an antiresonance, and by more than all of their size in relative
 ones."""
+WEIGHT_ORDERS = (4, 6, 8)
+"""Orders of the complex weight that are tried. Beside a resonance, a weight of too low an order is
+far too large.
+"""
+TIGHT = 1.2
+"""Rms radius of a cover over that of the smallest sets, up to which no higher order is tried."""
 HALVINGS = 3
 """Halvings, in logarithm, of the gap between the bandwidth that is kept and the next."""
 TARGET = 0.95
@@ -84,7 +90,7 @@ def kept_weights(
 
     def rung(chosen: FirstChoices, covers: Iterable[Cover]) -> list[Tried]:
         """Controllers of a bandwidth."""
-        return [_tried(study, chosen, cover, models[cover], structure) for cover in covers]
+        return [_tried(study, chosen, cover, *models[cover], structure) for cover in covers]
 
     every = rung(chosen, models)
     while lower and _best(every).peak >= KEPT and len(every) < TRIES * len(models):
@@ -141,23 +147,32 @@ def _best(every: Sequence[Tried]) -> Tried:
     return min(every, key=lambda one: one.peak)
 
 
-def _covers(study: Any) -> dict[Cover, Any]:
-    """The model of a certified cover, of each shape and form that has one."""
-    models: dict[Cover, Any] = {}
+def _covers(study: Any) -> dict[Cover, tuple[int, Any]]:
+    """Order of the weight and model of a certified cover, of each shape and form that has one."""
+    models: dict[Cover, tuple[int, Any]] = {}
     said = ""
     for shape, form in COVERS:
-        covered = solve(study.cover(shape=shape, form=form), options=Options())
-        if covered.certificate is not None and covered.certificate.valid:
-            models[shape, form] = covered.answer.model
-        else:
-            said = covered.message
+        for order in WEIGHT_ORDERS:
+            try:
+                task = study.cover(shape=shape, form=form, weight_order=order)
+            except InputError:
+                if (shape, form) not in models:
+                    raise
+                break  # few frequencies determine no weight of higher order
+            covered = solve(task, options=Options())
+            if covered.certificate is None or not covered.certificate.valid:
+                said = covered.message
+                continue
+            models[shape, form] = order, covered.answer.model
+            if task.inflation(covered.answer).rms <= TIGHT:
+                break
     if not models:
         raise SolverError(f"no certified cover of the plants was found: {said}")
     return models
 
 
 def _tried(
-    study: Any, chosen: FirstChoices, cover: Cover, model: Any, structure: Structure
+    study: Any, chosen: FirstChoices, cover: Cover, order: int, model: Any, structure: Structure
 ) -> Tried:
     """A controller for a bandwidth and a cover."""
     plant = study.weighted(model, chosen.bandwidth_hz, chosen.effort)
@@ -166,7 +181,8 @@ def _tried(
     found = solve(task, options=Options(time_limit=SECONDS)).answer
     peak = math.inf if found is None else float(found.upper)
     shape, form = cover
-    return Tried(replace(chosen, shape=shape, form=form, peak=peak), found, plant)
+    told = replace(chosen, shape=shape, form=form, weight_order=order, peak=peak)
+    return Tried(told, found, plant)
 
 
 def _told_covers(every: Sequence[Tried], best: Tried) -> str:

@@ -7,7 +7,7 @@ import math
 import re
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ TEMPLATES = {
     "problems/{package}/__init__.py": "package.py.jinja",
     "problems/{package}/design.py": "design.py.jinja",
     "tests/test_{package}.py": "test.py.jinja",
+    "notebooks/{package}.ipynb": "notebook.py.jinja",
 }
 """Files of a study, and the template of each file."""
 
@@ -149,7 +150,7 @@ def write_study(
         raise InputError(
             f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
         )
-    target, paths = _new_folder(folder), _distinct_files(data)
+    target, paths = new_folder(folder), distinct_files(data)
     columns = record_columns(paths[0], input, output, time, record_dt)
     look = first_look(paths, *columns, record_dt)
     if control_rms is not None and not look.noise:
@@ -158,7 +159,7 @@ def write_study(
     held = look.limits if limits is None else limits
     actuator(held, None, look.point, (1, 1), period)  # raises for invalid limits
     stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
-    responses, notes = _responses(paths, columns, look, record_dt, excitation, assume, stated)
+    responses, notes = usable_responses(paths, columns, look, record_dt, excitation, assume, stated)
 
     def choices(most: float) -> FirstChoices:
         """Initial numbers of a design of at most this bandwidth [Hz], with those that are given."""
@@ -201,15 +202,15 @@ def write_study(
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as place:
         made = Path(place) / target.name
-        _write(made, paths, told, chosen)
+        write_files(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
         design = made / "problems" / str(told["package"]) / "design.py"
         chosen = kept_weights(design, chosen, None if bandwidth_hz else lower, structure)
-        _write(made, paths, told, chosen)
+        write_files(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
         made.rename(target)
     return chosen
 
 
-def _new_folder(folder: str | Path) -> Path:
+def new_folder(folder: str | Path) -> Path:
     """The folder, which must not exist yet, and whose name must be one of a plant."""
     target = Path(folder)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", target.name):
@@ -222,7 +223,7 @@ def _new_folder(folder: str | Path) -> Path:
     return target
 
 
-def _distinct_files(data: str | Sequence[str]) -> list[Path]:
+def distinct_files(data: str | Sequence[str]) -> list[Path]:
     """The files of the records, which go into one folder."""
     paths = found_files(data)
     if len({path.name for path in paths}) < len(paths):
@@ -230,7 +231,7 @@ def _distinct_files(data: str | Sequence[str]) -> list[Path]:
     return paths
 
 
-def _responses(
+def usable_responses(
     paths: list[Path],
     columns: tuple[str, str, str | None],
     look: FirstLook,
@@ -278,20 +279,23 @@ def _plant_words(
         "time": t,
         "point": look.point,
         "noise": look.noise,
-        "unit_of_u": _bracketed(look.point.u_unit),
-        "unit_of_y": _bracketed(look.point.y_unit),
+        "unit_of_u": bracketed(look.point.u_unit),
+        "unit_of_y": bracketed(look.point.y_unit),
     }
 
 
-def _bracketed(unit: str) -> str:
+def bracketed(unit: str) -> str:
     return "" if unit in ("", "1") else f" [{unit}]"
 
 
-def _write(folder: Path, paths: list[Path], told: dict[str, Any], chosen: FirstChoices) -> None:
+def write_files(
+    folder: Path,
+    paths: list[Path],
+    told: dict[str, Any],
+    templates: Mapping[str, str] = TEMPLATES,
+) -> None:
     """Write every file of the study into a folder."""
     import jinja2
-
-    told = told | {"chosen": chosen, "reasons": chosen.reasons}
 
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("workbench.starter"),
@@ -299,18 +303,15 @@ def _write(folder: Path, paths: list[Path], told: dict[str, Any], chosen: FirstC
         undefined=jinja2.StrictUndefined,
     )
     package = str(told["package"])
-    for name, template in TEMPLATES.items():
+    for name, template in templates.items():
         file = folder / name.format(package=package)
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(made.get_template(template).render(told), encoding="utf-8")
+        text = made.get_template(template).render(told)
+        file.write_text(_notebook(text) if file.suffix == ".ipynb" else text, encoding="utf-8")
     data = folder / "problems" / package / "data"
     data.mkdir(exist_ok=True)
     for path in paths:
         shutil.copyfile(path, data / path.name)
-    notebook = folder / "notebooks" / f"{package}.ipynb"
-    notebook.parent.mkdir(exist_ok=True)
-    cells = made.get_template("notebook.py.jinja").render(told)
-    notebook.write_text(_notebook(cells), encoding="utf-8")
 
 
 def _notebook(text: str) -> str:

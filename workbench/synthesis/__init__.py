@@ -12,6 +12,7 @@ from workbench._core.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.synthesis.demands.bandwidth_limits import BandwidthLimits
+    from workbench.synthesis.demands.channels import channel_plant, demanded_channels
     from workbench.synthesis.demands.demand_conflict import DemandConflict
     from workbench.synthesis.demands.demands import Demands
     from workbench.synthesis.demands.weighted_loop import demanded_plant
@@ -179,8 +180,10 @@ __all__ = [
     "WorkingPoint",
     "approximate",
     "approximations",
+    "channel_plant",
     "closed_loop_transition",
     "continuous_controller",
+    "demanded_channels",
     "demanded_plant",
     "discretise",
     "dropout_modes",

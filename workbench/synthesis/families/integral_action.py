@@ -1,4 +1,4 @@
-"""Controllers with an exact integrator, made from controllers with a pole near zero."""
+"""Controllers with exact integrators, made from controllers with poles near zero."""
 
 from __future__ import annotations
 
@@ -13,34 +13,43 @@ from workbench.systems.realisation import realisation
 
 
 def with_integrator(K: StateSpace) -> StateSpace:
-    """K with its real pole nearest to zero moved to zero; this integrator becomes the first state.
+    """K with its real poles nearest to zero moved to zero, one for each channel; these integrators
+    become the first states.
 
-    A weight with a pole near zero leads to a controller with nearly this pole. K is returned
-    unchanged if it has an integrator already, or no real pole.
+    A weight with a pole near zero leads to a controller with nearly this pole. The number of
+    channels is the smaller one of the numbers of inputs and outputs. K is returned unchanged if it
+    has the integrators already, or too few real poles.
     """
-    if has_integrator(np.asarray(K.A)):
+    count = channel_count(K)
+    if integrators(np.asarray(K.A)) >= count:
         return K
     A, B, C = balanced(K.A, K.B, K.C)
     T = schur(A)[0]
     paired = np.append(np.diag(T, -1), 0.0) + np.append(0.0, np.diag(T, -1)) != 0.0
-    real = np.diag(T)[~paired]
-    if not real.size:
+    real = np.sort(np.abs(np.diag(T)[~paired]))
+    if real.size < count:
         return K
-    slowest = real[np.argmin(np.abs(real))]
-    T, Q, _ = schur(A, sort=lambda re, im: im == 0.0 and re == slowest)
-    # Two decoupled subsystems: the entries of the first row right of the diagonal become zero.
-    X = solve_sylvester(T[:1, :1], -T[1:, 1:], -T[:1, 1:])
+    T, Q, found = schur(A, sort=lambda re, im: im == 0.0 and abs(re) <= real[count - 1])
+    if found != count:
+        return K
+    # Two decoupled subsystems: the entries of the first rows right of the diagonal become zero.
+    X = solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
     inward, outward = Q.T @ B, C @ Q
-    inward[:1] -= X @ inward[1:]
-    outward[:, 1:] += outward[:, :1] @ X
-    T[0, :] = 0.0
+    inward[:count] -= X @ inward[count:]
+    outward[:, count:] += outward[:, :count] @ X
+    T[:count] = 0.0
     labels = {"inputs": list(K.input_labels), "outputs": list(K.output_labels)}
     return realisation((T, inward, outward, K.D), 0.0, **labels)
 
 
-def has_integrator(A: RealArray) -> bool:
-    """Whether a state is an exact integrator, which is a zero row of A."""
-    return bool((np.asarray(A) == 0.0).all(axis=1).any()) if len(A) else False
+def channel_count(K: StateSpace) -> int:
+    """Number of constant signals that a controller can hold independently."""
+    return min(int(K.ninputs), int(K.noutputs))
+
+
+def integrators(A: RealArray) -> int:
+    """Number of states that are exact integrators, which are zero rows of A."""
+    return int((np.asarray(A) == 0.0).all(axis=1).sum()) if len(A) else 0
 
 
 def without_integrators(K: StateSpace) -> StateSpace:
@@ -50,7 +59,7 @@ def without_integrators(K: StateSpace) -> StateSpace:
 
 
 def integral_check(K: StateSpace) -> Check:
-    """Check that a controller has an exact integrator."""
-    statement = "whether no state of the controller is an integrator to the last bit"
-    none = float(not has_integrator(np.asarray(K.A)))
-    return Check("integral action", statement, none, 0.0, over=THIS_SYSTEM, proven=True)
+    """Check that a controller has an exact integrator for each channel."""
+    statement = "channels without a state that is an integrator to the last bit"
+    missing = float(max(channel_count(K) - integrators(np.asarray(K.A)), 0))
+    return Check("integral action", statement, missing, 0.0, over=THIS_SYSTEM, proven=True)

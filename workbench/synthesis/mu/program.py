@@ -110,9 +110,9 @@ class MuSynthesis(Program):
         none, for the same controller. The peak is the largest over all loops. An order, a family or
         a start must then be given.
     integral
-        Whether the controller must have an exact integrator: its real pole nearest to zero is moved
-        to zero before the peak is certified. The weight of the error should have a pole near zero,
-        such as 1e-6 times the bandwidth. Only for continuous plants.
+        Whether the controller must have an exact integrator for each channel: its real poles
+        nearest to zero are moved to zero before the peak is certified. The weight of the error
+        should have a pole near zero, such as 1e-6 times the bandwidth. Only for continuous plants.
     units
         Units of exogenous inputs, measurements and controls by name, which figures show.
 
