@@ -12,6 +12,7 @@ from workbench.fitting.rational import Rational, rational_of_system
 from workbench.synthesis import ControlCover
 from workbench.uncertainty import Responses, contains
 from workbench.uncertainty.covers.everywhere import containment_check
+from workbench.uncertainty.covers.weights import within_reach
 
 OMEGA = np.geomspace(0.05, 20.0, 40)
 
@@ -208,3 +209,17 @@ def test_a_controller_keeps_its_roots_on_the_right(cover, parts, K):
     assert largest(cover.loop(found)) < largest(cover.loop(given))
     unstable = [int((each["controller"].poles.real > 0).sum()) for each in (given, found)]
     assert unstable[0] == unstable[1]
+
+
+def test_roots_beyond_reach_are_moved_back_without_effect():
+    """A search moves a root without limit where it has no effect, and rounding hides slow poles
+    beside it."""
+    omega = np.geomspace(1.0, 1e4, 50)
+    far = Rational([-3.0, -4e17], [-2.0, -5e13, -6e15 + 1e15j, -6e15 - 1e15j], 7e30)
+    near = within_reach(far, omega)
+    assert max(np.abs(near.poles).max(), np.abs(near.zeros).max()) <= 1e10 * (1 + 1e-12)
+    np.testing.assert_allclose(near.response(omega), far.response(omega), rtol=5e-6)
+    assert within_reach(near, omega).poles == pytest.approx(near.poles, rel=1e-12)
+    ordinary = Rational([-3.0], [-2.0, -50.0], 2.0)
+    assert np.array_equal(within_reach(ordinary, omega).poles, ordinary.poles)
+    assert within_reach(ordinary, omega).gain == ordinary.gain

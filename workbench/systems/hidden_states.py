@@ -77,7 +77,7 @@ def visible_matrices(
             return A, B, C
         small = a[:r, :r], b[:r, : B.shape[1]], c[: len(C), :r]
         if _same((A, B, C), small, modes):
-            _check_hidden(_unstable(A, dt), small[0])
+            _check_hidden(unstable_modes(A, dt), small[0])
             return small
     return A, B, C
 
@@ -89,7 +89,7 @@ def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
     """
     given = standard_plant(plant)
     A, B, C = visible_matrices(*balanced(given.A, given.B, given.C), given.dt)
-    if len(_unstable(A, given.dt)) == len(_unstable(given.A, given.dt)):
+    if len(unstable_modes(A, given.dt)) == len(unstable_modes(given.A, given.dt)):
         return plant
     system = plant.system
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
@@ -138,7 +138,7 @@ def _same(
     return bool((np.abs(value(*other) - expected) <= RESPONSE_TOLERANCE * scale).all())
 
 
-def _unstable(A: RealArray, dt: float) -> ComplexArray:
+def unstable_modes(A: RealArray, dt: float) -> ComplexArray:
     """Modes beyond the stability boundary, or on it up to rounding."""
     modes = np.linalg.eigvals(A).astype(complex)
     rounding = ZERO_ROUNDING * EPS * len(A) * float(np.linalg.norm(A))

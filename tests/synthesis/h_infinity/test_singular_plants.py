@@ -18,7 +18,7 @@ from workbench.synthesis import (
     hinf,
     regularise,
 )
-from workbench.synthesis.h_infinity.assumptions import checked
+from workbench.synthesis.h_infinity.assumptions import checked, need_stabilisable
 from workbench.synthesis.h_infinity.normalised import SingularPlantError, has_rank
 from workbench.synthesis.h_infinity.singular_plants.fast_poles import without_fast_poles
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
@@ -298,3 +298,15 @@ def test_mu_synthesis_of_an_integrator_without_a_weight_of_u():
     solution = solve(MuSynthesis(plant), method="dk", options=Options(tolerance="low"))
     assert solution.certificate.holds
     assert 0.5 <= solution.answer.upper <= 0.51
+
+
+@pytest.mark.parametrize("fast", [1e6, 1e10, 1e12, 3e14])
+def test_a_stable_mode_beside_a_very_fast_pole_is_not_hidden(fast):
+    """A search may move a pole of a weight far beyond all frequencies, where it has no effect."""
+    G = control.tf([4e4], [1.0, 28.0, 4e4])
+    weights = control.tf([0.5, 100.0], [1.0, 1.0]), control.tf([0.5 * fast], [1.0, fast])
+    plant = MixedSensitivity(G, W_S=weights[0], W_T=weights[1]).plant
+    need_stabilisable(standard_plant(plant))
+    unstable = control.tf([0.5, 100.0], [1.0, -1.0])
+    with pytest.raises(InputError, match="not (detectable|stabilisable)"):
+        MixedSensitivity(G, W_S=unstable, W_T=weights[1])

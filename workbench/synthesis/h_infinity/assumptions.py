@@ -25,7 +25,7 @@ from workbench.synthesis.h_infinity.normalised import (
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import continuous
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.hidden_states import ZERO_ROUNDING
+from workbench.systems.hidden_states import ZERO_ROUNDING, unstable_modes
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 
@@ -134,9 +134,7 @@ def _unreached_mode(A: RealArray, B: RealArray) -> complex | None:
     """
     size = float(np.linalg.norm(A) or np.linalg.norm(B))  # integrators alone give no size
     rounding = ZERO_ROUNDING * EPS * len(A) * size
-    for mode in np.linalg.eigvals(A).astype(complex):
-        if mode.real < -rounding:
-            continue
+    for mode in unstable_modes(A, 0.0):
         pencil = np.hstack([A - mode * np.eye(len(A)), B])
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding:
             return complex(mode)

@@ -35,6 +35,7 @@ from workbench.uncertainty.covers.weights import (
     needed_radius,
     reaching,
     resolved,
+    within_reach,
 )
 
 SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
@@ -169,9 +170,11 @@ class ControlCover:
             return norm * pull, (slope * pull + 2 * norm * PULL * moved / sizes) * units
 
         y = least_of_several(largest, x / units, context, " and ".join(moving))
-        found = {name: part.rational(vector) for name, part, vector in split(y)}
+        omega = self.responses.omega
+        found = {
+            name: within_reach(part.rational(vector), omega) for name, part, vector in split(y)
+        }
         if "real" in found:
-            omega = self.responses.omega
             found["real"] = damped(resolved(found["real"], omega), omega)
         found = parts | found
         nominal, end = (found[name].response(self.omega) for name in ("nominal", "real"))

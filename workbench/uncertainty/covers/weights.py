@@ -27,6 +27,10 @@ MIN_POLE_DISTANCE = 1e-5
 """Smallest distance of poles from the imaginary axis, relative to the lowest frequency."""
 MIN_POLE_DAMPING = 1e-7
 """Smallest damping ratio of poles."""
+FARTHEST_ROOT = 1e6
+"""Farthest root that a search leaves, relative to the highest frequency. There it changes the
+response by a millionth.
+"""
 CONSTANT_DECADES = 2
 """Number of decades below and above the given frequencies in which weights stay constant."""
 SUFFICIENT_DAMPING = 0.1
@@ -198,6 +202,21 @@ def resolved(function: Rational, omega: RealArray) -> Rational:
     size = np.abs(function.poles)
     around = np.interp(np.log(np.maximum(size, omega[0])), (log[1:] + log[:-1]) / 2, np.diff(log))
     return _left_by(np.minimum(around / 2, SUFFICIENT_DAMPING) * size, function)
+
+
+def within_reach(function: Rational, omega: RealArray) -> Rational:
+    """The function with no root farther than `FARTHEST_ROOT` times the highest frequency, and the
+    same response at the frequencies.
+
+    A search may move a root without limit where it has no effect. Beside a very fast pole, rounding
+    hides the slow ones.
+    """
+    farthest = FARTHEST_ROOT * omega[-1]
+    far_zeros, far_poles = (
+        np.maximum(np.abs(roots) / farthest, 1.0) for roots in (function.zeros, function.poles)
+    )
+    gain = function.gain * float(np.exp(np.log(far_zeros).sum() - np.log(far_poles).sum()))
+    return Rational(function.zeros / far_zeros, function.poles / far_poles, gain)
 
 
 def _left_by(distance: RealArray, function: Rational) -> Rational:
