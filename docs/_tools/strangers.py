@@ -1,7 +1,7 @@
 """The figures of docs/strangers.md: a plant's loops if they were run, otherwise its true responses.
 
-    workbench --results FOLDER run 'strangers/*/loop'
-    python docs/_tools/strangers.py FOLDER
+workbench --results FOLDER run 'strangers/*/loop'
+python docs/_tools/strangers.py FOLDER
 """
 
 from __future__ import annotations

@@ -308,5 +308,5 @@ def test_a_stable_mode_beside_a_very_fast_pole_is_not_hidden(fast):
     plant = MixedSensitivity(G, W_S=weights[0], W_T=weights[1]).plant
     need_stabilisable(standard_plant(plant))
     unstable = control.tf([0.5, 100.0], [1.0, -1.0])
-    with pytest.raises(InputError, match="not (detectable|stabilisable)"):
+    with pytest.raises(InputError, match=r"not (detectable|stabilisable)"):
         MixedSensitivity(G, W_S=unstable, W_T=weights[1])

@@ -37,8 +37,9 @@ def cover_front(
     """Covers of several orders, and how large their sets are, or what they cost a loop in mu.
 
     For each of the orders, covers are made by the methods "inflation" and "joint", and the cheaper
-    one is kept. The front consists of those covers that no other cover beats in states and cost. `least_inflation` says how small the sets can be with a nominal of the
-    order, so that a reader sees what the order costs.
+    one is kept. The front consists of those covers that no other cover beats in states and cost.
+    `least_inflation` says how small the sets can be with a nominal of the order, so that a reader
+    sees what the order costs.
 
     Parameters
     ----------
