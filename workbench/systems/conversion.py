@@ -72,7 +72,8 @@ def need_plant(plant: Any) -> None:
     if not isinstance(plant, GeneralisedPlant):
         raise InputError(
             f"plant must be a GeneralisedPlant, not {type(plant).__name__}; "
-            "GeneralisedPlant(system, structure, controls, measurements) says which of a system's inputs and outputs are "
+            "GeneralisedPlant(system, structure, controls, measurements) says which of a "
+            "system's inputs and outputs are "
             "perturbation, performance and control, and MixedSensitivity makes one of a plant and "
             "its weights"
         )
