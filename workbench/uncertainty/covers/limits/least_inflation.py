@@ -35,6 +35,16 @@ class LeastInflation(Answer):
 
     ``value`` holds for all weights and for every nominal with at most ``order`` poles and ``zeros``
     zeros; 0 says nothing. ``weights`` (F, N) of the points prove it. `least_inflation` returns it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import CircleCover, Responses, least_inflation
+    >>> s = 1j * np.geomspace(0.1, 10, 30)[:, None]
+    >>> plants = Responses(omega=s.imag[:, 0], values=1 / (s * [0.9, 1.0, 1.1] + 1))
+    >>> bound = least_inflation(CircleCover(plants, order=0))
+    >>> bound.value > 10, bound.zeros
+    (True, 0)
     """
 
     order: int
