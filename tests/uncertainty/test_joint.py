@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 import workbench as wb
 from workbench import Options
 from workbench.executor import Context
+from workbench.fitting import MagnitudeFit
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.root_pairs import pair_logarithms
@@ -261,3 +262,16 @@ def test_the_inflation_is_made_smaller_than_by_the_mean_size(kind):
         assert solution.certificate.valid
         ratios[method] = program.inflation(solution.answer).largest
     assert ratios["inflation"] < ratios["joint"]
+
+
+def test_about_a_given_nominal_circles_have_the_best_weight():
+    """The fit of W_c alone is a convex problem, whose optimum is proven by alternation."""
+    responses = plants(seed=4, omega=np.geomspace(3, 300, 40))
+    away = np.abs(responses.values / NOMINAL.response(responses.omega)[:, None] - 1).max(axis=1)
+    for order in (1, 2, 3):
+        program = CircleCover(responses, 2, nominal=NOMINAL, complex_order=order)
+        fit = MagnitudeFit(responses.omega, away, order, cover=True)
+        best = wb.solve(fit)
+        assert best.certificate.holds
+        found = program.inflation(wb.solve(program, method="inflation").answer).about.max()
+        assert found <= 1.02 * (1 + fit.error(best.answer))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,12 +35,22 @@ class LeastInflation(Answer):
 
     ``value`` holds for all weights and for every nominal with at most ``order`` poles and ``zeros``
     zeros; 0 says nothing. ``weights`` (F, N) of the points prove it. `least_inflation` returns it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import CircleCover, Responses, least_inflation
+    >>> s = 1j * np.geomspace(0.1, 10, 30)[:, None]
+    >>> plants = Responses(omega=s.imag[:, 0], values=1 / (s * [0.9, 1.0, 1.1] + 1))
+    >>> bound = least_inflation(CircleCover(plants, order=0))
+    >>> bound.value > 10, bound.zeros
+    (True, 0)
     """
 
     order: int
     zeros: int
     value: float
-    weights: RealArray = field(repr=False)
+    weights: RealArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +98,10 @@ class LeastInflationChecker(Checker):
     def bound(self, weights: RealArray) -> float:
         """The bound that weights (F, N) prove, in doubles: one over the largest singular value."""
         program = self.program
+        if np.shape(weights) != program.points.shape or not (weights >= 0).all():
+            return 0.0
         f = np.flatnonzero(weights.any(axis=1))
-        if not f.size:
+        if not _determine(program, f):
             return 0.0
         weights, points = weights[f], program.points[f]
         omega, size = program.responses.axis[f], extent(program.raw)[f]
@@ -110,6 +122,11 @@ class LeastInflationChecker(Checker):
         return 1 / float(np.linalg.norm(seen, 2))
 
 
+def _determine(program: UncertaintyCover, f: np.ndarray) -> bool:
+    """Whether so many frequencies (f,) determine polynomials of the nominal's order."""
+    return 2 * f.size > program.order
+
+
 def _powers(omega: RealArray, weight: RealArray, degree: int) -> ComplexArray:
     """Weighted values (F, C) of polynomials in s up to a degree, orthonormal over frequencies."""
     x, none = omega / np.exp(np.log(omega).mean()), np.zeros(0, dtype=complex)
@@ -128,14 +145,14 @@ def least_inflation(program: UncertaintyCover, *, options: Options | None = None
     Parameters
     ----------
     program
-        A `CircleCover` or `StadiumCover` whose nominal is not given.
+        A `CircleCover` or `StadiumCover` whose nominal is not given, without points left out.
     options
         Limit of time and seed of the fit from which the search starts.
 
     Raises
     ------
     InputError
-        The nominal is given.
+        The nominal is given, or points may be left out.
 
     Examples
     --------
@@ -154,11 +171,13 @@ def least_inflation(program: UncertaintyCover, *, options: Options | None = None
     need_kind(program, UncertaintyCover, "program")
     if program.nominal is not None:
         raise InputError("the nominal is given, so its order limits nothing; leave out nominal=")
+    if program.leave_out:
+        raise InputError("with leave_out a cover chooses the points to leave out; leave out none")
     weights = np.zeros(program.points.shape)
     checker = LeastInflationChecker(program)
     sizes, largest = extent(program.raw), np.abs(program.points).max(axis=1)
     apart = np.flatnonzero(sizes > LEAST_EXTENT * largest)
-    if apart.size:
+    if _determine(program, apart):
         found = best_weights(_forms(program, apart, options or Options()))
         weights[apart] = 0.0 if found is None else found / found.max()
     bound = checker.bound(weights)
