@@ -76,7 +76,7 @@ def trial(graph: Graph, one: Constant, factor: str, nearest: int, seconds: int) 
     if os.WIFSIGNALED(status):
         return "none in time"
     code = os.waitstatus_to_exitcode(status)
-    return "none" if code in (0, 5) else f"not run: {said.splitlines()[-1:]}"
+    return {0: "none", 5: "no fast test"}.get(code, f"not run: {said.splitlines()[-1:]}")
 
 
 def main(count: int, nearest: int, seconds: int) -> None:
