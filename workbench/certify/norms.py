@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,7 +25,9 @@ only decides where the bound begins; the bound itself is proven on intervals.
 """
 
 FAR = 2.0**200
-"""Outputs and rates beyond this size, or below its reciprocal, are measured in another unit."""
+"""Inputs, outputs and rates beyond this size, or below its reciprocal, are measured in another
+unit.
+"""
 
 INTERVALS_BEFORE_COARSENING = 300
 """The tolerance becomes ten times as large after this many intervals. Otherwise a loop whose
@@ -67,17 +68,21 @@ _norms: dict[tuple[object, ...], float] = {}
 
 def _certified_norm(loop: StateSpace) -> float:
     A, B, C, D = (np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D))
-    largest = float(max(np.abs(C).max(initial=0.0), np.abs(D).max(initial=0.0)))
-    unit = float(nearest_power_of_two(largest))
-    fastest = 0.0 if loop.dt else float(np.abs(A).max(initial=0.0))
-    rate = float(nearest_power_of_two(fastest))
-    near = 1 / FAR < unit < FAR and 1 / FAR < rate < FAR
-    if not near and math.isfinite(largest) and math.isfinite(fastest):
-        inner = A / rate, B / rate, C / unit, D / unit  # squares would overflow or underflow
-        back = inner[0] * rate, inner[1] * rate
-        if all(map(np.array_equal, back, (A, B))):  # no slow rate is lost
+    rate = 1.0 if loop.dt else _unit(A)
+    entering = _unit(B / rate)
+    leaving = _unit(C, D / entering)
+    near = all(1 / FAR < unit < FAR for unit in (rate, entering, leaving))
+    if not near:  # squares would overflow or underflow
+        inner = A / rate, B / rate / entering, C / leaving, D / entering / leaving
+        back = (
+            inner[0] * rate,
+            inner[1] * entering * rate,
+            inner[2] * leaving,
+            inner[3] * leaving * entering,
+        )
+        if all(map(np.array_equal, back, (A, B, C, D))):  # no slow rate and no small entry is lost
             scaled = _certified_norm(realisation(inner, loop.dt or 0.0))
-            return float(np.nextafter(scaled * unit, np.inf))
+            return float(np.nextafter(scaled * leaving * entering, np.inf))
     parts = [A, B, C, D]
     given = not loop.dt and all(np.isfinite(part).all() for part in parts)
     if given:
@@ -91,6 +96,11 @@ def _certified_norm(loop: StateSpace) -> float:
         if found is not None:
             return found
     return _norm_by_intervals(system)
+
+
+def _unit(*parts: RealArray) -> float:
+    """A power of two near the largest entry of some matrices; 1 if they have none but 0."""
+    return float(nearest_power_of_two(max(float(np.abs(part).max(initial=0.0)) for part in parts)))
 
 
 def _peak_of_fractions(parts: Sequence[Enclosure]) -> float | None:

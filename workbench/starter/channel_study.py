@@ -23,13 +23,8 @@ from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import BENT, CONFIDENCE, EFFORT, FirstChoices, first_choices
 from workbench.starter.first_look import FirstLook, first_look
 from workbench.starter.kept_weights import HALVINGS, KEPT, SECONDS, STEP, TARGET, TRIES
-from workbench.starter.study_folder import (
-    TEMPLATES,
-    distinct_files,
-    new_folder,
-    usable_responses,
-    write_files,
-)
+from workbench.starter.study_files import TEMPLATES, write_files
+from workbench.starter.study_folder import distinct_files, new_folder, usable_responses
 from workbench.synthesis import MuSynthesis, WorkingPoint
 from workbench.synthesis.demands.channels import sized_response
 from workbench.synthesis.demands.demands import Demands
@@ -218,24 +213,14 @@ def write_channel_study(
         "confidence": CONFIDENCE,
         "bent": BENT,
     }
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as place:
-        made = Path(place) / target.name
-
-        def write(chosen: ChannelChoices) -> None:
-            both = {"chosen": chosen, "reasons": chosen.reasons}
-            write_files(made, paths, told | both, CHANNEL_TEMPLATES)
-
-        write(chosen)
-        chosen = _kept(
-            made / "problems" / str(told["package"]) / "design.py",
-            chosen,
-            search=bandwidth_hz is None,
-            given_effort=effort,
-        )
-        write(chosen)
-        made.rename(target)
-    return chosen
+    return write_files(
+        target,
+        paths,
+        told,
+        chosen,
+        lambda design: _kept(design, chosen, search=bandwidth_hz is None, given_effort=effort),
+        CHANNEL_TEMPLATES,
+    )
 
 
 def _files_by_input(paths: Sequence[Path], inputs: Sequence[str]) -> dict[str, list[Path]]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +18,13 @@ from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import BENT, CONFIDENCE, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, FirstLook, first_look, oddities
-from workbench.starter.kept_weights import Structure, kept_weights
+from workbench.starter.kept_weights import Structure
 from workbench.starter.rest import refuse_opposite_gains
+from workbench.starter.study_files import write_files
 from workbench.synthesis.demands.demands import Demands
 from workbench.synthesis.implementation.working_point.actuator import actuator
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.measured import found_files
-
-TEMPLATES = {
-    "pyproject.toml": "pyproject.toml.jinja",
-    "README.md": "README.md.jinja",
-    "problems/{package}/__init__.py": "package.py.jinja",
-    "problems/{package}/design.py": "design.py.jinja",
-    "tests/test_{package}.py": "test.py.jinja",
-    "notebooks/{package}.ipynb": "notebook.py.jinja",
-}
-"""Files of a study, and the template of each file."""
 
 
 def write_study(
@@ -143,8 +132,8 @@ def write_study(
     }
     Demands(**demands, noise=1.0)  # raises for invalid numbers
     need_choice(structure, Structure, "structure")
-    positive = {"bandwidth_hz": bandwidth_hz, "effort": effort, "step": step, "dt": dt}
-    for name, number in (positive | {"record_dt": record_dt}).items():
+    given: dict[str, Any] = {"bandwidth_hz": bandwidth_hz, "effort": effort}
+    for name, number in (given | {"step": step, "dt": dt, "record_dt": record_dt}).items():
         need_positive(number, name, or_none=True)
     if not (is_real(delay_samples) and 0.0 <= delay_samples < math.inf):
         raise InputError(
@@ -158,37 +147,18 @@ def write_study(
     period = look.period if dt is None else dt
     held = look.limits if limits is None else limits
     actuator(held, None, look.point, (1, 1), period)  # raises for invalid limits
-    stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
+    stated = _present({"spread": spread, "resonance_shift": resonance_shift})
     responses, notes = usable_responses(paths, columns, look, record_dt, excitation, assume, stated)
-
-    def choices(most: float) -> FirstChoices:
-        """Initial numbers of a design of at most this bandwidth [Hz], with those that are given."""
-        try:
-            found = first_choices(responses, period, delay_samples=delay_samples, at_most_hz=most)
-        except InputError as error:
-            raise InputError("; ".join([str(error), *notes])) from None
-        found = replace(found, columns=look.columns, notes=notes, tested=responses.tested)
-        given: dict[str, Any] = {"bandwidth_hz": bandwidth_hz, "effort": effort}
-        given = {name: number for name, number in given.items() if number is not None}
-        found.reasons.update(dict.fromkeys(given, "as given"))
-        return replace(found, **given)
-
-    chosen = choices(bandwidth_hz or np.inf)
+    numbers = _Numbers(responses, period, delay_samples, look.columns, notes, _present(given))
+    chosen = numbers.at_most(bandwidth_hz or np.inf)
     chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
-
-    def lower(most: float) -> FirstChoices:
-        """The same with a lower bandwidth, on which only the effort depends."""
-        other = choices(most)
-        return replace(other, reasons={**chosen.reasons, "effort": other.reasons["effort"]})
-
-    named: dict[str, Any] = {} if excitation is None else {"excitation": excitation}
-    if assume:
-        named["assume"] = as_names(assume)
     told: dict[str, Any] = {
         **_plant_words(target.name, paths, columns, look),
         "record_dt": record_dt,
-        "named": named,
-        "stated": {name: share for name, share in stated.items() if share is not None},
+        "named": _present(
+            {"excitation": excitation, "assume": as_names(assume) if assume else None}
+        ),
+        "stated": stated,
         "period": period,
         "delay_samples": delay_samples,
         "limits": tuple(map(float, held)),
@@ -199,15 +169,44 @@ def write_study(
         "bent": BENT,
         "read": responses.read,
     }
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as place:
-        made = Path(place) / target.name
-        write_files(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
-        design = made / "problems" / str(told["package"]) / "design.py"
-        chosen = kept_weights(design, chosen, None if bandwidth_hz else lower, structure)
-        write_files(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
-        made.rename(target)
-    return chosen
+    lower = None if bandwidth_hz else partial(numbers.lower, chosen)
+    return write_files(
+        target, paths, told, chosen, lambda design: kept_weights(design, chosen, lower, structure)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Numbers:
+    """Initial numbers of a design for some responses, with those that are given."""
+
+    responses: Responses
+    period: float
+    delay_samples: float
+    columns: str
+    notes: tuple[str, ...]
+    given: Mapping[str, Any]
+
+    def at_most(self, most: float) -> FirstChoices:
+        """Those of a design of at most this bandwidth [Hz]."""
+        try:
+            found = first_choices(
+                self.responses, self.period, delay_samples=self.delay_samples, at_most_hz=most
+            )
+        except InputError as error:
+            raise InputError("; ".join([str(error), *self.notes])) from None
+        found = replace(found, columns=self.columns, notes=self.notes, tested=self.responses.tested)
+        found.reasons.update(dict.fromkeys(self.given, "as given"))
+        return replace(found, **self.given)
+
+    def lower(self, chosen: FirstChoices, most: float) -> FirstChoices:
+        """Those of a lower bandwidth [Hz], on which only the effort depends."""
+        other = self.at_most(most)
+        return replace(other, reasons={**chosen.reasons, "effort": other.reasons["effort"]})
+
+
+def _present(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def new_folder(folder: str | Path) -> Path:
@@ -286,59 +285,3 @@ def _plant_words(
 
 def bracketed(unit: str) -> str:
     return "" if unit in ("", "1") else f" [{unit}]"
-
-
-def write_files(
-    folder: Path,
-    paths: list[Path],
-    told: dict[str, Any],
-    templates: Mapping[str, str] = TEMPLATES,
-) -> None:
-    """Write every file of the study into a folder."""
-    import jinja2
-
-    made = jinja2.Environment(
-        loader=jinja2.PackageLoader("workbench.starter"),
-        keep_trailing_newline=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    package = str(told["package"])
-    for name, template in templates.items():
-        file = folder / name.format(package=package)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        text = made.get_template(template).render(told)
-        file.write_text(_notebook(text) if file.suffix == ".ipynb" else text, encoding="utf-8")
-    data = folder / "problems" / package / "data"
-    data.mkdir(exist_ok=True)
-    for path in paths:
-        shutil.copyfile(path, data / path.name)
-
-
-def _notebook(text: str) -> str:
-    """A notebook whose cells begin at lines `# %%`.
-
-    Cells that begin at `# %% [markdown]` are prose.
-    """
-    cells: list[dict[str, Any]] = []
-    for part in text.split("# %%")[1:]:
-        head, _, body = part.partition("\n")
-        body = body.strip("\n")
-        number: dict[str, Any] = {"id": f"cell{len(cells)}", "metadata": {}}
-        if "[markdown]" in head:
-            prose = "\n".join(line.removeprefix("# ") for line in body.splitlines())
-            cells.append({"cell_type": "markdown", "source": prose} | number)
-        else:
-            cells.append(
-                {"cell_type": "code", "source": body, "execution_count": None, "outputs": []}
-                | number
-            )
-    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    return json.dumps(
-        {
-            "cells": cells,
-            "metadata": {"kernelspec": kernel},
-            "nbformat": 4,
-            "nbformat_minor": 5,
-        },
-        indent=1,
-    )

@@ -77,7 +77,7 @@ def shown_apart(A: RealArray, poles: ComplexArray, points: ComplexArray) -> Bool
     modes = [np.linalg.eigvals(block) for block in blocks]
     marks = []
     for pole, point in zip(poles, points, strict=True):
-        own = min(range(len(blocks)), key=lambda i, pole=pole: np.abs(modes[i] - pole).min())
+        own = int(np.argmin([np.abs(mode - pole).min() for mode in modes]))
         marks.append(_shown_beside(point, blocks[own], axis_rounding(A) / AXIS_ROUNDING))
     return np.array(marks)
 

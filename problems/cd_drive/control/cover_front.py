@@ -145,21 +145,13 @@ class CoverFrontOfAxis(Study):
     ) -> Figure:
         """Sizes and peaks of mu over the number of states."""
         drawn, (left, right) = figures.axes(1, 2, size=(10.0, 4.4))
-        markers = dict(zip(RATIOS, ("o", "s", "+", "x"), strict=True))
-        for name, label in RATIOS.items():
-            left.plot(states, over_narrowest.sel(ratio=name), markers[name], label=label)
-        cost = _largest(over_narrowest)
-        best = np.minimum.accumulate(cost[np.argsort(states.values, kind="stable")])
-        left.step(np.sort(states.values), best, where="post", color="0.6", label="front")
-        near = f"{CoverFront.near_best:.0%} above the best"
-        left.axhline(best[-1] * (1 + CoverFront.near_best), color="0.4", linewidth=0.8, label=near)
-        right.plot(states, peak.sel(bound="upper"), "o", label="fitted stadiums")
-        right.plot(states, peak_of_sets, "+", label="narrowest sets alone")
+        sizes = {label: over_narrowest.sel(ratio=name) for name, label in RATIOS.items()}
+        CoverFront.draw(left, states, sizes, cost=_largest(over_narrowest))
+        mu = {"fitted stadiums": peak.sel(bound="upper"), "narrowest sets alone": peak_of_sets}
+        CoverFront.draw(right, states, mu)
         size = "size over that of the narrowest sets"
-        figures.label(left, x="states of $G$, $W_c$ and $W_r$", y=size, title=self.axis, log="y")
-        figures.label(right, x="states of $G$, $W_c$ and $W_r$", y="peak of $\\mu$, $w_p$ to $z_p$")
-        left.legend(fontsize=7)
-        right.legend(fontsize=7)
+        figures.label(left, y=size, title=self.axis, log="y")
+        figures.label(right, y="peak of $\\mu$, $w_p$ to $z_p$")
         return drawn
 
 

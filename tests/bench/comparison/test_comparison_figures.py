@@ -8,9 +8,9 @@ import pytest
 from made_cells import LEVELS, heuristic, inaccurate, invalid, made, nothing, solved, synthetic
 
 from workbench.bench.comparison import judged_cells
-from workbench.bench.comparison.drawings import drawings
 from workbench.bench.comparison.layout import NUMBERS, seconds
 from workbench.bench.comparison.profiles import performance_ratios, profile
+from workbench.bench.comparison.study import drawings
 from workbench.bench.comparison.styles import method_looks
 from workbench.bench.report.points import every_cell
 

@@ -13,7 +13,7 @@ from filelock import FileLock
 from markupsafe import Markup
 
 from workbench.bench.project import results_root
-from workbench.bench.report.drawn import DrawnFigure, draw_runs
+from workbench.bench.report.drawn import DrawnFigure, draw_runs, pixels_of
 from workbench.bench.report.entries import (
     ReportEntry,
     entries,
@@ -24,7 +24,6 @@ from workbench.bench.report.entries import (
 from workbench.bench.report.kept import ENTRY, KeptRun, ReportFolder, write_whole
 from workbench.bench.report.pages import FigureView, RunView, index_page, link, run_page
 from workbench.bench.report.stamps import drawing_code, stamps
-from workbench.bench.report.thumbnails import pixels_of
 from workbench.bench.report.toggles import Toggled, toggled
 from workbench.bench.results import damaged, open_run, unreadable
 from workbench.bench.store import CHECKSUMS

@@ -1,8 +1,12 @@
-"""Figures and tables of a run for the report, drawn where the executor runs."""
+"""Figures, small pictures of them, and tables of a run for the report, drawn where the executor
+runs.
+"""
 
 from __future__ import annotations
 
+import io
 import re
+import struct
 import traceback
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -21,6 +25,9 @@ from workbench.executor import Progress, spread
 from workbench.figures.formats import png, svg
 
 LIBRARY = Path(workbench.__file__).parent
+THUMBNAIL = (240, 180)
+"""Largest width and height [pixel]; shown at half that size, so it is sharp on fine screens too."""
+COLOURS = 48
 
 
 @dataclass(frozen=True)
@@ -110,3 +117,22 @@ def _is_ours(file: Path) -> bool:
 def _words(stem: str) -> str:
     """The title of a figure: ``figure-7-13`` is figure 7.13."""
     return re.sub(r"[-_]+", " ", re.sub(r"(?<=\d)-(?=\d)", ".", stem))
+
+
+def thumbnail(png: bytes) -> bytes:
+    """A small picture of a figure, from PNG to PNG; the same figure gives the same bytes."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(png)) as figure:
+        small = Image.new("RGB", figure.size, "white")
+        small.paste(figure, mask=figure.getchannel("A") if figure.mode == "RGBA" else None)
+    small.thumbnail(THUMBNAIL, Image.Resampling.LANCZOS)
+    file = io.BytesIO()
+    small.quantize(COLOURS).save(file, "PNG", optimize=True)
+    return file.getvalue()
+
+
+def pixels_of(png: bytes) -> tuple[int, int]:
+    """Width and height of a PNG [pixel]; a page reserves the space before the figure is loaded."""
+    width, height = struct.unpack(">II", png[16:24])
+    return width, height

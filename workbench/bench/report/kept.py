@@ -23,8 +23,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from workbench.bench.report.drawn import DrawnRun
-from workbench.bench.report.thumbnails import pixels_of, thumbnail
+from workbench.bench.report.drawn import DrawnRun, pixels_of, thumbnail
 from workbench.bench.trust.untrusted import read_json
 from workbench.errors import ResultError
 

@@ -30,7 +30,7 @@ from workbench.certify.realisations.lyapunov import frobenius, rounded
 from workbench.certify.rounding import nearest_power_of_two
 from workbench.certify.stability import stability_check
 from workbench.errors import InputError
-from workbench.systems.balancing import speed
+from workbench.systems.balancing import FAR, speed
 from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
 
 BITS = 256
@@ -237,8 +237,25 @@ def _stable_mirror(part: Matrices, dt: float) -> tuple[Matrices, float]:
 
 def difference_of(one: Matrices, other: Matrices) -> Matrices:
     """The difference of two systems, with their states side by side."""
-    A, B, C, D = other
-    return in_parallel(one, (A, B, -C, -D))
+    A, B, C, D = _in_moderate_units(other)
+    return in_parallel(_in_moderate_units(one), (A, B, -C, -D))
+
+
+def _in_moderate_units(K: Matrices) -> Matrices:
+    """A realisation with its states in another unit, a power of two, where B and C are of very
+    different size.
+
+    Two systems whose states differ by 1e200 in size hardly depend on each other in a difference,
+    and its balancing would take very many steps to find that out.
+    """
+    A, B, C, D = K
+    into, out = (int(np.frexp(np.abs(part).max(initial=0.0))[1]) for part in (B, C))
+    if not B.any() or not C.any() or abs(out - into) < np.log2(FAR):
+        return K
+    unit = (out - into) // 2
+    scaled = np.ldexp(B, unit), np.ldexp(C, -unit)
+    back = np.ldexp(scaled[0], -unit), np.ldexp(scaled[1], unit)
+    return (A, *scaled, D) if all(map(np.array_equal, back, (B, C))) else K
 
 
 def states_of(matrix: fmpq_mat) -> int:

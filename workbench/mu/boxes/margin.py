@@ -32,9 +32,13 @@ DECISIONS = 4
 """A size is given at most about parts / DECISIONS parts; after that, the number is not raised any
 more.
 """
-SIZE_ROUNDING = 1e-5
-"""Relative error of the size of an unstable member that bisection in doubles has found: about
-eps^(1/3), the amount by which rounding moves a triple pole.
+TRIPLE_ROOT_ROUNDING = 1e-5
+"""Relative error of the size of an unstable member that bisection in doubles has found, and of a
+delay found from its crossings: about eps^(1/3), by which rounding moves a triple pole or crossing.
+"""
+REPROOF_PARTS = 4
+"""A proof of a lower bound may use this many times the parts of the search that found it: on
+another processor a few more parts may be needed.
 """
 PARTS_EXCLUDED = "parts of the box hold stable members only"
 ONE_UNSTABLE = "one member of the box is unstable"
@@ -147,7 +151,7 @@ def box_margin(
         search.tell()
     upper = math.inf if search.values is None else search.upper
     need_agreement(
-        (1 - SIZE_ROUNDING) * search.lower, upper, "the margin", PARTS_EXCLUDED, ONE_UNSTABLE
+        (1 - TRIPLE_ROOT_ROUNDING) * search.lower, upper, "the margin", PARTS_EXCLUDED, ONE_UNSTABLE
     )
     return BoxMargin(search.lower, upper, search.values, parts - search.left)
 

@@ -21,7 +21,13 @@ from workbench.certificate import Check, Checker, relative_excess
 from workbench.executor import Context
 from workbench.executor.effort import tries
 from workbench.executor.live import shown_live
-from workbench.mu.boxes.margin import BoxMargin, LastGrowing, box_margin, proven_stable
+from workbench.mu.boxes.margin import (
+    REPROOF_PARTS,
+    BoxMargin,
+    LastGrowing,
+    box_margin,
+    proven_stable,
+)
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.margins.channel_factors import with_delay, with_fall, with_phase, with_rise
@@ -38,10 +44,6 @@ LARGEST_TURN = 1e3
 """Largest t of a phase; it corresponds to 179.9 degrees."""
 KINDS = 4
 """Number of margins per channel that share the time: gain up, gain down, phase and delay."""
-REPROOF_PARTS = 4
-"""A proof of a margin may use this many times the parts of the search that found it: on another
-processor a few more parts may be needed.
-"""
 REPROVEN_SHARE = 1 - REPEATED_ROUNDING
 """Share of a margin that is proven again: the search stops where the proof has no room left."""
 DRAWN_PLANTS, DRAWN_ROUNDING = 20, 1e-6

@@ -20,6 +20,7 @@ from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import angular_frequency
 from workbench.executor import Context
 from workbench.mu.boxes.bands import WHOLE, Band
+from workbench.mu.boxes.margin import GAP_SHARE, TRIPLE_ROOT_ROUNDING
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
 
@@ -37,15 +38,9 @@ is cut.
 """
 DECISIONS = 6
 """One delay may take the number of parts divided by this."""
-CROSSING_ROUNDING = 1e-5
-"""Relative error of a member's delay that is found from its crossings in doubles: about eps^(1/3),
-the amount by which rounding moves a triple crossing.
-"""
 EVERY_BAND = "parts exclude every frequency for every plant"
 ITS_CROSSING = "one plant has a crossing there"
 """What the lower and the upper bound rest on."""
-GAP_SHARE = 0.999
-"""A delay is chosen at this share of the wanted distance of the bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +91,7 @@ def delay_bounds(
         elif search.upper > level:
             undecided = level
     need_agreement(
-        (1 - CROSSING_ROUNDING) * lower, search.upper, "the delay", EVERY_BAND, ITS_CROSSING
+        (1 - TRIPLE_ROOT_ROUNDING) * lower, search.upper, "the delay", EVERY_BAND, ITS_CROSSING
     )
     return DelayBounds(min(lower, search.upper), search.upper, search.values)
 

@@ -30,6 +30,7 @@ from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound, said
 from workbench.errors import InputError
 from workbench.input_checks import as_matrices, need_count
+from workbench.mu.boxes.partition import NARROWEST_WIDTH
 from workbench.mu.boxes.recentred import real_perturbation
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.methods import proposals
@@ -48,8 +49,6 @@ LEAST_RECIPROCAL_CONDITION = 1e-6
 """Least reciprocal condition number of I - M C at which a part is recentred."""
 PARTS_EXCLUDED = "multipliers exclude every part of the box of real blocks"
 """What upper bounds rest on."""
-NARROWEST_WIDTH = 1e-9
-"""A block is not cut again once its half-width, relative to the box, is below this."""
 
 Upper = Callable[[np.ndarray, Structure], Any]
 """An upper bound of mu for matrices (B, columns, rows): an object with ``value`` (B,)."""

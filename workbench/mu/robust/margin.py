@@ -18,7 +18,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.live import shown_live
 from workbench.input_checks import need_count, need_positive, need_tolerance
-from workbench.mu.boxes.margin import Growing, box_margin, proven_stable
+from workbench.mu.boxes.margin import REPROOF_PARTS, Growing, box_margin, proven_stable
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.attained import Attained, destabilised
 from workbench.mu.frequency.channels import analysed, even_channels, in_loops
@@ -46,10 +46,6 @@ PARTS = 4000
 """Largest number of parts of the box of real parameters that are examined."""
 EXCLUDED = "every part of the box of parameters is proven to be stable"
 """What lower margins of systems with real parameters rest on."""
-REPROOF_PARTS = 4
-"""A proof of a lower bound may use this many times the parts of the search that found it: on
-another processor a few more parts may be needed.
-"""
 BISECTIONS = 40
 """Largest number of sizes of uncertainty tried for a margin of performance."""
 MOST_GROWTH = 1e6

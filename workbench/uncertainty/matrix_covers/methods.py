@@ -17,6 +17,7 @@ from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
+from workbench.uncertainty.covers.weights import GAIN_MARGIN
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.descent import descended, evolved
 from workbench.uncertainty.matrix_covers.found import FoundCover
@@ -32,8 +33,6 @@ from workbench.uncertainty.matrix_covers.weights import (
     right_weight,
 )
 
-GAIN_MARGIN = 1e-9
-"""Relative excess of a gain over the needed one."""
 MOST_RAISES = 8
 """Largest number of tried gains. The proven norm of a scaled system is not exactly the scaled
 norm.

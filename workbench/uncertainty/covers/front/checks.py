@@ -17,6 +17,13 @@ from workbench.uncertainty.covers.limits.least_inflation import (
     LeastInflationChecker,
 )
 
+SIZES = {
+    "inflation": "extent, about the nominal",
+    "inflation_free": "extent, free centres",
+    "rms": "rms of the radius, about the nominal",
+    "rms_free": "rms of the radius, free centres",
+}
+"""Sizes of a cover that the figure shows."""
 REPEATED = 1e-6
 """Relative rounding error by which a stated cost may be below the recomputed one."""
 
@@ -79,36 +86,24 @@ def _named(point: FrontCover, checks: Sequence[Check]) -> list[Check]:
 
 
 def front_figure(answer: CoverFront) -> Figure:
-    """Cost of the covers over their number of states."""
-    from matplotlib.ticker import MaxNLocator
-
-    figure, axes = figures.axes(1, 2, size=(9.0, 4.0))
+    """Sizes and cost of the covers over their number of states."""
+    figure, (left, right) = figures.axes(1, 2, size=(9.0, 4.0))
     states = [point.states for point in answer.points]
-    for name, label, colour in (
-        ("inflation", "about the nominal", figures.BLUE),
-        ("inflation_free", "free centres", figures.ORANGE),
-    ):
-        axes[0].plot(states, [getattr(p, name) for p in answer.points], "o", color=colour,
-                     label=f"extent, {label}")  # fmt: skip
-        name = name.replace("inflation", "rms")
-        axes[0].plot(states, [getattr(p, name) for p in answer.points], "+", color=colour,
-                     label=f"rms of the radius, {label}")  # fmt: skip
+    sizes = {
+        label: [getattr(point, name) for point in answer.points] for name, label in SIZES.items()
+    }
     bounded = [point for point in answer.points if point.orders[0] in answer.least]
     least = [answer.least[point.orders[0]].value for point in bounded]
-    axes[0].plot([point.states for point in bounded], least, "_", color="0.4", markersize=12,
-                 label="extent, free centres, proven least")  # fmt: skip
-    figures.label(axes[0], x="states of G, W_c and W_r", y="size over that of the narrowest sets")
-    front = answer.front
-    axes[1].step([p.states for p in front], [p.cost for p in front], where="post",
-                 color=figures.BLUE, label="front")  # fmt: skip
-    axes[1].plot(states, [p.cost for p in answer.points], "o", color="0.6", label="covers")
+    left.plot([point.states for point in bounded], least, "_", color="0.4", markersize=12,
+              label="extent, free centres, proven least")  # fmt: skip
+    answer.draw(left, states, sizes)
+    cost = [point.cost for point in answer.points]
+    answer.draw(right, states, {"covers": cost}, cost=cost)
     chosen = answer.chosen
-    axes[1].plot(
+    right.plot(
         chosen.states, chosen.cost, "o", color=figures.ORANGE, label=f"chosen, {chosen.orders}"
     )
-    cost = "largest ratio" if np.isnan(chosen.mu) else "mu of the loop"
-    figures.label(axes[1], x="states of G, W_c and W_r", y=cost)
-    for panel in axes:
-        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
-        panel.legend(fontsize=7)
+    right.legend(fontsize=7)
+    figures.label(left, y="size over that of the narrowest sets")
+    figures.label(right, y="largest ratio" if np.isnan(chosen.mu) else "mu of the loop")
     return figure

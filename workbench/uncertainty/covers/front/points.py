@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from itertools import cycle
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench import figures
+from workbench._core.heavy_types import Axes
 from workbench.answer import Answer
 from workbench.errors import InputError
 from workbench.uncertainty.covers.cover import UncertaintyCover
@@ -22,6 +25,8 @@ rms: the same ratio of root mean square radii; free: relative to sets with free 
 """Lines below the table of a front, which say what its columns are."""
 Orders = tuple[int, int, int]
 """Orders of the nominal, of W_c and of W_r; the last one is 0 for circles."""
+MARKERS = ("o", "s", "+", "x", "^", "v")
+"""Markers of the sizes in a figure."""
 Loop = Callable[[UncertaintyModel], float]
 """Function of a model that returns a bound on mu of a loop, infinite for an unstable one."""
 
@@ -120,16 +125,54 @@ class CoverFront(Answer):
 
     @property
     def chosen(self) -> FrontCover:
-        """The point with the fewest states whose cost is within 10 % of the least one."""
+        """The point with the fewest states whose cost is near the least one, by `near_best`."""
         points = self.points
         return points[self.choice([p.states for p in points], [p.cost for p in points])]
 
     @classmethod
     def choice(cls, states: ArrayLike, cost: ArrayLike) -> int:
-        """Index of the fewest states (N,) whose cost (N,) is within 10 % of the least cost."""
+        """Index of the fewest states (N,) whose cost (N,) is near the least one, by `near_best`."""
         states, cost = np.asarray(states), np.asarray(cost)
         near = cost <= cost.min() * (1 + cls.near_best)
         return int(np.lexsort((cost, np.where(near, states, np.inf)))[0])
+
+    @classmethod
+    def draw(
+        cls,
+        panel: Axes,
+        states: ArrayLike,
+        sizes: Mapping[str, ArrayLike],
+        *,
+        cost: ArrayLike | None = None,
+    ) -> None:
+        """Draw sizes of covers (N,), by their names, over the numbers of states (N,).
+
+        With a ``cost`` (N,), its front is drawn too, and the cost up to which covers are near the
+        best one, by `near_best`.
+
+        Examples
+        --------
+        >>> from workbench import figures
+        >>> from workbench.uncertainty import CoverFront
+        >>> figure, (panel,) = figures.axes(1, 1)
+        >>> CoverFront.draw(panel, [2, 4], {"extent": [1.5, 1.1]}, cost=[1.5, 1.1])
+        >>> [line.get_label() for line in panel.lines]
+        ['extent', 'front', '10% above the best']
+        """
+        from matplotlib.ticker import MaxNLocator
+
+        states = np.asarray(states)
+        for (name, values), marker in zip(sizes.items(), cycle(MARKERS), strict=False):
+            panel.plot(states, values, marker, label=name)
+        if cost is not None:
+            order = np.argsort(states, kind="stable")
+            best = np.minimum.accumulate(np.asarray(cost)[order])
+            panel.step(states[order], best, where="post", color="0.6", label="front")
+            near = f"{cls.near_best:.0%} above the best"
+            panel.axhline(best[-1] * (1 + cls.near_best), color="0.4", linewidth=0.8, label=near)
+        figures.label(panel, x="states of $G$, $W_c$ and $W_r$")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+        panel.legend(fontsize=7)
 
     @property
     def value(self) -> float:

@@ -12,12 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench._core.arrays import ComplexArray, RealArray
+from workbench.certify.rounding import TINY
 from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.responses.plants import Responses
-
-TINY = float(np.finfo(float).tiny)
-"""Least size, against division by zero."""
 
 
 class Inflation(NamedTuple):
