@@ -18,7 +18,7 @@ from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import BENT, CONFIDENCE, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, FirstLook, first_look, oddities
-from workbench.starter.kept_weights import Structure
+from workbench.starter.kept_weights import Structure, kept_weights
 from workbench.starter.rest import refuse_opposite_gains
 from workbench.starter.study_files import write_files
 from workbench.synthesis.demands.demands import Demands
