@@ -42,7 +42,7 @@ def test_the_clock_of_the_work_around_counts_too(inner):
 
 def test_what_is_kept_back_is_taken_from_the_limit():
     context = past(spent=900.0)
-    assert 99.0 < context.left <= 100.0
+    assert 99.0 < context.remaining <= 100.0
     context.reserved = 200.0
     with clocked_by(context), pytest.raises(TimeLimitError):
         tick("search")

@@ -1,11 +1,16 @@
 """The page of types names every class that means the same as another, and functions that exist."""
 
 import importlib
+import inspect
+import re
 import sys
 from pathlib import Path
 
 import pytest
+from surface.reading import reference
 
+PUBLIC_OF_A_MEANING = {"UncertainSystem", "Structure", "Peak", "LoopMargins"}
+"""Public types that head a table, and so have no row."""
 DOCS = Path(__file__).parents[2] / "docs"
 MEANINGS = (
     "A linear system",
@@ -53,6 +58,18 @@ def test_every_type_with_a_meaning_has_a_row(tool):
         if tool.belongs(name, one, meaning) and name not in rows
     }
     assert without == {}, "merge it, or give it a row in docs/_tools/types.toml"
+
+
+def test_every_public_type_has_a_row(tool):
+    pages, rows = reference(), set(re.findall(r"^\| `(\w+)`", tool.text(), re.MULTILINE))
+    offered = {
+        name: getattr(room, name)
+        for room in map(importlib.import_module, pages.ROOMS)
+        for name in pages.public_names(room)
+    }
+    classes = {name for name, thing in offered.items() if inspect.isclass(thing)}
+    ours = {name for name in classes if offered[name].__module__.startswith("workbench.")}
+    assert ours - rows == PUBLIC_OF_A_MEANING
 
 
 def test_every_row_is_a_type_of_one_meaning_only(tool):
