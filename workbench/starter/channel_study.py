@@ -125,7 +125,8 @@ def write_channel_study(
     Raises
     ------
     InputError
-        A record moves no input or several; the plants are unstable; or as in `write_study`.
+        There are more outputs than inputs; a record moves no input or several; the plants are
+        unstable; or as in `write_study`.
 
     Examples
     --------
@@ -157,6 +158,11 @@ def write_channel_study(
         need_positive(number, name, or_none=True)
     target, paths = new_folder(folder), distinct_files(data)
     inputs, outputs = (as_list(names, "names of columns") for names in (inputs, outputs))
+    if len(outputs) > len(inputs):
+        raise InputError(
+            f"{len(outputs)} outputs cannot follow set-points of their own by {len(inputs)} "
+            f"input{'s' if len(inputs) > 1 else ''}: name as many inputs as outputs, or more"
+        )
     named = {
         (u, y): record_columns(paths[0], u, y, time, record_dt) for u in inputs for y in outputs
     }
@@ -223,7 +229,9 @@ def write_channel_study(
         made = Path(place) / target.name
 
         def write(chosen: ChannelChoices) -> None:
-            both = {"chosen": chosen, "reasons": chosen.reasons}
+            # The target of the tries, if it was reached: then the study finds the same controller.
+            target = TARGET if chosen.peak <= TARGET else None
+            both = {"chosen": chosen, "reasons": chosen.reasons, "target": target}
             write_files(made, paths, told | both, CHANNEL_TEMPLATES)
 
         write(chosen)
