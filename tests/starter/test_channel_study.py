@@ -43,7 +43,7 @@ def test_a_record_must_move_one_input(tmp_path):
 
 def test_one_input_holds_one_output(tmp_path):
     write_pair(tmp_path, samples=400)
-    with pytest.raises(InputError, match="2 outputs cannot follow .* by 1 input:"):
+    with pytest.raises(InputError, match=r"2 outputs cannot follow .* by 1 input:"):
         write_channel_study(
             tmp_path / "pair", str(tmp_path / "*.csv"), inputs=["hot"], outputs=NAMES["outputs"]
         )
