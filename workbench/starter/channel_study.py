@@ -150,7 +150,7 @@ def write_channel_study(
     >>> sorted(choices.channels), choices.peak < 1
     (['1-1', '1-2', '2-1', '2-2'], True)
     """
-    demanded = {"overshoot": overshoot, "settling_time": settling_time}
+    demanded: dict[str, Any] = {"overshoot": overshoot, "settling_time": settling_time}
     Demands(**demanded)  # raises for invalid numbers
     for name, number in (
         {"bandwidth_hz": bandwidth_hz, "effort": effort, "dt": dt, "record_dt": record_dt}
@@ -229,7 +229,7 @@ def write_channel_study(
         made = Path(place) / target.name
 
         def write(chosen: ChannelChoices) -> None:
-            # The target of the tries, if it was reached: then the study finds the same controller.
+            # The target of the tries; None if none of them reached it.
             target = TARGET if chosen.peak <= TARGET else None
             both = {"chosen": chosen, "reasons": chosen.reasons, "target": target}
             write_files(made, paths, told | both, CHANNEL_TEMPLATES)
