@@ -41,6 +41,14 @@ def test_a_record_must_move_one_input(tmp_path):
     assert not (tmp_path / "pair").exists()
 
 
+def test_one_input_holds_one_output(tmp_path):
+    write_pair(tmp_path, samples=400)
+    with pytest.raises(InputError, match=r"2 outputs cannot follow .* by 1 input:"):
+        write_channel_study(
+            tmp_path / "pair", str(tmp_path / "*.csv"), inputs=["hot"], outputs=NAMES["outputs"]
+        )
+
+
 def test_every_input_needs_two_plants(tmp_path):
     write_pair(tmp_path, samples=400)
     few = [str(tmp_path / f"plant{k}-{j}.csv") for k, j in ((1, 0), (2, 0), (1, 1))]

@@ -119,7 +119,8 @@ def write_channel_study(
     Raises
     ------
     InputError
-        A record moves no input or several; the plants are unstable; or as in `write_study`.
+        There are more outputs than inputs; a record moves no input or several; the plants are
+        unstable; or as in `write_study`.
 
     Examples
     --------
@@ -143,7 +144,7 @@ def write_channel_study(
     >>> sorted(choices.channels), choices.peak < 1
     (['1-1', '1-2', '2-1', '2-2'], True)
     """
-    demanded = {"overshoot": overshoot, "settling_time": settling_time}
+    demanded: dict[str, Any] = {"overshoot": overshoot, "settling_time": settling_time}
     Demands(**demanded)  # raises for invalid numbers
     for name, number in (
         {"bandwidth_hz": bandwidth_hz, "effort": effort, "dt": dt, "record_dt": record_dt}
@@ -151,6 +152,11 @@ def write_channel_study(
         need_positive(number, name, or_none=True)
     target, paths = new_folder(folder), distinct_files(data)
     inputs, outputs = (as_list(names, "names of columns") for names in (inputs, outputs))
+    if len(outputs) > len(inputs):
+        raise InputError(
+            f"{len(outputs)} outputs cannot follow set-points of their own by {len(inputs)} "
+            f"input{'s' if len(inputs) > 1 else ''}: name as many inputs as outputs, or more"
+        )
     named = {
         (u, y): record_columns(paths[0], u, y, time, record_dt) for u in inputs for y in outputs
     }
@@ -211,6 +217,7 @@ def write_channel_study(
         "demands": demanded,
         "confidence": CONFIDENCE,
         "bent": BENT,
+        "target": TARGET,
     }
     return write_files(
         target,

@@ -27,9 +27,9 @@ MIN_POLE_DISTANCE = 1e-5
 """Smallest distance of poles from the imaginary axis, relative to the lowest frequency."""
 MIN_POLE_DAMPING = 1e-7
 """Smallest damping ratio of poles."""
-FARTHEST_ROOT = 1e6
-"""Farthest root that a search leaves, relative to the highest frequency. There it changes the
-response by a millionth.
+REACH = 1e4
+"""Farthest root that a search leaves, relative to the highest frequency, and inverse of the nearest
+one, relative to the lowest. There a root changes the response by 1e-4.
 """
 CONSTANT_DECADES = 2
 """Number of decades below and above the given frequencies in which weights stay constant."""
@@ -204,19 +204,26 @@ def resolved(function: Rational, omega: RealArray) -> Rational:
     return _left_by(np.minimum(around / 2, SUFFICIENT_DAMPING) * size, function)
 
 
-def within_reach(function: Rational, omega: RealArray) -> Rational:
-    """The function with no root farther than `FARTHEST_ROOT` times the highest frequency, and the
-    same response at the frequencies.
+def within_reach(function: Rational, lowest: float, highest: float) -> Rational:
+    """The function with no root far outside two frequencies [rad/s], and the same response between
+    them. Roots at 0 stay.
 
     A search may move a root without limit where it has no effect. Beside a very fast pole, rounding
     hides the slow ones.
     """
-    farthest = FARTHEST_ROOT * omega[-1]
-    far_zeros, far_poles = (
-        np.maximum(np.abs(roots) / farthest, 1.0) for roots in (function.zeros, function.poles)
-    )
-    gain = function.gain * float(np.exp(np.log(far_zeros).sum() - np.log(far_poles).sum()))
-    return Rational(function.zeros / far_zeros, function.poles / far_poles, gain)
+
+    def moved(roots: ComplexArray) -> RealArray:
+        """Factors of the roots."""
+        size = np.where(roots == 0.0, highest, np.abs(roots))
+        return np.clip(size, lowest / REACH, highest * REACH) / size
+
+    def shrunk(factors: RealArray) -> float:
+        """Sum of the logarithms of those factors that move roots nearer."""
+        return float(np.log(np.minimum(factors, 1.0)).sum())
+
+    zeros, poles = moved(function.zeros), moved(function.poles)
+    gain = function.gain * np.exp(shrunk(poles) - shrunk(zeros))
+    return Rational(function.zeros * zeros, function.poles * poles, gain)
 
 
 def _left_by(distance: RealArray, function: Rational) -> Rational:
