@@ -9,8 +9,8 @@ The direct method has a model of the noise, and is right only with it: feedback 
 model lacks into u, and so into the plant's model. If its errors are not white, its deviations are
 infinite. If they are, they come from the curvature and its scatter over records (`curvature`), to
 first order as in an open loop; slow parts of the noise need not end within a part of the record.
-What the model lacks biases the plant before the errors show it. So deviations also count by how much
-the response would change if the next error might depend on past ones (`whiteness`).
+What the model lacks biases the plant before the errors show it. So deviations also count by how
+much the response would change if the next error might depend on past ones (`whiteness`).
 
 The part of the input that the excitation explains is an estimate too. Its error, passed through the
 plant, and the loop's noise at the output add up to the plant's own noise: y minus the model's
