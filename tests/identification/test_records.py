@@ -120,7 +120,7 @@ def test_bad_records(tmp_path):
         read_record(file, ["u"], ["u", "y"], dt=1 / 1.0)
     with pytest.raises(InputError, match=r"'n' has 1 entries .* index 2"):
         read_record(file, ["u"], ["n"], dt=1 / 1.0)
-    with pytest.raises(InputError, match="'t' is not equidistant at sample"):
+    with pytest.raises(InputError, match="'t' is not equidistant at index 2"):
         read_record(file, ["u"], ["u"], time="t")
     with pytest.raises(InputError, match="rising instants"):
         read_record(file, ["u"], ["u"], time="y")

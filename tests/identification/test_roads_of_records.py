@@ -194,3 +194,14 @@ def test_a_report_is_short_and_says_what_forbids(record, closed):
 def test_bad_requests_of_a_report_are_named(given, words, record):
     with pytest.raises(InputError, match=words):
         record_report(*record[:2], **given)
+
+
+def test_responses_show_what_was_found_in_their_records():
+    u = np.random.default_rng(2).standard_normal(600)
+    y = np.convolve(u, [0.5, 0.3])[:600]
+    y[[100, 300]] += 40.0
+    told = Responses(
+        omega=[1.0, 2.0], values=[[1.0, 2.0], [1.0, 2.0]], plants=["a", "b"],
+        reports={"a": record_report(u, y)},
+    )  # fmt: skip
+    assert "found: spikes (a), see reports" in repr(told)

@@ -44,3 +44,13 @@ def test_none_is_read_wrongly(name):
 def test_most_are_read():
     refused = [name for name in FORMS if outcome(name) != "right"]
     assert len(refused) <= 8, refused
+
+
+def test_decimal_commas_beside_clocks_and_switches(tmp_path):
+    """One column has numbers: commas seemed to separate columns, and no line to name them."""
+    rows = [f"10:00:{k:02d};{'TRUE' if k % 3 else 'FALSE'};{20 + k / 8:.3f}" for k in range(9)]
+    file = tmp_path / "log.csv"
+    file.write_text("time;power;temp\nhh:mm:ss;%;°C\n" + "\n".join(rows).replace(".", ","))
+    data = read_record(file, ["power"], ["temp"], time="time")
+    assert data["y"].values[0].tolist() == [20 + k / 8 for k in range(9)]
+    assert data["u"].values[0].tolist() == [float(k % 3 > 0) for k in range(9)]

@@ -124,12 +124,14 @@ def _need_even(
     apart = np.abs(steps - steps.mean()) > 0.1 * steps.mean()
     if apart.any():
         raise InputError(
-            f"{table.path}: variable {name!r} is not equidistant at sample "
-            f"{np.argmax(apart) + 1}, {uneven(table, rows, instants)}: resample the record or cut "
-            "it there; where its instants are only rounded, give dt instead"
+            f"{table.path}: variable {name!r} is not equidistant at "
+            f"{uneven(table, rows, instants)}: resample the record or cut it there; where its "
+            "instants are only rounded, give dt instead"
         )
 
 
+EQUAL_STEPS = 1e-3
+"""Relative difference of two irregular steps that is rounding."""
 COLUMN = re.compile(r"(.+)\[(\d+)\]")
 """A column of a matrix, such as ``y[0]``."""
 
@@ -143,10 +145,11 @@ def asked_names(names: str | Sequence[str], called: str) -> list[str]:
 
 
 def uneven(table: Columns, rows: Sequence[int], instants: RealArray) -> str:
-    """Text with the most irregular step of instants (N,), given their N rows of a table."""
+    """Text with the first most irregular step of instants (N,), given their N rows of a table."""
     steps = np.diff(instants)
     usual = np.median(steps)
-    worst = int(np.argmax(np.abs(steps - usual)))
+    apart = np.abs(steps - usual)
+    worst = int(np.argmax(apart > (1 - EQUAL_STEPS) * apart.max()))
     return (
         f"{table.place(rows[worst + 1])}: a step of {steps[worst]:.6g} where the usual one is "
         f"{usual:.6g}"

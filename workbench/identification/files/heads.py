@@ -13,6 +13,8 @@ from workbench.identification.files.units import is_unit, plain_unit
 
 NO_NAMES = "no line names them"
 BRACKETS = re.compile(r"[\[(].*[\])]")
+FORMAT = re.compile(r"\[?[dhmsy]+([:/.\- T]+[dhmsy]+)+\]?", re.IGNORECASE)
+"""A form of dates or clocks in a row of units, such as hh:mm:ss."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,8 @@ def read_head(
     before = cells(head[-2]) if len(head) > 1 else []
     if _names_above_units(before[:used], last):
         names = _unique_names(before[:used])
-        units = dict(zip(names, map(plain_unit, last), strict=True))
+        pairs = zip(names, last, strict=True)
+        units = {name: plain_unit(unit) for name, unit in pairs if not FORMAT.fullmatch(unit)}
         return Head(names, units, f"names in line {head[-2] + 1}, units below")
     said = f"names in line {head[-1] + 1}"
     said += f"; without entries: {', '.join(more)}" if more else ""
@@ -83,7 +86,10 @@ def _names_above_units(names: Sequence[str], units: Sequence[str]) -> bool:
     return (
         len(names) == len(units)
         and all(names)
-        and all(not unit or BRACKETS.fullmatch(unit) or is_unit(unit) for unit in units)
+        and all(
+            not unit or BRACKETS.fullmatch(unit) or FORMAT.fullmatch(unit) or is_unit(unit)
+            for unit in units
+        )
     )
 
 

@@ -58,16 +58,19 @@ LAYOUTS = [one for one in LAYOUTS if one not in QUOTED]
 
 
 def found_layout(lines: Sequence[str]) -> tuple[Layout, list[list[str]]]:
-    """The layout with the most numbers and then the fewest words; and the lines' cells.
+    """The layout with the most numbers and then the least of other text; and the lines' cells.
 
     If words remain, numbers followed by units count too.
     """
 
     def score(split: list[list[str]], layout: Layout) -> tuple[float, float]:
-        counts = [(sum(map(layout.is_number, row)), sum(map(bool, row))) for row in split]
-        told = [(numbers, cells) for numbers, cells in counts if numbers]
-        numbers, cells = (sum(one[k] for one in told) for k in range(2))
-        return numbers, numbers / max(cells, 1)
+        count, inside, written = 0, 0, 0
+        for row in split:
+            if numbers := list(filter(layout.is_number, row)):
+                count += len(numbers)
+                inside += sum(map(len, numbers))
+                written += sum(map(len, row))
+        return count, inside / max(written, 1)
 
     best, most = (LAYOUTS[0], [LAYOUTS[0].cells(line) for line in lines]), (0.0, 0.0)
     for with_units in (False, True):
