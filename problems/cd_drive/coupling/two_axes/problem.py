@@ -206,7 +206,7 @@ class TwoAxesStudy(Study):
         omega = 2 * np.pi * SHOWN
         whole = {name: Coupling.alone(name, size) for name, size in vars(GUESSED).items()}
         every = [*whole.values(), GUESSED]
-        return [relative_coupling(TwoAxes(EXAMPLE, one), omega)[:, 1] for one in every]
+        return [relative_coupling(TwoAxes(EXAMPLE, one), omega)[:, 1].astype("f4") for one in every]
 
     contrast = array(
         dims=distance,

@@ -45,7 +45,7 @@ EXAMPLE = "dark patch"
 """Cause that is replayed with finer optics."""
 QUIET: dict[str, Any] = {"noise": 0.0, "electronics": 0.0, "bits": None}
 """A laboratory without noise, whose converters do not round."""
-THIN = 50
+THIN = 100
 """Number of samples between those of a record that figures show."""
 
 
