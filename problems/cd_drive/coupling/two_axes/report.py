@@ -13,7 +13,7 @@ from .performance import PLACES
 
 def limits_told(answer: Dataset) -> dict[str, float]:
     """Limits of the drives: certified ones of any coupling, and those of each path."""
-    numbers = {}
+    numbers: dict[str, float] = {}
     for place in PLACES:
         one = answer["kept"].sel(place=place)
         numbers |= {f"kept_{place}_least": float(one.min()), f"kept_{place}_most": float(one.max())}
