@@ -32,6 +32,7 @@ from ..laboratory.bench_setup import (
     NOISE,
     OUTPUT_LIMIT,
     PERIOD,
+    RATE,
     optical_noise,
 )
 from .paths import UNCOUPLED, Coupling, TwoAxes
@@ -105,18 +106,17 @@ class TwoAxisBench:
         duration: float,
         excitation: ArrayLike | None = None,
         seed: int = 0,
-        law: Controller | None = None,
     ) -> TwoAxisRecord:
-        """Run both reference controllers, or another law, for a duration [s] from rest.
+        """Run both reference controllers for a duration [s] from rest.
 
         excitation (N, 2) [V] is added to the commands.
         """
         samples = round(duration / PERIOD)
-        time = np.arange(samples + 1) * PERIOD
+        time = np.arange(samples + 1) / RATE
         layer = np.column_stack([disc.deviation(axis, time) for axis in AXES])
         added = np.zeros((samples, 2)) if excitation is None else excitation
         noise = self._noise(seed, samples)
-        found = _loop(self).run(law or reference_controllers(), added, layer, noise)
+        found = _loop(self).run(reference_controllers(), added, layer, noise)
         error = layer[:-1] - found.position
         read = found.measurement
         return TwoAxisRecord(found.command, read[:, :2], error, read[:, 2:])

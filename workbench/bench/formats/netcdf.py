@@ -85,13 +85,16 @@ def _split(data: xr.Dataset) -> xr.Dataset:
 
 
 def _packing(array: xr.Variable) -> dict[str, Any]:
-    """Encoding of an array: numbers and texts compressed, texts as characters."""
+    """Encoding of an array: numbers and texts compressed as one piece, texts as characters."""
     # a fill value would turn some number into a missing one
     plain: dict[str, Any] = {"_FillValue": None}
     packed = {"zlib": True, "complevel": 9, "shuffle": True}
     if array.nbytes < WORTH_PACKING or array.dtype.kind not in "iufU":
         return plain
-    return packed | ({"dtype": "S1"} if array.dtype.kind == "U" else plain)
+    if array.dtype.kind == "U":
+        return packed | {"dtype": "S1"}
+    # small pieces, the library's choice, compress worse
+    return packed | plain | {"chunksizes": array.shape}
 
 
 def _with_fixed_length_words(data: xr.Dataset) -> xr.Dataset:

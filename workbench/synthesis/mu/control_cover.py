@@ -172,7 +172,12 @@ class ControlCover:
         y = least_of_several(largest, x / units, context, " and ".join(moving))
         omega = self.responses.omega
         found = {
-            name: within_reach(part.rational(vector), omega) for name, part, vector in split(y)
+            name: within_reach(
+                part.rational(vector),
+                self.omega[0] if name == "controller" else omega[0],
+                omega[-1],
+            )
+            for name, part, vector in split(y)
         }
         if "real" in found:
             found["real"] = damped(resolved(found["real"], omega), omega)

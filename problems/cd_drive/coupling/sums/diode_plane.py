@@ -21,8 +21,8 @@ from workbench.types import RealArray
 from ...drive.tables import disc_formats
 
 DIODES = ("D1", "D2", "D3", "S1", "S2")
-RINGS, SPOKES = 12, 24
-"""Numbers of rings and spokes of rays in the half pupil."""
+RAYS = 16
+"""Number of rays along the radius of the pupil."""
 SPOT = 0.42
 """Standard deviation of a focused beam, in wavelength / (2 NA); fits the middle of Airy's spot."""
 
@@ -89,17 +89,17 @@ def normalised(light: RealArray) -> tuple[RealArray, RealArray, RealArray]:
 
 def _rays(error: RealArray) -> tuple[RealArray, RealArray]:
     """Where rays of equal light of half a pupil fall at each error (E, N), along both axes."""
-    ring = np.sqrt((np.arange(RINGS) + 0.5) / RINGS)  # rings of equal area
-    angle = (np.arange(SPOKES) + 0.5) / SPOKES * np.pi - np.pi / 2
-    radius, turn = (one.ravel() for one in np.meshgrid(ring, angle, indexing="ij"))
+    x = (np.arange(-RAYS, RAYS) + 0.5) / RAYS
+    across, along = (one.ravel() for one in np.meshgrid(x[x > 0.0], x, indexing="ij"))
+    inside = np.hypot(across, along) <= 1.0
     reach = 2.0 * disc_formats()["CD"].NA * error[:, None]
-    return reach * radius * np.cos(turn), reach * radius * np.sin(turn)
+    return reach * across[inside], reach * along[inside]
 
 
 def _spread(error: RealArray) -> RealArray:
     """Standard deviation [m] of a ray's spot at each error (E, 1)."""
     disc = disc_formats()["CD"]
-    focused, patch = SPOT * disc.wavelength / (2 * disc.NA), disc.NA * error / RINGS
+    focused, patch = SPOT * disc.wavelength / (2 * disc.NA), disc.NA * error / RAYS
     return np.hypot(focused, patch)[:, None]
 
 

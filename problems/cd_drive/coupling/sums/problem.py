@@ -57,7 +57,7 @@ RISE = 1.05
 
 
 @problem("cd/sums", data=("data/disc_formats.csv",))
-def sums(layouts: Annotated[int, Field(ge=10, le=10_000)] = 200) -> Sums:
+def sums(layouts: Annotated[int, Field(ge=10, le=10_000)] = 150) -> Sums:
     """Focus and radial sums over 150 um of focus error, of many guessed layouts (figure 4.6).
 
     The five diodes of figure 3.11 under three beams, by rays: half of the pupil falls on D1 and D2,
@@ -93,7 +93,7 @@ class Sums(Study):
     @array(dims=(draw, size), unit="m or 1", meaning="sizes of the layouts")
     def drawn_sizes(self, context: Context) -> RealArray:
         low, high = np.transpose(list(RANGES.values()))
-        return context.rng.uniform(low, high, (self.layouts, len(RANGES)))
+        return context.rng.uniform(low, high, (self.layouts, len(RANGES))).astype("f4")
 
     @part
     def light(self, drawn_sizes: DataArray, context: Context) -> RealArray:
@@ -103,7 +103,7 @@ class Sums(Study):
 
     told = arrays(
         draw,
-        lambda light: features(light),
+        lambda light: {name: one.astype("f4") for name, one in features(light).items()},
         focus_peak=("m", "focus error at the largest focus sum"),
         radial_peak=("m", "focus error at the largest radial sum"),
         radial_rise=("1", "largest radial sum over that in focus"),

@@ -100,5 +100,5 @@ def relative_coupling(two: TwoAxes, omega: RealArray) -> RealArray:
     What diodes see of the other error is not part of it.
     """
     G = two.response(omega)
-    found: RealArray = abs(G[:, [0, 1], [1, 0]] / G[:, [0, 1], [0, 1]])
+    found: RealArray = np.abs(G[:, [0, 1], [1, 0]] / G[:, [0, 1], [0, 1]])
     return found

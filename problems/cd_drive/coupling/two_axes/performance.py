@@ -37,8 +37,6 @@ COUPLING = Structure([Full(1, 1), Full(1, 1)])
 CLOSED = COUPLING.with_performance(2, 2)
 PERFORMANCE = 2
 """Number of the performance block in CLOSED."""
-NORM = Structure([Full(2, 2)])
-"""Structure whose mu is the largest singular value from d to z."""
 
 
 def deviation_ratio() -> StateSpace:
@@ -88,14 +86,15 @@ def error_response(two: TwoAxes, omega: RealArray) -> ComplexArray:
     K = _diagonal(*(controller(axis)(s) for axis in AXES))
     gains = np.diag([one.K_optn for one in two.axes])
     lag = (1.0 / (1.0 + s / ANTIALIASING))[:, None, None]
-    return np.linalg.inv(np.eye(2) + two.response(omega) @ K @ (lag * (gains @ two.optics)))
+    loop = two.response(omega) @ K @ (lag * (gains @ two.optics))
+    return np.asarray(np.linalg.inv(np.eye(2) + loop), complex)
 
 
 def performance_response(two: TwoAxes, omega: RealArray) -> ComplexArray:
     """Response (F, 2, 2) from d to z at frequencies [rad/s] (F,), without state space."""
     s = 1j * omega
     ratio, (focus, radial) = deviation_ratio()(s), (performance_weight(axis)(s) for axis in AXES)
-    told, discs = _diagonal(focus, ratio * radial), _diagonal(np.ones(len(s)), 1.0 / ratio)
+    told, discs = _diagonal(focus, ratio * radial), _diagonal(np.ones_like(s), 1.0 / ratio)
     found: ComplexArray = told @ error_response(two, omega) @ discs
     return found
 

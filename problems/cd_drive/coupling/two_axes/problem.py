@@ -44,13 +44,12 @@ from .limits import (
     Limit,
     any_coupling,
     gain_with,
-    largest_gain,
     of_path,
     path_limit,
     relative_coupling,
     sized,
 )
-from .performance import CLOSED, PERFORMANCE, PLACES, performance_system
+from .performance import CLOSED, PERFORMANCE, PLACES, largest_gain, performance_system
 from .report import errors_told, identification_told, kicks_told, limits_told, sizes
 from .runs import Kicked, kicked, largest_errors, linear_errors
 
@@ -69,6 +68,8 @@ EXAMPLE = "CD4"
 SMALL = 0.2
 """Share of the Red Book's deviations with which the loops are linear."""
 QUIET: dict[str, Any] = {"noise": False, "bits": None}
+KICKED = tuple(zip(Kicked._fields, ("f4", "f4", "i1", "i1"), strict=True))
+"""Fields of a kick, and the kinds of numbers in which they are stored."""
 LAG = 2e-3
 """Relative slack for what a path changes besides its coupling, which is of second order."""
 
@@ -106,7 +107,8 @@ class TwoAxesStudy(Study):
         return f"for these 12 drives, in {self.draws} simulated draws of each run"
 
     place, path, sign = dim(PLACES), dim(PATHS), dim(SIGNS)
-    case, axis, kick = dim(CASES), dim(AXES), dim(AXES, meaning="axis that is kicked")
+    case, case_kicked = dim(CASES), dim(CASES[:2])
+    axis, kick = dim(AXES), dim(AXES, meaning="axis that is kicked")
     entry = dim("from radial to focus", "from focus to radial")
     pulse = dim(PULSES, meaning="length of the kick in samples")
     drive = dim(lambda: [one.name for one in drives("focus")])
@@ -206,7 +208,7 @@ class TwoAxesStudy(Study):
         omega = 2 * np.pi * SHOWN
         whole = {name: Coupling.alone(name, size) for name, size in vars(GUESSED).items()}
         every = [*whole.values(), GUESSED]
-        return [relative_coupling(TwoAxes(EXAMPLE, one), omega)[:, 1] for one in every]
+        return [relative_coupling(TwoAxes(EXAMPLE, one), omega)[:, 1].astype("f4") for one in every]
 
     contrast = array(
         dims=distance,
@@ -243,14 +245,13 @@ class TwoAxesStudy(Study):
         return _by_draw([one[0] for one in met], seed).astype("f4")
 
     told = arrays(
-        ("case_kicked", kick, pulse, drive, draw),
+        (case_kicked, kick, pulse, drive, draw),
         lambda kicks: {name: kicks[..., n].astype(kind) for n, (name, kind) in enumerate(KICKED)},
         focus=("m", "largest focus error after a kick"),
         radial=("m", "largest radial error after a kick"),
         focus_lost=("1", "whether the focus is lost"),
         radial_lost=("1", "whether the track is lost"),
     )
-    case_kicked = dim(CASES[:2])
 
     @part
     def kicks(self, met: list[Any], seed: DataArray) -> RealArray:
@@ -385,10 +386,6 @@ class TwoAxesStudy(Study):
             "kicks": by_kick(answer),
             "identified": identified_shares(answer),
         }
-
-
-KICKED = tuple(zip(Kicked._fields, ("f4", "f4", "i1", "i1"), strict=True))
-"""Fields of a kick, and the kinds of numbers in which they are stored."""
 
 
 def _couplings() -> list[Coupling]:

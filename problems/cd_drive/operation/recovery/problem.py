@@ -45,7 +45,7 @@ EXAMPLE = "dark patch"
 """Cause that is replayed with finer optics."""
 QUIET: dict[str, Any] = {"noise": 0.0, "electronics": 0.0, "bits": None}
 """A laboratory without noise, whose converters do not round."""
-THIN = 50
+THIN = 100
 """Number of samples between those of a record that figures show."""
 
 
@@ -124,11 +124,11 @@ class RecoveryStudy(Study):
 
     @array(dims=(cause, drive, draw), unit="s", meaning="from the capture to the own track")
     def home(self, away: DataArray, seed: DataArray, context: Context) -> RealArray:
-        tracks = away.isel(patience=0).values
+        tracks = np.moveaxis(away.isel(patience=0).values, 0, -1)
 
         def one(place: tuple[int, ...]) -> list[float]:
             name, number = str(seed[place]["drive"].values), int(seed[place])
-            return [way_back(name, round(float(n)), number) for n in tracks[:, *place]]
+            return [way_back(name, round(float(n)), number) for n in tracks[place]]
 
         found = context.spread(one, list(np.ndindex(seed.shape)), "ways back")
         return np.moveaxis(np.reshape(found, (*seed.shape, len(CAUSES))), -1, 0).astype("f4")

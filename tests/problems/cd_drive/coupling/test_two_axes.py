@@ -73,7 +73,7 @@ def test_two_ways_to_the_performance(coupling):
         system = performance.performance_system(two, place)
         assert np.linalg.eigvals(system.A).real.max() < 0.0
         by_states = np.moveaxis(system(1j * OMEGA)[2:, 2:], -1, 0)
-        assert by_states == pytest.approx(direct, rel=1e-5, abs=1e-6)
+        assert by_states == pytest.approx(direct, rel=1e-5, abs=1e-5)
 
 
 def test_a_known_coupling_closes_the_system_of_any_coupling():
@@ -118,7 +118,7 @@ def test_tracks_fade_out_of_focus():
     assert contrast[round(6e-6 / STEP)] < 0.0
 
 
-@pytest.mark.parametrize(("n", "axis"), enumerate(AXES))
+@pytest.mark.parametrize(("n", "axis"), [(0, "focus"), (1, "radial")])
 def test_uncoupled_loops_run_as_in_the_laboratory_of_one_axis(n, axis):
     """Only the light of the tracks is new, and it cancels in the normalised error."""
     disc = disc_of(0.05)
