@@ -27,7 +27,7 @@ def resonances(seed, count=6):
 def reached(program, nominal):
     """Largest distance of a plant from a response (F,), over the narrowest extents."""
     away = np.abs(program.responses.values - nominal[:, None]).max(axis=1)
-    return float((away / extent(program.raw)).max())
+    return float((away / extent(program.raw_sets)).max())
 
 
 @pytest.mark.parametrize("seed", range(8))

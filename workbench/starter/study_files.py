@@ -23,7 +23,9 @@ TEMPLATES = {
 class Choices(Protocol):
     """Initial numbers of a design."""
 
-    reasons: dict[str, str]
+    @property
+    def reasons(self) -> Mapping[str, str]:
+        """Why each number is what it is."""
 
 
 Chosen = TypeVar("Chosen", bound=Choices)

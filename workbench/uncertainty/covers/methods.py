@@ -118,8 +118,8 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
 def _inflation(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and weights are optimised together for the least inflation over the raw sets."""
     if isinstance(program, CircleCover) and program.nominal is not None:  # W_c alone: convex
-        about = program.second_set(program.away(program.nominal, program.points))
-        cover = fitted_cover(program, program.raw, program.nominal, about, None, context)
+        about = program.second_set(program.deviations_from(program.nominal, program.points))
+        cover = fitted_cover(program, program.raw_sets, program.nominal, about, None, context)
         return cover, Outcome.SOLVED, "the best weight about the given nominal"
     warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
     searched = replace(program, zeros=program.useful_zeros)

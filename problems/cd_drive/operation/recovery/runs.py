@@ -85,11 +85,11 @@ class Recovery:
         search = Search(self.speed, light, self.patience, closed=True)
         follower = tracking_controller(controller("focus"), PERIOD, FOLLOWING)
         parts = [
-            Part("search", search.law, given=["f_en", "sum"], tells=["closed", "ramp"]),
-            Part("lit", lit(light), given=["sum", "closed"]),
-            Part("seen", blender(), given=["lit", "f_en"]),
-            Part("K", follower, given=["seen", "closed", "u_last"], tells=["u_k"]),
-            Part("u", blender(), given=["closed", "u_k", "ramp"]),
+            Part("search", search.law, inputs=["f_en", "sum"], outputs=["closed", "ramp"]),
+            Part("lit", lit(light), inputs=["sum", "closed"]),
+            Part("seen", blender(), inputs=["lit", "f_en"]),
+            Part("K", follower, inputs=["seen", "closed", "u_last"], outputs=["u_k"]),
+            Part("u", blender(), inputs=["closed", "u_k", "ramp"]),
         ]
         return Cascade(MEASUREMENTS, parts)
 
@@ -102,9 +102,9 @@ def held_in_the_dark(light: float) -> Cascade:
     """The radial reference controller, which reads an error of 0 in the dark."""
     law = linear_controller(controller("radial"), PERIOD)
     parts = [
-        Part("lit", lit(light), given=["sum"]),
-        Part("seen", blender(), given=["lit", "f_en"]),
-        Part("u", law, given=["seen"]),
+        Part("lit", lit(light), inputs=["sum"]),
+        Part("seen", blender(), inputs=["lit", "f_en"]),
+        Part("u", law, inputs=["seen"]),
     ]
     return Cascade(MEASUREMENTS, parts)
 

@@ -73,7 +73,7 @@ class LeastInflationChecker(Checker):
         if np.shape(weights) != program.points.shape:
             return False
         f, i = np.nonzero(weights)
-        sizes = extent(program.raw)
+        sizes = extent(program.raw_sets)
         return value == 0.0 or none_within(
             program.responses.axis[f],
             program.points[f, i],
@@ -104,7 +104,7 @@ class LeastInflationChecker(Checker):
         if not _determine(program, f):
             return 0.0
         weights, points = weights[f], program.points[f]
-        omega, size = program.responses.axis[f], extent(program.raw)[f]
+        omega, size = program.responses.axis[f], extent(program.raw_sets)[f]
         root = np.sqrt(weights.sum(axis=1))
         top = _powers(omega, root, program.zeros)
         bottom = _powers(omega, root * size, program.order)
@@ -175,7 +175,7 @@ def least_inflation(program: UncertaintyCover, *, options: Options | None = None
         raise InputError("with leave_out a cover chooses the points to leave out; leave out none")
     weights = np.zeros(program.points.shape)
     checker = LeastInflationChecker(program)
-    sizes, largest = extent(program.raw), np.abs(program.points).max(axis=1)
+    sizes, largest = extent(program.raw_sets), np.abs(program.points).max(axis=1)
     apart = np.flatnonzero(sizes > LEAST_EXTENT * largest)
     if _determine(program, apart):
         found = best_weights(_forms(program, apart, options or Options()))
@@ -183,16 +183,16 @@ def least_inflation(program: UncertaintyCover, *, options: Options | None = None
     bound = checker.bound(weights)
     lowered = (bound * (1 - share) for share in ROUNDED_DOWN)
     value = next((one for one in lowered if checker.proves(one, weights)), 0.0)
-    return LeastInflation(program.order, program.zeros, value, weights).checked_by(checker)
+    return LeastInflation(program.order, program.zeros, value, weights).with_checker(checker)
 
 
 def _forms(program: UncertaintyCover, apart: np.ndarray, options: Options) -> PointForms:
     """The forms of the points at frequencies with these indices."""
-    near = nominal_fit(mean_response(program.responses.points), program.raw, program)
+    near = nominal_fit(mean_response(program.responses.points), program.raw_sets, program)
     return PointForms(
         program.responses.axis[apart],
         program.points[apart],
-        extent(program.raw)[apart],
+        extent(program.raw_sets)[apart],
         nearest_fit(near, Context(options=options)),
         program.zeros,
         program.order,
