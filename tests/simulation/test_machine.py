@@ -118,7 +118,7 @@ def plain(around, made, excitation, exogenous, noise):
         known |= dict(zip(made.previous, outputs[k - 1] if k else (0.0, 0.0), strict=True))
         for part, state in zip(made.parts, states, strict=True):
             told = np.array([known[name] for name in part.signals])
-            given = np.array([known[name] for name in part.given])
+            given = np.array([known[name] for name in part.inputs])
             part.controller.step(state, part.controller.parameters, given, told)
             known |= dict(zip(part.signals, told, strict=True))
         command = np.array([known[name] for name in made.parts[-1].signals]) + excitation[k]

@@ -15,7 +15,7 @@ from workbench.bench.project import use_problems
 from workbench.bench.verify import verify_folder
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.starter import study_files, write_study
+from workbench.starter import study_folder, write_study
 
 ROOT = Path(__file__).parents[2]
 RATE, SAMPLES = 200.0, 512
@@ -53,7 +53,7 @@ def records(tmp_path_factory):
 @pytest.fixture
 def untried(monkeypatch):
     """Studies are written with their first choices, and nothing is solved."""
-    monkeypatch.setattr(study_files, "kept_weights", lambda design, chosen, *_: chosen)
+    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, *_: chosen)
 
 
 @pytest.mark.slow
@@ -83,7 +83,7 @@ def test_a_study_is_written_from_records_and_keeps_its_weights(records, tmp_path
 @pytest.fixture
 def study(records, tmp_path, monkeypatch):
     """A study in its folder, with its first choices."""
-    monkeypatch.setattr(study_files, "kept_weights", lambda design, chosen, *_: chosen)
+    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, *_: chosen)
     write_study(tmp_path / "my-servo", str(records))
     monkeypatch.chdir(tmp_path / "my-servo")
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path / "results"))
