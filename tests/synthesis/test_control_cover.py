@@ -12,7 +12,7 @@ from workbench.fitting.rational import Rational, rational_of_system
 from workbench.synthesis import ControlCover
 from workbench.uncertainty import Responses, contains
 from workbench.uncertainty.covers.everywhere import containment_check
-from workbench.uncertainty.covers.weights import within_reach
+from workbench.uncertainty.covers.weights import roots_within_reach
 
 OMEGA = np.geomspace(0.05, 20.0, 40)
 
@@ -216,13 +216,13 @@ def test_roots_beyond_reach_are_moved_back_without_effect():
     beside fast ones."""
     poles = [0.0, -2.0, -3e-9, -5e13, -6e15 + 1e15j, -6e15 - 1e15j]
     far = Rational([-3.0, -4e17, -7e-12], poles, 7e30)
-    near = within_reach(far, 1.0, 1e4)
+    near = roots_within_reach(far, 1.0, 1e4)
     sizes = np.abs(np.concatenate([near.zeros, near.poles[near.poles != 0.0]]))
     assert (near.poles == 0.0).sum() == 1
     assert sizes.min() >= 1e-4 * (1 - 1e-12) and sizes.max() <= 1e8 * (1 + 1e-12)
     omega = np.geomspace(1.0, 1e4, 50)
     np.testing.assert_allclose(near.response(omega), far.response(omega), rtol=1e-3)
-    assert within_reach(near, 1.0, 1e4).poles == pytest.approx(near.poles, rel=1e-12)
+    assert roots_within_reach(near, 1.0, 1e4).poles == pytest.approx(near.poles, rel=1e-12)
     ordinary = Rational([-3.0], [-2.0, -50.0], 2.0)
-    same = within_reach(ordinary, 1.0, 1e4)
+    same = roots_within_reach(ordinary, 1.0, 1e4)
     assert np.array_equal(same.poles, ordinary.poles) and same.gain == ordinary.gain

@@ -143,7 +143,7 @@ def test_bounds_hold_for_random_defects_and_are_no_wild_guess():
                     v = rng.choice([-1, 1]) * found.false if A is loop.defect[0] else 0.0
                     seen = (w * thermometer(found.omega[f])).real
                     x = A @ x + B[:, 0] * (seen + v)
-                    turn = turn * found.turn[f]
+                    turn = turn * found.phase_factor[f]
     assert 0.5 * bound < worst <= bound
     assert found.simulated(8, 60, 5) <= bound
 

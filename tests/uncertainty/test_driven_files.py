@@ -12,7 +12,7 @@ from workbench.errors import InputError
 from workbench.identification.record_tests import report as frame
 from workbench.identification.record_tests.finding import Finding
 from workbench.identification.record_tests.finding import TestedAssumption as ToldAssumption
-from workbench.starter import study_files
+from workbench.starter import study_folder
 from workbench.uncertainty import Responses, StadiumCover
 from workbench.uncertainty.responses.regions import region_radius, with_regions
 
@@ -126,7 +126,7 @@ def test_bad_excitations_are_named(case, files, closed):
 
 def test_init_takes_the_excitation_and_the_study_names_it(files, closed, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        study_files, "kept_weights", lambda design, chosen, lower, structure: chosen
+        study_folder, "kept_weights", lambda design, chosen, lower, structure: chosen
     )
     asked = ["init", str(tmp_path / "oven"), "--data", files[0], "--input", "power"]
     asked += ["--output", "temp", "--time", "t"]

@@ -35,7 +35,7 @@ from workbench.uncertainty.covers.weights import (
     needed_radius,
     reaching,
     resolved,
-    within_reach,
+    roots_within_reach,
 )
 
 SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
@@ -172,7 +172,7 @@ class ControlCover:
         y = least_of_several(largest, x / units, context, " and ".join(moving))
         omega = self.responses.omega
         found = {
-            name: within_reach(
+            name: roots_within_reach(
                 part.rational(vector),
                 self.omega[0] if name == "controller" else omega[0],
                 omega[-1],

@@ -204,7 +204,7 @@ def resolved(function: Rational, omega: RealArray) -> Rational:
     return _left_by(np.minimum(around / 2, SUFFICIENT_DAMPING) * size, function)
 
 
-def within_reach(function: Rational, lowest: float, highest: float) -> Rational:
+def roots_within_reach(function: Rational, lowest: float, highest: float) -> Rational:
     """The function with no root far outside two frequencies [rad/s], and the same response between
     them. Roots at 0 stay.
 
