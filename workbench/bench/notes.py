@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from textwrap import indent
 from typing import Any
 
@@ -10,6 +10,7 @@ from workbench._core.heavy_types import Dataset
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.formats import netcdf
 from workbench.bench.results import Run
+from workbench.certificate import Certificate, Check
 from workbench.executor import Row, row_entry
 from workbench.solution import Solution
 from workbench.solvers import Options, Outcome
@@ -35,6 +36,15 @@ def compared(earlier: Run | None, data: Dataset, options: Options) -> list[str]:
     return ["recomputed; differs from the earlier answer: " + "; ".join(found)]
 
 
+def own_checks(certificate: Certificate, needs: Iterable[str]) -> tuple[list[Check], int]:
+    """The checks of a run itself and those of its needs that fail; the number of the others, of
+    which the runs of the needs tell.
+    """
+    starts = tuple(f"{name}{mark}" for name in needs for mark in ":[")
+    own = [c for c in certificate.checks if not (c.name.startswith(starts) and c.holds)]
+    return own, len(certificate.checks) - len(own)
+
+
 def log(
     info: Mapping[str, Any], solution: Solution, rows: Sequence[Row], notes: Sequence[str]
 ) -> str:
@@ -47,7 +57,9 @@ def log(
         f"outcome: {solution.outcome}. {solution.outcome.advice}",
     ]
     if solution.certificate is not None:
-        lines += [indent(check.line, "  ") for check in solution.certificate.checks]
+        own, others = own_checks(solution.certificate, info["needs"])
+        lines += [indent(check.line, "  ") for check in own]
+        lines += [f"  holds  {others} checks of its needs"] if others else []
         gap = solution.certificate.gap
         if gap is not None:
             lines.append(f"  gap {gap.value:.3g} ({gap.statement})")

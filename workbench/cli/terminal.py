@@ -81,16 +81,15 @@ def certificate_word(one: Run) -> str:
 
 def print_details(one: Run) -> None:
     """Print the certificate of a run, check by check, and the path of its folder."""
+    from workbench.bench.notes import own_checks
     from workbench.certificate import VALUE_IS, distinct_texts
 
     if one.certificate is not None:
-        needs = tuple(f"{name}{mark}" for name in one.info["needs"] for mark in ":[")
-        inherited = [c for c in one.certificate.checks if c.name.startswith(needs) and c.holds]
-        for check in one.certificate.checks:
-            if check not in inherited:
-                click.echo(indent(check.line, "  "))
-        if inherited:
-            click.echo(f"  holds  {len(inherited)} checks of its needs")
+        own, others = own_checks(one.certificate, one.info["needs"])
+        for check in own:
+            click.echo(indent(check.line, "  "))
+        if others:
+            click.echo(f"  holds  {others} checks of its needs")
         gap = one.certificate.gap
         if gap is not None:
             value, limit = distinct_texts(gap.value, gap.tolerance, digits=3)

@@ -164,14 +164,14 @@ def closed_loop_covariance(
     parts = _parts(len(record), period)
     if clean_input is None:
         return _of_direct(program, model, cycles_per_sample)
+    if program.doubts(model, method):
+        return _infinite(model.response(cycles_per_sample).shape)
     if period is not None:
         moves = moves_of_lines(program, clean_input, model, record, PARTS, cycles_per_sample)
     elif method == "instrumental-variables":
         moves = _of_instruments(program, model, record, parts, cycles_per_sample)
     else:
         moves = _of_errors(program, clean_input, model, record, parts, cycles_per_sample)
-    if program.doubts(model, method):
-        return _infinite(moves.shape[1:])
     share = (len(moves) - 1) / len(moves)
     return np.asarray(share * covariance_of_moves(moves - moves.mean(axis=0)))
 

@@ -130,7 +130,7 @@ def test_bounds_hold_for_random_defects(loop):
                     worst = max(worst, abs(w.real - float(loop.output[0] @ x)))
                     v = rng.choice([-1, 1]) * found.false if A is loop.defect[0] else 0.0
                     x = A @ x + B[:, 0] * ((w * measured).real + v)
-                    turn = turn * found.turn[f]
+                    turn = turn * found.phase_factor[f]
     assert 0.5 * abs(found.steady_error).max() < worst <= bound
 
 
