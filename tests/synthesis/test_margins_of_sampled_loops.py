@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.synthesis.implementation import sampled_loop
-from workbench.synthesis.implementation.sampled_loop import _delay_margin, _margins
+from workbench.synthesis.implementation.sampled_loop import _crossings, _delay_margin, _margins
 from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.systems.conversion import as_system
 
@@ -45,3 +45,11 @@ def test_a_delay_that_loses_the_loop_earlier_counts(monkeypatch, earlier, delay)
     monkeypatch.setattr(sampled_loop, "STARTING_DELAYS", (0.0, 1.0))
     held = loop(*INTEGRATOR)
     assert _delay_margin(held, 0, held.angles()) == pytest.approx(delay)
+
+
+def test_a_change_of_sign_that_rounding_hides_is_a_crossing_at_an_end():
+    """Values of many frequencies at once and of one differ in their last bits."""
+    x = np.array([1.0, 2.0, 3.0])
+    values = np.array([2e-18, -1e-18, -1.0])
+    assert _crossings(x, values, lambda at: -1e-18 if at < 1.5 else -3e-18) == [1.0]
+    assert _crossings(x, values, lambda at: 1.25 - at) == [pytest.approx(1.25, abs=1e-12)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -332,7 +333,7 @@ def _unstable_from(loop: HeldPlantLoop, channel: int, end: float) -> float | Non
 
     for more in np.arange(SCAN_STEP, end * (1.0 - SCAN_STEP), SCAN_STEP):
         if outside(more) >= 0.0:
-            return float(brentq(outside, more - SCAN_STEP, more, xtol=DELAY_TOLERANCE))
+            return _zero(outside, more - SCAN_STEP, more, DELAY_TOLERANCE)
     return None
 
 
@@ -346,4 +347,15 @@ def _level(L: ComplexArray) -> RealArray:
 def _crossings(x: RealArray, values: RealArray, of: Any) -> list[float]:
     """Zeros of the function `of` between points x at which its `values` change sign."""
     places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
-    return [float(brentq(of, x[i], x[i + 1], xtol=1e-15)) for i in places]
+    return [_zero(of, x[i], x[i + 1], 1e-15) for i in places]
+
+
+def _zero(of: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
+    """A zero of a function that changes its sign between two points, up to rounding.
+
+    If rounding hides the change, the function is zero up to rounding at one of the ends.
+    """
+    ends = of(low), of(high)
+    if ends[0] * ends[1] >= 0.0:
+        return float(low if abs(ends[0]) <= abs(ends[1]) else high)
+    return float(brentq(of, low, high, xtol=tolerance))
