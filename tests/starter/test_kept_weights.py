@@ -112,3 +112,16 @@ def test_init_says_in_red_that_no_weights_are_kept(tmp_path, monkeypatch):
     assert said.exit_code == 1
     assert "\x1b[31m! no controller was found that keeps its weights" in said.output
     assert "at 8 Hz the certified peak of mu is 1.3" in said.output
+
+
+@pytest.mark.parametrize("edge", [0.3, 0.5, 0.99])
+def test_the_gap_between_a_kept_and_a_too_fast_bandwidth_is_halved(edge):
+    def tried(hz):
+        return SimpleNamespace(bandwidth_hz=hz, peak=0.9 if hz < edge else 1.2)
+
+    best, every = kept_weights.halved_gap(tried(0.25), 1.0, tried)
+    assert len(every) == kept_weights.HALVINGS
+    assert best.bandwidth_hz < edge <= best.bandwidth_hz * 4 ** (0.5**kept_weights.HALVINGS) * 1.001
+    first = tried(1.0)
+    said = kept_weights.bandwidth_reason([first, *every], best, first)
+    assert said.endswith("below 1, 0.9; at 1 Hz it is 1.2")

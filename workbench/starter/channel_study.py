@@ -12,7 +12,6 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench.bench.problem import import_file
-from workbench.certificate import distinct_texts
 from workbench.errors import InputError, SolverError
 from workbench.identification.files.variables import read_table
 from workbench.input_checks import as_list, need_positive
@@ -21,7 +20,15 @@ from workbench.solvers import Options
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import BENT, CONFIDENCE, EFFORT, FirstChoices, first_choices
 from workbench.starter.first_look import FirstLook, first_look
-from workbench.starter.kept_weights import HALVINGS, KEPT, SECONDS, STEP, TARGET, TRIES
+from workbench.starter.kept_weights import (
+    KEPT,
+    SECONDS,
+    STEP,
+    TARGET,
+    TRIES,
+    bandwidth_reason,
+    halved_gap,
+)
 from workbench.starter.study_files import TEMPLATES, write_files
 from workbench.starter.study_folder import distinct_files, new_folder, usable_responses
 from workbench.synthesis import MuSynthesis, WorkingPoint
@@ -315,20 +322,9 @@ def _kept(
         every.append(tried(every[-1].bandwidth_hz / STEP))
     best = min(every, key=lambda one: one.peak)
     if search and best.peak < KEPT and len(every) > 1:
-        too_fast = every[-2].bandwidth_hz
-        for _ in range(HALVINGS):
-            middle = tried(math.sqrt(best.bandwidth_hz * too_fast))
-            every.append(middle)
-            if middle.peak < KEPT:
-                best = middle
-            else:
-                too_fast = middle.bandwidth_hz
-        frequencies = ", ".join(f"{one.bandwidth_hz:g}" for one in every)
-        best.reasons["bandwidth_hz"] = (
-            f"the largest of {frequencies} Hz at which a certified peak of mu is below 1, "
-            f"{distinct_texts(best.peak, 1.0, digits=3)[0]}; at {every[0].bandwidth_hz:g} Hz it is "
-            f"{distinct_texts(every[0].peak, 1.0, digits=3)[0]}"
-        )
+        best, more = halved_gap(best, every[-2].bandwidth_hz, tried)
+        every += more
+        best.reasons["bandwidth_hz"] = bandwidth_reason(every, best, every[0])
     return best
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 from workbench.bench.problem import import_file
 from workbench.certificate import distinct_texts
@@ -102,27 +102,55 @@ def kept_weights(
     best = _best(every)
     shapes = _told_covers(every, best)
     if lower and best.peak < KEPT and len(every) > len(models):
-        too_fast = every[-len(models) - 1].choices.bandwidth_hz
-        for _ in range(HALVINGS):
-            middle = lower(math.sqrt(best.choices.bandwidth_hz * too_fast))
-            every += rung(middle, [best.cover])
-            if every[-1].peak < KEPT:
-                best = every[-1]
-            else:
-                too_fast = middle.bandwidth_hz
+        cover, too_fast = best.cover, every[-len(models) - 1].bandwidth_hz
+        best, more = halved_gap(best, too_fast, lambda most: rung(lower(most), [cover])[0])
+        every += more
     told = replace(best.choices, reasons=best.choices.reasons | {"shape": shapes})
     if best.peak < 1 and len(every) > len(models):
-        frequencies = dict.fromkeys(f"{one.choices.bandwidth_hz:g}" for one in every)
-        told.reasons["bandwidth_hz"] = (
-            f"the largest of {', '.join(frequencies)} Hz at which a certified peak of mu is below "
-            f"1, {distinct_texts(best.peak, 1.0, digits=3)[0]}; at {chosen.bandwidth_hz:g} Hz it "
-            f"is {distinct_texts(_best(every[: len(models)]).peak, 1.0, digits=3)[0]}"
-        )
+        told.reasons["bandwidth_hz"] = bandwidth_reason(every, best, _best(every[: len(models)]))
     if best.found is None:
         return told
     if structure == "free":
         return fewest_states(told, best.plant, best.found)
     return replace(told, states=int(best.found.K.nstates))
+
+
+class Trial(Protocol):
+    """A bandwidth [Hz] that was tried, and its certified peak of mu."""
+
+    @property
+    def bandwidth_hz(self) -> float: ...
+
+    @property
+    def peak(self) -> float: ...
+
+
+T = TypeVar("T", bound=Trial)
+
+
+def halved_gap(best: T, too_fast: float, tried: Callable[[float], T]) -> tuple[T, list[T]]:
+    """The fastest trial that is kept between the best and a bandwidth [Hz] that is too fast, and
+    all trials between them.
+    """
+    every = []
+    for _ in range(HALVINGS):
+        middle = tried(math.sqrt(best.bandwidth_hz * too_fast))
+        every.append(middle)
+        if middle.peak < KEPT:
+            best = middle
+        else:
+            too_fast = middle.bandwidth_hz
+    return best, every
+
+
+def bandwidth_reason(every: Sequence[Trial], best: Trial, first: Trial) -> str:
+    """Why the bandwidth of the best trial is taken."""
+    frequencies = dict.fromkeys(f"{one.bandwidth_hz:g}" for one in every)
+    return (
+        f"the largest of {', '.join(frequencies)} Hz at which a certified peak of mu is below 1, "
+        f"{distinct_texts(best.peak, 1.0, digits=3)[0]}; at {first.bandwidth_hz:g} Hz it is "
+        f"{distinct_texts(first.peak, 1.0, digits=3)[0]}"
+    )
 
 
 class Tried(NamedTuple):
@@ -136,6 +164,11 @@ class Tried(NamedTuple):
     def cover(self) -> Cover:
         """Shape and form of the cover."""
         return self.choices.shape, self.choices.form
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """The bandwidth [Hz] that was tried."""
+        return self.choices.bandwidth_hz
 
     @property
     def peak(self) -> float:
