@@ -116,3 +116,21 @@ def test_the_phase_counts_from_frequency_zero():
         found = np.degrees(_phase(Rational(zeros, poles, 1.0), omega))
         assert found[[0, -1]] == pytest.approx([start, end], abs=1)
         assert np.abs(np.diff(found)).max() < 90
+
+
+@pytest.mark.parametrize(("spread", "kept"), [(0.12, False), (0.9, True)])
+def test_noise_at_the_lowest_lines_does_not_limit_it(spread, kept):
+    """A slow disturbance: the plants lie within 12 % there, as far as known within 72 %. Plants
+    that differ themselves are kept, and limit the bandwidth."""
+    low = OMEGA[:, None] < 3.0
+    true = (1 + np.where(low, spread, 0.02) * np.linspace(-1, 1, 6)) / (S / 100 + 1)
+    sigma = np.where(low, 0.28, 0.002) * np.abs(true)
+    some = plants(true, variance=sigma**2)
+    if kept:
+        with pytest.raises(InputError, match=r"differ by .* below the first frequency"):
+            first_choices(some, dt=1e-4)
+        return
+    chosen = first_choices(some, dt=1e-4)
+    assert 2 * np.pi * chosen.band_hz[0] == pytest.approx(OMEGA[OMEGA > 3.0][0])
+    assert "noise lets the plants differ by" in chosen.reasons["band_hz"]
+    assert chosen.bandwidth_hz * 2 * np.pi > 100

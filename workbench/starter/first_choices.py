@@ -191,13 +191,34 @@ def _seen_band(responses: Responses) -> tuple[Responses, str]:
             f"{100 * SEEN:g} % region is wider than half its response): excite more, or "
             "average longer"
         )
-    first, last = responses.frequency_hz[start], responses.frequency_hz[end - 1]
+    seen = responses.within(*responses.frequency_hz[[start, end - 1]])
     wider = f"a plant's {100 * SEEN:g} % region is wider than half its response"
     text = f"elsewhere {wider}" if bridged.any() else "all that is given"
     inside = responses.frequency_hz[start:end][hidden[start:end]]
     if inside.size:
         text += f"; at {inside.size} frequencies from {inside[0]:.4g} Hz on, too, {wider}"
-    return responses.within(first, last), text
+    known, below = _without_vague_start(seen)
+    return known, text + below
+
+
+def _without_vague_start(responses: Responses) -> tuple[Responses, str]:
+    """The responses without the lowest frequencies at which noise makes their set too large, and
+    the reason.
+
+    Slow disturbances hide the lowest lines of many records. A controller with an integrator needs
+    little knowledge there, but a bandwidth can only lie below a frequency at which the set is too
+    large. Where the plants themselves differ as much, nothing is left out.
+    """
+    size, apart = _relative_size(responses), _relative_spread(responses)
+    known = (size < WORST_SET) | (apart >= WORST_SET)
+    first = int(np.argmax(known))
+    if first == 0 or size.size - first < FEWEST:
+        return responses, ""
+    said = (
+        f"; below {responses.frequency_hz[first]:.4g} Hz noise lets the plants differ by "
+        f"{100 * size[:first].min():.0f} % or more"
+    )
+    return responses.within(responses.frequency_hz[first], responses.frequency_hz[-1]), said
 
 
 def _bridges(hidden: np.ndarray, radius: RealArray, size: RealArray) -> np.ndarray:
@@ -319,8 +340,17 @@ def _relative_size(responses: Responses) -> RealArray:
 
     Infinite if the centre is 0.
     """
-    center, radius = exact_circle(responses.points)
+    center, _ = exact_circle(responses.points)
     regions = np.where(responses.present, region_radius(responses, CONFIDENCE), 0.0).max(axis=1)
     infinite = np.full(center.shape, np.inf)
-    size: RealArray = np.divide(radius + regions, np.abs(center), out=infinite, where=center != 0)
-    return size
+    share: RealArray = np.divide(regions, np.abs(center), out=infinite, where=center != 0)
+    return _relative_spread(responses) + share
+
+
+def _relative_spread(responses: Responses) -> RealArray:
+    """Radius (F,) of the smallest circle that encloses the responses, over |centre|; infinite if
+    the centre is 0."""
+    center, radius = exact_circle(responses.points)
+    infinite = np.full(center.shape, np.inf)
+    spread: RealArray = np.divide(radius, np.abs(center), out=infinite, where=center != 0)
+    return spread
