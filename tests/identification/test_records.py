@@ -134,3 +134,12 @@ def test_bad_records(tmp_path):
         read_response(file, "u", ("u", "y"))
     with pytest.raises(InputError, match=r"shape \(3,\), 4 frequencies"):
         read_response(file, "u", "y")
+
+
+def test_without_instants_the_columns_are_named(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("t [s],u,y\n0,1,0\n1,1,0.5\n2,0,0.7\n")
+    with pytest.raises(InputError, match=r"name of the time variable, one of 't \[s\]', 'u', 'y'"):
+        read_record(file, inputs=["u"], outputs=["y"])
+    with pytest.raises(InputError, match="not both"):
+        read_record(file, inputs=["u"], outputs=["y"], dt=1.0, time="t")

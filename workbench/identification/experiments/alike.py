@@ -26,8 +26,8 @@ def read_alike(
 
     Raises
     ------
-    As `read_record`; or two files have units that cannot be converted; both are named.
-        As `read_record`; or two files have units that cannot be converted; it names both.
+    InputError
+        As `read_record`; or two files have units that cannot be converted; the message names both.
     """
     records = [read_record(path, [input], [output], dt=dt, time=time) for path in paths]
     said = []

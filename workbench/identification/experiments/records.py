@@ -69,11 +69,16 @@ def read_record(
     """
     import xarray as xr
 
-    if (dt is None) == (time is None):
-        raise InputError(f"{file}: give either dt or the name of the time variable")
+    if dt is not None and time is not None:
+        raise InputError(f"{file}: give either dt or the name of the time variable, not both")
     if dt is not None:
         need_positive(dt, "dt")
     table = read_table(file)
+    if dt is None and time is None:
+        raise InputError(
+            f"{file}: give either dt or the name of the time variable, one of "
+            f"{', '.join(map(repr, table.names))}"
+        )
     asked = {"input": asked_names(inputs, "inputs"), "output": asked_names(outputs, "outputs")}
     columns, units, told = _signals(table, [name for names in asked.values() for name in names])
     if time is not None:
