@@ -1,10 +1,9 @@
 """A drive on the bench against its analytic model, its own sensitivity, and itself."""
 
-import time
-
 import control
 import numpy as np
 import pytest
+from timing import least_seconds
 from workbench.plants.cd_drive.drive import plants as drives
 from workbench.plants.cd_drive.drive import tables
 from workbench.plants.cd_drive.drive.disc import Defect, Disc
@@ -259,13 +258,5 @@ def test_a_second_of_a_drive_is_quick():
     """A tenth of real time at most, so that an ensemble of drives takes minutes."""
     bench, K = Laboratory(), law("focus")
     u = np.zeros(round(RATE))
-    took = []
     for experiment in (lambda: bench.closed_loop(K, u, disc=disc("focus")), lambda: bench.coil(u)):
-        experiment()
-        best = np.inf
-        for _ in range(5):
-            start = time.process_time()
-            experiment()
-            best = min(best, time.process_time() - start)
-        took.append(best)
-    assert max(took) < 0.1
+        assert least_seconds(experiment, 5) < 0.1
