@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from workbench.mu import Peak, peak, skew_bounds
+from workbench.systems import response
 from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ..paths import Coupling, TwoAxes
@@ -51,7 +52,7 @@ class Limit:
 def any_coupling(two: TwoAxes, place: Place) -> Limit:
     """The limit for couplings of every kind that act at a place."""
     system, omega = performance_system(two, place), 2 * np.pi * SEARCHED
-    found = skew_bounds(np.moveaxis(system(1j * omega), -1, 0), CLOSED, [PERFORMANCE])
+    found = skew_bounds(response(system, omega), CLOSED, [PERFORMANCE])
     first = int(found.lower.argmax())
     kept = CERTIFIED_SHARE / float(found.lower[first])
     mu = peak(sized(system, kept), CLOSED, tolerance=TOLERANCE)
@@ -65,7 +66,7 @@ def sized(system: StateSpace, size: float) -> StateSpace:
 
 def gain_with(two: TwoAxes, place: Place, worst: ComplexArray, omega: float) -> float:
     """Largest singular value from d to z at omega [rad/s], with gains (2,) of a coupling."""
-    N = performance_system(two, place)(1j * omega)
+    N = response(performance_system(two, place), np.array([omega]))[0]
     coupling = np.diag(worst)
     closed = np.linalg.solve(np.eye(2) - N[:2, :2] @ coupling, N[:2, 2:])
     return float(np.linalg.norm(N[2:, 2:] + N[2:, :2] @ coupling @ closed, 2))
