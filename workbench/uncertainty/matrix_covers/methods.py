@@ -34,14 +34,14 @@ from workbench.uncertainty.matrix_covers.weights import (
 )
 
 MOST_RAISES = 8
-"""Largest number of tried gains. The proven norm of a scaled system is not exactly the scaled
-norm.
+"""Largest number of times that W_1 is raised. One raise may not be enough, because the proven norm
+of a scaled system is not exactly the scaled norm.
 """
 
 
 @method(MatrixCover, "steps", optimal=False)
 def _steps(program: MatrixCover, context: Context) -> Claim:
-    """The smallest sets, then W_2 above theirs, then W_1 for the smallest sets with it."""
+    """Fit W_2 to the smallest sets, then W_1 to the smallest sets that have this W_2."""
     return _improved(program, context, None)
 
 
@@ -49,19 +49,20 @@ def _for_loop(program: MatrixCover) -> str | None:
     """The reason why the objective is not a function of the weights' sizes only; None if it is."""
     if program.loop is None:
         return None
-    return "joint minimises the size of sets, not the mu of a loop; take descent"
+    return "joint minimises the size of sets, not the mu of a loop; take the method descent"
 
 
 @method(MatrixCover, "joint", optimal=False, unfit=_for_loop)
 def _joint(program: MatrixCover, context: Context) -> Claim:
-    """Both weights, with poles from "steps", by semidefinite programs: a local optimum."""
+    """Improve both weights of "steps" together; their poles stay. It finds a local optimum."""
     return _improved(program, context, partial(smaller_weights, program, context=context))
 
 
 def _no_full_weight(program: MatrixCover) -> str | None:
-    """The reason why the weights have no sections; None if they have."""
+    """The reason why the weights are no products of sections; None if they are."""
     full = "full" in (program.left, program.right)
-    return "a full weight has no sections to optimise; take steps or joint" if full else None
+    said = "a full weight has no poles and zeros of each channel; take the method steps or joint"
+    return said if full else None
 
 
 @method(MatrixCover, "descent", optimal=False, unfit=_no_full_weight)
@@ -104,7 +105,7 @@ def _improved(program: MatrixCover, context: Context, improvement: Improvement |
     try:
         second = FoundCover(_reaching(program, *improvement(W_1, W_2)), first.least)
     except SolverError as error:
-        return first, Outcome.SOLVED, f"as by steps: {error}"
+        return first, Outcome.SOLVED, f"the weights of steps are kept: {error}"
     return min(first, second, key=program.objective), Outcome.SOLVED, ""
 
 
@@ -147,9 +148,10 @@ def _sets(program: MatrixSets, context: Context) -> FoundSets:
 
 
 def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixModel:
-    """The model with W_1 as large as the plants need; at every frequency, if this can be proven.
+    """The model with W_1 multiplied by the smallest factor with which it contains all plants.
 
-    The given weights are functions of the bilinear plane.
+    It contains them at every frequency if that can be proven. The given weights are functions of
+    the bilinear plane.
     """
     dt = program.responses.dt
     if dt:

@@ -22,8 +22,9 @@ from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape
 
 def _no_volume(program: MatrixSets) -> str | None:
     """The reason why the problem is no cone program; None if it is one."""
-    fit = program.size == "trace"
-    return None if fit else f"the {program.size} is not convex in L and R; take barrier"
+    fits = program.size == "trace"
+    said = f'the size "{program.size}" is not convex in W_1 W_1^* and W_2^* W_2'
+    return None if fits else f"{said}; take the method barrier"
 
 
 @conic_method(MatrixSets, optimal=False, unfit=_no_volume)

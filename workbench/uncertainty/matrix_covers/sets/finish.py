@@ -1,4 +1,4 @@
-"""Sets from inverse weights: scaled until they contain their matrices, with triangular weights."""
+"""Sets from inverse weights: scaled until they contain the matrices, with triangular weights."""
 
 from __future__ import annotations
 

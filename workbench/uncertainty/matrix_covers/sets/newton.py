@@ -154,7 +154,7 @@ class BarrierSets:
     def _moved(
         self, mu: float, at: np.ndarray, step: RealArray, decrement: RealArray
     ) -> np.ndarray:
-        """Move along the steps as far as the value decreases; returns where it did (f,)."""
+        """Take the longest halving of each step that decreases the value; mask (f,) of success."""
         before = self._value(mu, self.point[at])
         todo, length = np.ones(len(at), bool), 1.0
         while todo.any() and length >= SHORTEST:
