@@ -38,7 +38,7 @@ GENERATIONS, POPULATION = 100, 4
 """Number of generations, and number of members of the population for each coefficient."""
 
 
-def descended(
+def weights_by_descent(
     program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational], context: Context
 ) -> tuple[list[Rational], list[Rational]]:
     """Weights with a lower cost, as functions of the bilinear plane, by descent from the given
@@ -57,7 +57,7 @@ def descended(
     return cost.fits(x)
 
 
-def evolved(
+def weights_by_evolution(
     program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational], context: Context
 ) -> tuple[list[Rational], list[Rational]]:
     """Weights with a lower cost, as functions of the bilinear plane, by a population around the
@@ -96,7 +96,7 @@ class _Cost:
         fine, self.shares = program.for_fits()
         band = float(program.axis[0]), float(program.axis[-1])
         self.sides = [SideOfWeights(fine.axis, band, fits) for fits in (left, right)]
-        self.X = _outermost(
+        self.X = _outermost_matrices(
             fine.matrices_to_cover, [side.logs(side.start)[0] for side in self.sides]
         )
         self.start = np.concatenate([side.start for side in self.sides])
@@ -185,7 +185,7 @@ def _diagonals(values: RealArray, size: int) -> Array:
     return found
 
 
-def _outermost(X: Array, logs: Sequence[RealArray]) -> Array:
+def _outermost_matrices(X: Array, logs: Sequence[RealArray]) -> Array:
     """The OUTERMOST largest matrices of X (F, N, p, m) at each frequency, relative to the weights.
 
     ``logs`` are the logarithms (F, .) of the weights' sizes.

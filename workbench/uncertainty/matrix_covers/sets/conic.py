@@ -14,7 +14,7 @@ from workbench._core.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
-from workbench.uncertainty.matrix_covers.sets.finish import finished
+from workbench.uncertainty.matrix_covers.sets.finish import containing_sets
 from workbench.uncertainty.matrix_covers.sets.multipliers import with_touching_multipliers
 from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape
@@ -44,7 +44,11 @@ def _conic(program: MatrixSets, context: Context, solver: ConicSolver) -> Claim:
         outcome = outcome if one is Outcome.SOLVED else one
         P[f], S[f], Z[f] = statement.answer()
     none = np.zeros((F, N, min(p, m)))
-    return with_touching_multipliers(program, finished(program, P, S, Z, none)), outcome, said
+    return (
+        with_touching_multipliers(program, containing_sets(program, P, S, Z, none)),
+        outcome,
+        said,
+    )
 
 
 class _Statement:

@@ -134,7 +134,7 @@ def scaled_loop(loop: Array, P: Array, S: Array, delta: RealArray) -> Array:
     K = np.array(loop, complex)
     K[:, :m] = np.linalg.solve(S, K[:, :m])
     K[:, :, :p] = K[:, :, :p] @ np.linalg.inv(P)
-    return _turned(K, p, m, delta)
+    return _delta_scaled(K, p, m, delta)
 
 
 def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
@@ -155,7 +155,7 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
     golden = (np.sqrt(5) - 1) / 2
 
     def value(delta: RealArray) -> RealArray:
-        return log_norm(_turned(K, p, m, delta))
+        return log_norm(_delta_scaled(K, p, m, delta))
 
     inside = [high - golden * (high - low), low + golden * (high - low)]
     values = [value(each) for each in inside]
@@ -170,7 +170,7 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
     return value(delta), delta
 
 
-def _turned(K: Array, p: int, m: int, delta: RealArray) -> Array:
+def _delta_scaled(K: Array, p: int, m: int, delta: RealArray) -> Array:
     """K (F, m + q, p + r) with its off-diagonal blocks scaled by e^delta and e^-delta."""
     K = K.copy()
     K[:, :m, p:] *= np.exp(delta)[:, None, None]
