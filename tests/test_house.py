@@ -9,6 +9,7 @@ ROOT = Path(__file__).parents[1]
 ROOMS = sorted(
     file.parent for top in ("workbench", "problems") for file in (ROOT / top).rglob("__init__.py")
 )
+PARTS = "Takes", "Gives", "Rests on"
 MODULES = 20
 """Modules in a folder from which on a reader must scroll."""
 
@@ -17,6 +18,14 @@ MODULES = 20
 def test_a_room_says_what_it_is_and_is_not_crowded(room):
     assert ast.get_docstring(ast.parse((room / "__init__.py").read_text(encoding="utf-8")))
     assert len(list(room.glob("*.py"))) <= MODULES
+
+
+def test_a_room_says_in_five_lines_what_it_takes_gives_and_rests_on():
+    for room in sorted((ROOT / "workbench").glob("*/__init__.py")):
+        said = ast.get_docstring(ast.parse(room.read_text(encoding="utf-8"))).splitlines()
+        starts = [line.split(":")[0] for line in said if line.startswith(PARTS)]
+        assert starts == list(PARTS), room
+        assert len([line for line in said if line]) <= 5, room
 
 
 def test_every_module_says_what_it_is():

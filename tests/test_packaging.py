@@ -203,6 +203,20 @@ def test_every_dependency_is_pinned_and_installed_at_its_pin():
         assert requirement.specifier.contains(pinned), requirement
 
 
+def test_advice_to_install_an_extra_names_this_distribution_and_an_extra_of_it():
+    """Another package has the name under which this one is imported."""
+    advice = re.compile(r"([\w-]+)\[(\w+)\]['\"]")
+    files = [file for top in ("workbench", "problems", "docs") for file in (ROOT / top).rglob("*")]
+    texts = [file.read_text("utf-8") for file in files if file.suffix in {".py", ".md"}]
+    lines = [line for text in texts for line in text.splitlines() if "pip install" in line]
+    told = {found for line in lines for found in advice.findall(line)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    assert len(told) > 3
+    assert {name for name, _ in told} == {"robust-workbench"}
+    assert {extra for _, extra in told} <= extras.keys()
+
+
 def test_links_of_the_readme_exist():
     text = (ROOT / "README.md").read_text()
     links = re.findall(r"\]\(([^)#]+)\)", text)

@@ -205,7 +205,7 @@ def fit(algorithm: str, horizon: int, order: int) -> Fitter:
         from sippy_unipi import system_identification
     except ModuleNotFoundError:
         raise InputError(
-            "bench/cd-arm compares with sippy_unipi: pip install 'workbench[benchmark]'"
+            "bench/cd-arm needs sippy_unipi: pip install 'robust-workbench[benchmark]'"
         ) from None
 
     def fitted(record: Experiments) -> InnovationsModel | None:

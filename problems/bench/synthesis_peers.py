@@ -78,7 +78,7 @@ def need_dkpy() -> Any:
         import dkpy
     except ModuleNotFoundError:
         raise InputError(
-            "bench/synthesis compares with dkpy: pip install 'workbench[benchmark]', or leave that "
+            "bench/synthesis needs dkpy: pip install 'robust-workbench[benchmark]', or leave that "
             "part out with distillation=false"
         ) from None
     return dkpy

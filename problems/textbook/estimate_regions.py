@@ -47,7 +47,7 @@ MEMBERS = 200
 """Number of plants drawn from the ball, and from the box."""
 FREQUENCY = np.geomspace(0.02, 50.0, 300)
 """Angular frequencies [rad/s] at which the drawn plants and loops are computed."""
-ROUNDING = 1e-6
+GAIN_ROUNDING = 1e-6
 """Rounding error allowed when a drawn loop's gain is compared with the certified peak, relative."""
 FINE = np.geomspace(OMEGA[0], OMEGA[-1], 300)
 """Angular frequencies [rad/s] at which it is tested whether the discs hold the true plant."""
@@ -172,7 +172,7 @@ class EstimateRegions(Study):
     @check(
         title="drawn loops",
         statement="gain of a drawn plant over the certified peak, less 1",
-        at_most=ROUNDING,
+        at_most=GAIN_ROUNDING,
     )
     def below(self, gain: DataArray, peak: DataArray) -> DataArray:
         """The main loop theorem bounds the gain only if the peak is at most 1; other sets are

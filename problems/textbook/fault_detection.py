@@ -162,7 +162,7 @@ class FaultDetection(Study):
     @check()
     def decoupled(self, filters: dict[str, StateSpace]) -> list[Check]:
         """Every generator is stable, and no control reaches its residuals."""
-        found, statement = [], "largest gain from a control"
+        found, statement = [], "largest gain from a control to a residual [1]"
         pole = "real part of its slowest pole [rad/s]"
         for name, Q in filters.items():
             slowest = float(np.linalg.eigvals(Q.A).real.max())
@@ -175,13 +175,15 @@ class FaultDetection(Study):
         return found
 
     @check(
-        title="poles given", statement="distance of a pole from that asked", at_most=POLE_DISTANCE
+        title="poles given",
+        statement="relative distance of a pole from the given one",
+        at_most=POLE_DISTANCE,
     )
     def poles(self, filters: dict[str, StateSpace]) -> float:
         poles: Array = np.linalg.eigvals(filters["exact"].A)
         return float(np.abs(poles / self.pole - 1.0).max())
 
-    @check(title="isolation", statement="largest gain from the other fault", at_most=LEAKAGE)
+    @check(title="isolation", statement="largest gain from the other fault [1]", at_most=LEAKAGE)
     def isolation(self, filters: dict[str, StateSpace]) -> float:
         G_rf = self._residual_response(filters["exact"], self.model.faults, np.append(0.0, CHECKED))
         return float(np.abs(G_rf[:, [0, 1], [1, 0]]).max())
@@ -203,7 +205,7 @@ class FaultDetection(Study):
         over = "peak of the error by another algorithm over the certified norm, less 1"
         under = "certified norm over that peak, less 1"
         near, excess = (
-            "certified norm less the bound of any generator",
+            "certified norm less the least norm of any generator [1]",
             certified - float(bound.max()),
         )
         return [
@@ -225,7 +227,7 @@ class FaultDetection(Study):
 
     attained = check(
         title="structures {kind}",
-        statement="attainable rows, less those published",
+        statement="difference of the number of attainable rows from the published number",
         value=lambda structures: abs(
             structures - [YUAN_ROWS[kind] for kind in structures["kind"].values]
         ),

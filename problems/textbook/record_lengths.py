@@ -29,7 +29,7 @@ RADII = (0.05, 0.3, 0.6, 1.0)
 KNOWN = ("each sample", "energy")
 """What is known of the noise: a bound on each sample, or 1.05 times its true energy."""
 ABOVE_ENERGY = 1.05
-ROUNDING = 1e-6
+NORM_ROUNDING = 1e-6
 """Rounding error allowed when a norm is compared with its bound, relative."""
 STABLE, NONE, OPEN = 1, 0, -1
 """Verdicts: a gain is proven; it is proven that none exists; or neither."""
@@ -127,13 +127,13 @@ class RecordLengths(Study):
         title="true loops",
         statement="norm of the loop of the true plant over the proven one, less 1",
         value=lambda true_norm, level: (true_norm / level - 1.0).fillna(-1.0),
-        at_most=ROUNDING,
+        at_most=NORM_ROUNDING,
     )
     above = check(
         title="known plant",
         statement="least norm of the known plant over the proven one, less 1",
         value=lambda best, level: (best / level - 1.0).fillna(-1.0),
-        at_most=ROUNDING,
+        at_most=NORM_ROUNDING,
     )
 
     @metric

@@ -223,7 +223,7 @@ def test_a_form_that_does_not_reach_a_plant_names_it():
         control.ss([[-1.0]], [[1.0]], rng.normal(size=(2, 1)), np.zeros((2, 1))) for _ in range(3)
     ]
     responses = MatrixResponses.of_systems(tall, OMEGA, plants=["one", "two", "three"])
-    with pytest.raises(InputError, match="'input' does not reach plant"):
+    with pytest.raises(InputError, match="form 'input' gives plant"):
         MatrixCover(responses, tall[0], form="input")
 
 
@@ -360,7 +360,7 @@ def test_a_nominal_through_the_centres_leaves_hardly_larger_sets_than_free_centr
 def test_a_nominal_needs_responses():
     with pytest.raises(InputError, match="MatrixResponses"):
         central_nominal(VALUES, 2)
-    with pytest.raises(InputError, match="alike"):
+    with pytest.raises(InputError, match="are equal"):
         central_nominal(MatrixResponses.of_systems([plant(), plant()], OMEGA), 2)
 
 

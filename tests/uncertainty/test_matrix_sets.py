@@ -191,7 +191,7 @@ def test_the_square_roots_are_triangular_and_of_determinant_one():
         ({"deviations": drawn(3, 2, 2)}, "shape"),
         ({"deviations": np.full((1, 2, 2, 2), np.nan)}, "finite"),
         ({"deviations": np.zeros((2, 3, 2, 2))}, "zero"),
-        ({"deviations": np.ones((2, 3, 2, 2)), "centre": "free"}, "alike"),
+        ({"deviations": np.ones((2, 3, 2, 2)), "centre": "free"}, "are equal"),
         ({"deviations": "many"}, "numbers"),
         ({"left": "round"}, "left is 'round'"),
         ({"right": None}, "right is None"),

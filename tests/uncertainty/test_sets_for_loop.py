@@ -218,16 +218,16 @@ E, LOOP = drawn(2, 3, 2, 2), drawn(2, 3, 3)
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"loop": None}, "go together"),
-        ({"size": "volume"}, "go together"),
-        ({"centre": "free"}, "about a nominal"),
+        ({"loop": None}, "needs a loop"),
+        ({"size": "volume"}, "needs a loop"),
+        ({"centre": "free"}, "around the nominal"),
         ({"loop": drawn(3, 3, 3)}, r"\(F, m \+ q, p \+ r\)"),
         ({"loop": drawn(2, 1, 3)}, r"\(F, m \+ q, p \+ r\)"),
         ({"loop": drawn(2, 2, 3)}, "both 0 or neither"),
         ({"loop": "closed"}, "numbers"),
         ({"loop": np.full((2, 3, 3), np.nan)}, "finite"),
-        ({"loop": np.zeros((2, 2, 2))}, "does not lead"),
-        ({"loop": LOOP * np.array([1, 1, 0])}, "does not lead"),
+        ({"loop": np.zeros((2, 2, 2))}, "no path from w"),
+        ({"loop": LOOP * np.array([1, 1, 0])}, "no path from w"),
     ],
 )
 def test_bad_loops_of_sets_are_named(changes, words):
@@ -251,7 +251,7 @@ def test_bad_loops_of_covers_are_named(loop, words):
 
 
 def test_other_bad_input_is_named():
-    with pytest.raises(InputError, match="take descent"):
+    with pytest.raises(InputError, match="take the method descent"):
         wb.solve(cover(), method="joint")
     with pytest.raises(InputError, match="performance is 1"):
         cover(performance=1)

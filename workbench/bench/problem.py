@@ -235,7 +235,7 @@ class Problem:
 
     @property
     def kind(self) -> Any:
-        """The class of what is returned, by its annotation: the first one where there are several.
+        """The class that the annotation says the problem returns; the first one of several.
 
         None where it names no class.
         """

@@ -2,12 +2,12 @@
 
 Takes: an answer and the data of its problem.
 Gives: bounds rounded outward, and proofs that a stored answer carries with it.
-Rests on: bounds of rounding errors, discs that enclose all eigenvalues, and ball arithmetic
-    (python-flint). Hamiltonian matrices carry a bound from one frequency to an interval.
-
-It imports only the basic modules and `workbench.systems`. Methods and checks import this package;
-it imports no method.
+Rests on: bounds of rounding errors, discs that enclose all eigenvalues, ball arithmetic, and
+    Hamiltonian matrices, which carry a bound from one frequency to an interval.
 """
+
+# It imports only the basic modules and `workbench.systems`. Methods and checks import this package;
+# it imports no method.
 
 from typing import TYPE_CHECKING
 

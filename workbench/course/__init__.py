@@ -2,9 +2,7 @@
 
 Takes: the name of a folder.
 Gives: ten notebooks, and folders of scripts that go from records to C.
-Rests on: tests that run them; no theorem is needed.
-
-`workbench.course.execution` runs the notebooks and renews their outputs.
+Rests on: tests that run them (`workbench.course.execution`); no theorem is needed.
 """
 
 from __future__ import annotations

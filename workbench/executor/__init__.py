@@ -1,12 +1,12 @@
 """Where work runs, how it shows its progress, when it must stop, and where it keeps its state.
 
-There is one interface: `concurrent.futures.Executor`. Whoever submits tasks need not know whether
-they run in this process, in a pool of processes that can be killed, or on a cluster.
-
 Takes: functions with their arguments, and a time limit.
 Gives: their results as they end, progress, and states from which an interrupted run resumes.
 Rests on: no theorem; results depend neither on the place nor on the order of the work.
 """
+
+# There is one interface: `concurrent.futures.Executor`. Code that submits tasks need not know
+# whether they run in this process, in a pool of processes that can be killed, or on a cluster.
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,10 +1,8 @@
 """Rational fits: magnitudes, also as covers, and complex responses.
 
 Takes: a magnitude or response at frequencies, an order, and which roots may be unstable.
-Gives: a rational function and its error; a cover lies above the data, at and between their
-frequencies.
-Rests on: differential correction, which finds the global minimax fit of a magnitude; vector fitting
-    and local descent for complex responses.
+Gives: a rational function and its error; a cover lies above the data, also between frequencies.
+Rests on: differential correction (global minimax fit of a magnitude), vector fitting, descent.
 """
 
 from typing import TYPE_CHECKING

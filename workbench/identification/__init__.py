@@ -1,10 +1,9 @@
 """From files and experiments to models: records, responses with confidence, parameters.
 
-Takes: records of inputs and outputs, from files (folder `files`) or arrays, and prior knowledge of
-    the plant.
+Takes: records of inputs and outputs, from files or arrays, and prior knowledge of the plant.
 Gives: reports of records, responses with regions, models with deviations, experiments.
-Rests on: least squares, prediction errors and subspaces, with the asymptotic laws of their errors;
-    Fieller's regions for loops; sign perturbation for finite records.
+Rests on: the asymptotic laws of least squares, prediction errors and subspaces; Fieller's regions
+    for loops; sign perturbation for finite records.
 """
 
 from typing import TYPE_CHECKING

@@ -28,7 +28,7 @@ def exact_products(
     """Check that no plant grows over a period of the switchings; an empty list if all are too long.
 
     The transition over a period is a product of doubles as exact fractions, and the roots of its
-    characteristic polynomial lie in proven discs. Arguments as of `fastest_growth`.
+    characteristic polynomial lie in proven discs. The arguments are those of `fastest_growth`.
     """
     rng = np.random.default_rng(SEED)
     short = [

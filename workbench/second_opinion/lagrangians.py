@@ -19,7 +19,7 @@ SPREADS = (0.0, 1e-3, 0.1, 1.0, 10.0)
 """Standard deviations of the points from the answer, relative to 1 + its size, used in turn."""
 CONES = ("PSD", "SOC", "ExpCone")
 """Classes of constraints that say that their arguments lie in a cone."""
-ROUNDING = 1e-9
+LAGRANGIAN_ROUNDING = 1e-9
 """Amount by which a Lagrangian in doubles may be below a bound, as a share of its terms."""
 
 
@@ -64,7 +64,9 @@ def lagrangian_above(
         worst = max(worst, (bound - total) / size if math.isfinite(size) else -1.0)
     statement = "most that the Lagrangian is below the bound, relative to its terms"
     over = f"at {within} points"
-    return Check("Lagrangian", statement, worst if within else math.nan, ROUNDING, over=over)
+    return Check(
+        "Lagrangian", statement, worst if within else math.nan, LAGRANGIAN_ROUNDING, over=over
+    )
 
 
 def _drawn(variable: Any, value: Array, spread: float, rng: np.random.Generator) -> Array:

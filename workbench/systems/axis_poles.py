@@ -178,7 +178,9 @@ def _irreducible_parts(A: RealArray) -> list[IntegerArray]:
 def _by_ranks(
     A: RealArray, small: float, points: Sequence[float]
 ) -> tuple[RealArray, RealArray, list[float]]:
-    """Q, Q^T A Q and the poles at the points, told by ranks, which come first."""
+    """Q, Q^T A Q and its first diagonal entries: poles at the points, found from ranks of A -
+    point.
+    """
     Q, T, places = np.eye(len(A)), A.copy(), list[float]()
     for point in points:
         k = len(places)

@@ -75,8 +75,10 @@ def axis_rounding(A: RealArray) -> float:
 
 
 def null_states_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:
-    """Q, Q^T A Q and the number k of poles at 0, told by ranks: its first k columns have nonzero
-    entries only above the diagonal. Singular values up to `small` count as 0.
+    """Q, Q^T A Q and the number k of poles at 0, found from ranks.
+
+    The first k columns of Q^T A Q have nonzero entries only above the diagonal. Singular values up
+    to `small` count as 0.
     """
     n = len(A)
     Q, T, k = np.eye(n), A.copy(), 0

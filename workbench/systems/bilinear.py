@@ -106,7 +106,10 @@ def bilinear_sampled(system: Any, dt: float) -> StateSpace:
 
 
 def in_continuous_plane(K: StateSpace) -> StateSpace:
-    """A controller in continuous time; a sampled one by s = (2 / T) (z - 1) / (z + 1)."""
+    """A controller in continuous time.
+
+    A sampled one is transformed by s = (2 / T) (z - 1) / (z + 1).
+    """
     return bilinear_continuous(K) if K.dt else K
 
 

@@ -1,11 +1,9 @@
 """Uncertainty models: covers of response sets, parametric models, generalised plants.
 
 Takes: responses of several plants, or models with uncertain parameters.
-Gives: a nominal with weights whose set contains every plant; linear fractional forms.
+Gives: a nominal with weights whose set contains every plant (at the frequencies of the responses;
+    known plants also between them); linear fractional forms.
 Rests on: smallest sets at each frequency and minimax fits above them.
-
-Containment is decided at the frequencies of the responses; for known plants also between these
-frequencies.
 """
 
 from typing import TYPE_CHECKING

@@ -161,12 +161,12 @@ class ExactResiduals(Study):
 
     @check(title="the other sign", at_most=-DOUBLED)
     def doubled(self, filters: dict[str, StateSpace]) -> float:
-        """minus the least such gain by the other sign"""
+        """minus the least gain from u to r over that of H_act alone, by the other sign"""
         return float(-_by_sign(leaks_of(self.axis, filters), right=False).min())
 
     @check(title="gains", at_most=LEAK)
     def stored_gains(self, filters: dict[str, StateSpace], leak: DataArray) -> DataArray:
-        """largest difference of a stored gain from that of the stored generators"""
+        """largest difference of a stored gain from that of the stored generators [1]"""
         return abs(leak - leaks_of(self.axis, filters))
 
     @check(title="fault", statement="distance of the gain of a constant fault from 1", at_most=1e-6)

@@ -117,12 +117,12 @@ class UncertaintyComparison(Study):
 
     @check(title="never wider", at_most=1 + 1e-9)
     def never_wider(self, variant: DataArray) -> tuple[float, str]:
-        """half-width over radius, same centre"""
+        """half-width of a stadium over the radius of the circle with the same centre"""
         return _worst(variant.sel(shape="stadium") / variant.sel(shape="circle"))
 
     @check(title="never wider, fitted", at_most=1 + 1e-9)
     def never_wider_fitted(self, size: DataArray) -> tuple[float, str]:
-        """the same about nominals"""
+        """half-width of a stadium over the radius of the circle, both about their nominals"""
         return _worst(size.sel(quantity="width about") / size.sel(quantity="radius about"))
 
     @check()

@@ -64,7 +64,7 @@ def need_table_file(path: str | Path) -> Path:
         raise InputError(f"the folder {path.parent} of {path.name!r} does not exist; make it first")
     if path.suffix == ".parquet" and find_spec("pyarrow") is None:
         raise InputError(
-            "Parquet needs the package pyarrow: pip install 'workbench[parquet]'; "
+            "Parquet needs the package pyarrow: pip install 'robust-workbench[parquet]'; "
             "or write to a .csv file"
         )
     return path

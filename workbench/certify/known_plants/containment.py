@@ -107,7 +107,8 @@ def escapes(
     """Frequencies [rad/s] at which plants lie outside sets whose radius is 1 + `excess` times W_c.
 
     There is one frequency for each plant and each interval in which it is outside. An empty result
-    proves that all plants are inside at every frequency. Arguments as of `largest_excess`.
+    proves that all plants are inside at every frequency. The arguments are those of
+    `largest_excess`.
     """
     compared = _comparisons(plants, nominal, W_c, W_r, multiplicative)
     return [omega for each in compared for _, omega in each.outside(excess)]

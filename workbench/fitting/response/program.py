@@ -164,7 +164,14 @@ class ResponseFit(Program):
         found = [
             Check("order", "number of poles", answer.poles.size, self.order),
             Check("zeros", "number of zeros", answer.zeros.size, self.zeros),
-            Check("error", "largest v |R - g|", error, float(limit), where=where, over=over),
+            Check(
+                "error",
+                "largest weighted error v |R - g|, in units of v R",
+                error,
+                float(limit),
+                where=where,
+                over=over,
+            ),
         ]
         if self.unstable_poles:
             found.append(right_check(answer.poles, self.unstable_poles))

@@ -47,7 +47,7 @@ class LoopStarts(SubspaceStarts):
 def _with_own_noise(
     program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int
 ) -> Iterator[InnovationsModel]:
-    """Models of so many states, some of which are the plant's and the others the noise's.
+    """Models with ``order`` states, divided between the plant and the noise in every way.
 
     Noise that enters at the output does not have the plant's poles. A search that begins at a model
     with common poles often ends in another minimum.

@@ -225,7 +225,16 @@ class ExperimentDesign(Program):
             return found
         lines = f"for these {len(power)} lines"
         least, where = worst_value(-power, lambda place: f"of line {place[0] + 1}")
-        found.append(Check("powers", "less the least power", least, 0.0, where=where, over=lines))
+        found.append(
+            Check(
+                "powers",
+                "minus the least power [squared unit of the input]",
+                least,
+                0.0,
+                where=where,
+                over=lines,
+            )
+        )
         used, where = worst_value(self.uses @ power, lambda place: f"of limit {place[0] + 1}")
         statement = "share of a limit that is used, less 1"
         found.append(

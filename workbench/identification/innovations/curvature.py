@@ -214,7 +214,7 @@ def _autoregressive(criterion: Criterion, theta: RealArray) -> RealArray:
 def _estimated(
     criterion: Criterion, theta: RealArray, hessian: RealArray, known: Knowledge | None
 ) -> Estimates:
-    """Estimates by a Hessian, along the surface of what is known."""
+    """Estimates and their covariance from a Hessian, for changes that keep what is known."""
     free = np.eye(len(theta))
     if known is not None and known.gain is not None:
         scale = np.sqrt(np.diag(hessian))

@@ -49,7 +49,10 @@ def has_ended(response: RealArray, roots: Sequence[RealArray], residuals: RealAr
 
 
 def _colour(errors: RealArray, samples: int) -> RealArray:
-    """Spectrum of errors (N,) over that of white ones as large, at the lines of so many samples."""
+    """Spectrum of errors (N,), relative to that of white errors of the same size.
+
+    It is given at the lines of the Fourier transform of ``samples`` samples.
+    """
     whitening = np.concatenate([[1.0], -chosen_autoregression(errors)])
     power = 1 / np.abs(np.fft.fft(whitening, FINE)) ** 2
     lines = freqz([1.0], whitening, 2 * np.pi * np.arange(samples // 2 + 1) / samples)[1]

@@ -198,7 +198,7 @@ def _posterior(late: Experiments, direct: bool) -> tuple[_Posterior | None, bool
 def _posterior_of(
     late: Experiments, direct: bool, taps: int, kernels: RealArray | None
 ) -> _Posterior | None:
-    """Impulse responses of so many samples, and one more for a direct term.
+    """Impulse responses of ``taps`` samples, and one sample more for a direct term.
 
     The search for the kernels begins at ``kernels``. None if too many samples are missing.
     """

@@ -185,7 +185,10 @@ def _infinite_apart(
     untold: dict[int, RealArray],
     record: Experiments,
 ) -> RealArray:
-    """Deviations (F, ny, nu), infinite for untold inputs apart from the frequencies they tell."""
+    """Deviations (F, ny, nu), made infinite where a record does not determine an input's response.
+
+    ``untold`` has the inputs that move at few frequencies only, with these frequencies.
+    """
     for j, told in untold.items():
         distance = np.abs(np.reshape(frequency, (-1, 1)) - told).min(axis=1, initial=np.inf)
         deviations[distance > 1 / len(record), :, j] = np.inf

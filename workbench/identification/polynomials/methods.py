@@ -153,7 +153,7 @@ def _structured_answer(program: StateSpaceFit, context: Context, kind: Polynomia
 
 
 def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
-    """Fitting functions for ARX models of an order; ``apart`` as in `arx`."""
+    """Fitting functions for ARX models of an order; for ``apart`` see `arx`."""
     return _with_allowed_poles(
         program,
         lambda record, order: arx_model(
@@ -163,7 +163,7 @@ def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
 
 
 def sparse_arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
-    """Fitting functions for sparse ARX models with a longest lag; ``apart`` as in `arx`."""
+    """Fitting functions for sparse ARX models with a longest lag; for ``apart`` see `arx`."""
     return _with_allowed_poles(
         program,
         lambda record, lags: sparse_arx(

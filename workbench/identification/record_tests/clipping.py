@@ -30,7 +30,7 @@ FEWEST_REPEATS, REPEATED = 10, 0.01
 """Fewest samples at the end of the range, and largest share of equal neighbours elsewhere, for
 which exact repetition is not chance.
 """
-ROUNDING = 1e-6
+REGRESSION_ROUNDING = 1e-6
 """Error of a regression, relative to the output, that counts as rounding and not as noise."""
 STRONG = 0.05
 """Share of clipped samples above which nothing may be estimated."""
@@ -112,7 +112,7 @@ def _would_exceed(record: RecordData, signal: RealArray, output: int) -> bool:
         size = np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
         weight = np.linalg.lstsq(basis / size, signal[rows], rcond=None)[0] / size
         noise = float(np.std(signal[rows] - basis @ weight))
-        exact = ROUNDING * float(np.std(signal[rows]))
+        exact = REGRESSION_ROUNDING * float(np.std(signal[rows]))
         if noisy and noise > exact:
             return True
         away = _regressors(record, signal, here, past, waits) @ weight - top

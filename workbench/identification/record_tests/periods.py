@@ -12,7 +12,7 @@ SHORTEST_PERIOD = 16
 """Shortest period that is searched for [samples]."""
 FORGOTTEN = 0.5
 """An input has left its initial state once the correlation falls below this; a period is longer."""
-ROUNDING = 1e-9
+ENERGY_ROUNDING = 1e-9
 """Energy of a part of an input, relative to the whole, that counts as rounding."""
 PERIODIC = 0.99
 """Correlation of an input with itself one period later, from which it counts as periodic."""
@@ -37,8 +37,8 @@ def period(u: RealArray) -> int | None:
     lags = np.arange(longest + 1)
     size = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
     # An input that hardly moves resembles anything.
-    like = np.where(size > ROUNDING * energy[n], product, 0.0)
-    like = np.minimum(like / np.maximum(size, ROUNDING * energy[n]), 1.0)
+    like = np.where(size > ENERGY_ROUNDING * energy[n], product, 0.0)
+    like = np.minimum(like / np.maximum(size, ENERGY_ROUNDING * energy[n]), 1.0)
     left = np.flatnonzero(like < FORGOTTEN)
     if not left.size:
         return None

@@ -57,7 +57,7 @@ least.
 """
 FARTHEST = 5.0
 """The same at most, for an input that was off and whose mean is far from 0."""
-SINGULAR, ROUNDING = 1e-9, 1e-7
+SINGULAR, OUTPUT_ROUNDING = 1e-9, 1e-7
 """Least singular value that counts, relative to the largest; and rounding error of
 fitted outputs.
 """
@@ -177,7 +177,7 @@ def _fitted(basis: RealArray, y: RealArray) -> tuple[RealArray, RealArray, RealA
     inverse = right[kept].T / sizes[kept]
     weight = inverse @ (left_vectors[:, kept].T @ y)
     left = y - basis @ weight
-    left = left + ROUNDING * (-1.0) ** np.arange(len(y))
+    left = left + OUTPUT_ROUNDING * (-1.0) ** np.arange(len(y))
     noise = float(left @ left) / max(len(y) - int(kept.sum()), 1)
     return left, weight, noise * inverse @ inverse.T
 

@@ -51,7 +51,7 @@ MIRRORED = float(stats.chi2.ppf(0.95, 1) / stats.chi2.ppf(0.95, 2) * 2.0)
 """Factor of the variance in a band about frequency 0: errors are real there, and a real error
 leaves a disc more often than a complex one of the same variance.
 """
-ROUNDING = 1e-9
+RESPONSE_ROUNDING = 1e-9
 """Relative error of a response that rounding may cause."""
 TINY = float(np.finfo(float).tiny)
 """Least sum of squared residuals that is used as a divisor."""
@@ -242,7 +242,7 @@ def _variance_of_same_radius(band: BandFits) -> RealArray:
     """Variances (F, nu) with the same 95 % radius at the degrees of freedom of an average."""
     factor = stats.f.ppf(0.95, 2, 2 * band.free) / stats.f.ppf(0.95, 2, DEGREES)
     factor *= 1.0 + (MIRRORED - 1.0) * band.mirrored
-    floor = (ROUNDING * np.abs(band.response)) ** 2
+    floor = (RESPONSE_ROUNDING * np.abs(band.response)) ** 2
     variance: RealArray = np.maximum(factor[:, None] * band.variance, floor)
     return variance
 

@@ -36,7 +36,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 BELOW = 1 - 1e-6
 """A gain is above its level where the bound of its reciprocal is below this."""
-ROUNDING = 1e-12
+PROBABILITY_ROUNDING = 1e-12
 """Largest rounding error of the distribution functions in the probability of one part."""
 
 
@@ -140,7 +140,7 @@ def guaranteed_probability(
         else:
             bad += weight(part.low, part.high)
     asked = "stable" if gain is None else f"stable with a gain below {gain:g}"
-    slack = ROUNDING * count
+    slack = PROBABILITY_ROUNDING * count
     need_agreement(good - slack, 1 - bad + slack, "the probability", "parts hold good members only")
     bounds = max(good - slack, 0.0), min(1 - bad + slack, 1.0)
     again = partial(

@@ -23,7 +23,7 @@ from itertools import pairwise
 
 from flint import acb, acb_poly, arb, ctx, fmpq, fmpq_poly
 
-TOLERANCE = 1e-6
+DISTANCE_TOLERANCE = 1e-6
 """Largest relative distance of the lower bound below the least distance, unless another one is
 asked for.
 """
@@ -72,7 +72,7 @@ def least_delta(
     *,
     skew: float,
     pair: bool = False,
-    tolerance: float = TOLERANCE,
+    tolerance: float = DISTANCE_TOLERANCE,
 ) -> LeastDelta:
     """Bounds of the least |delta| that breaks the loop, L = N / D exp(-s delay).
 

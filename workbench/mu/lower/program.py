@@ -118,10 +118,21 @@ class MuLowerBound(Program):
         found = ~(value == 0)
         where = where if improper else ""
         checks = [
-            Check("proper", "every value is finite and not negative", improper, 0.0, where=where)
+            Check(
+                "proper",
+                "whether a value is not finite, or is negative",
+                improper,
+                0.0,
+                where=where,
+            )
         ]
         for name, statement, measure, limit in (
-            ("structure", "blocks off the structure, exactly", self._misfit, 0.0),
+            (
+                "structure",
+                "number of blocks of another kind, and of nonzero entries outside blocks",
+                self._misfit,
+                0.0,
+            ),
             (
                 "norm",
                 "largest singular value of Delta times value, less 1",

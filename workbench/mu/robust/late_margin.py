@@ -55,7 +55,7 @@ belong to a member of the set.
 """
 COVERED, ONE_LOST = "the set that contains the dead time is stable", "one member is not"
 """What the two bounds rest on."""
-ROUNDING = 1e-9
+RESPONSE_ROUNDING = 1e-9
 """Relative error of responses in doubles by which a lower bound of mu may be too large."""
 HALVINGS = 40
 """Number of bisections for the size at which a corner of real parameters is lost."""
@@ -218,7 +218,7 @@ def _margin_of(
     upper, omega, worst = math.inf, math.nan, None
     attained, lost = None, None
     at_frequency, at_corner = _lower_bounds(found, corner)
-    proven = (1.0 - ROUNDING) * max(at_frequency, at_corner)
+    proven = (1.0 - RESPONSE_ROUNDING) * max(at_frequency, at_corner)
     need_agreement(proven, proof.upper, "mu with dead time", ONE_LOST, COVERED)
     if corner is not None and at_corner >= at_frequency:
         upper, lost = corner

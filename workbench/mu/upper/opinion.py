@@ -88,13 +88,13 @@ def opinion(
         ),
         Check(
             "perturbations, not proven",
-            "the same by perturbations that are singular to rounding; it decides nothing",
+            "the same for perturbations that are singular only up to rounding; no limit",
             suggested,
             float(np.finfo(float).max),
         ),
         Check(
             "multipliers",
-            "matrices whose inequality balls do not prove",
+            "number of matrices whose inequality ball arithmetic does not prove",
             unproven,
             0.0,
             proven=True,

@@ -171,11 +171,15 @@ class MuUpperBound(Program):
         excess, at = worst_value(short, self.place)
         found = [
             Check(
-                "structure", "D and G are off their structure by, relative", off, 1e-12, where=where
+                "structure",
+                "largest entry of D and G outside their structure, relative",
+                off,
+                1e-12,
+                where=where,
             ),
             Check(
                 "bound",
-                "what D > 0 and G prove, rounding included, exceeds the bound by, relative",
+                "excess of the bound that D > 0 and G prove over the claimed one, relative",
                 excess,
                 0.0,
                 where=at,

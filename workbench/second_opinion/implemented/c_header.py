@@ -16,7 +16,7 @@ SECTION = re.compile(
     rf"- ({NUMBER}) \* x\[\d+\] - ({NUMBER}) \* x\[\d+\]\)(?: \+ \d+\) >> (\d+))?"
 )
 """The integer sum of a section in the code, and the number of bits by which it is shifted back."""
-ROUNDING = 1e-12
+PRINTED_ROUNDING = 1e-12
 """Relative change of a double by printing and reading."""
 
 
@@ -30,7 +30,7 @@ def code_agrees(text: str, K: Any, kind: type) -> Check:
         off = np.abs(read.astype(kind).astype(float) - own)
         apart = float(np.max(off / np.maximum(np.abs(own), np.finfo(kind).tiny), initial=0.0))
     statement = "largest difference of a coefficient in the code from the controller's, relative"
-    return Check("code", statement, apart, ROUNDING, over=THIS_SYSTEM)
+    return Check("code", statement, apart, PRINTED_ROUNDING, over=THIS_SYSTEM)
 
 
 def integer_code_agrees(text: str, channels: Any) -> Check:
@@ -52,7 +52,7 @@ def integer_code_agrees(text: str, channels: Any) -> Check:
             scale = _last_shift(text, number)
             apart = max(apart, float(np.abs(scale * product - wanted).max(initial=0.0)))
     statement = "largest difference of a coefficient in the code from the controller's"
-    return Check("code", statement, apart, ROUNDING, over=THIS_SYSTEM)
+    return Check("code", statement, apart, PRINTED_ROUNDING, over=THIS_SYSTEM)
 
 
 def state_space_of(text: str) -> RealArray:
@@ -99,7 +99,7 @@ def absolute_signals_agree(text: str, wanted: dict[str, Any], kind: type) -> Che
         off = np.abs(read.astype(kind) - own) if read.shape == own.shape and all(used) else np.inf
         apart = max(apart, float(np.max(off / np.maximum(np.abs(own), np.finfo(kind).tiny))))
     statement = "largest difference of a limit or a control at rest in the code, relative"
-    return Check("absolute signals", statement, apart, ROUNDING, over=THIS_SYSTEM)
+    return Check("absolute signals", statement, apart, PRINTED_ROUNDING, over=THIS_SYSTEM)
 
 
 def _terms(text: str) -> list[tuple[float, str]]:

@@ -18,7 +18,7 @@ TRIED_REALS = np.linspace(-1.0, 1.0, 81)
 """Real deltas that are tried, relative to their bound."""
 SAMPLES, SEED = 400, 5
 """Number of samples of the simulation, and the seed of its disturbance."""
-ROUNDING = 1e-6
+RESPONSE_ROUNDING = 1e-6
 """Largest relative effect of rounding in the responses."""
 
 Weight = Callable[[RealArray], ComplexArray]
@@ -62,7 +62,7 @@ def sampled_plants(
         "plants of the set",
         "mu by deltas that are tried over the bound, less 1",
         relative_excess(float(m[worst]), claimed),
-        ROUNDING,
+        RESPONSE_ROUNDING,
         where=f"at {omega[worst[1]] / (2 * np.pi):.6g} Hz",
         over=f"at {omega.size} frequencies, for {TRIED_REALS.size} real deltas",
     )
@@ -79,7 +79,7 @@ def sampled_sensitivity(G: Any, K: Any, sign: int, claimed: float) -> Check:
         "sampled sensitivity",
         "largest gain over the claimed peak, less 1",
         relative_excess(float(size[worst]), claimed),
-        ROUNDING,
+        RESPONSE_ROUNDING,
         where=f"at {omega[worst]:.6g} rad/s",
         over=f"at {omega.size} frequencies",
     )
@@ -103,7 +103,7 @@ def rounded_signals(K: Any, G: Any, sign: int, kind: type, share: float) -> Chec
         "signals in the number format",
         "largest difference of the control from exact numbers, over the control",
         value,
-        max(share, 0.0) * _most(K, G, sign, size) + ROUNDING**2,
+        max(share, 0.0) * _most(K, G, sign, size) + RESPONSE_ROUNDING**2,
         over=f"for {tries(SAMPLES)} samples of one disturbance",
     )
 

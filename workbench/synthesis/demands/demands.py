@@ -328,7 +328,7 @@ def _peak(damping: float) -> float:
 
 
 def _overshoot_of(peak: float) -> float:
-    """Overshoot of two poles whose |T| has this peak, above 1."""
+    """Overshoot of a loop with two poles whose |T| has this peak, which is above 1."""
     # z^2 from 4 z^2 (1 - z^2) = 1 / peak^2, in a form without cancellation
     square = 0.5 / (peak**2 * (1 + math.sqrt(1 - peak**-2)))
     return math.exp(-math.pi * math.sqrt(square / (1 - square)))

@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.synthesis.families.integral_action import without_integrators
 
-ROUNDING = 1e-9
+LIMIT_ROUNDING = 1e-9
 """Rounding allowed in sizes of poles and gains, relative to the limit."""
 
 
@@ -83,13 +83,13 @@ class Shippable:
         if self.fastest is not None:
             statement = "size of the controller's fastest pole over the one allowed, less 1"
             size = float(np.abs(K.poles()).max(initial=0.0)) / self.fastest - 1.0
-            found.append(Check("fastest pole", statement, size, ROUNDING, over=THIS_SYSTEM))
+            found.append(Check("fastest pole", statement, size, LIMIT_ROUNDING, over=THIS_SYSTEM))
         if self.gain is not None:
             statement = "proven largest gain of the controller over the one allowed, less 1"
             largest = certified_norm(K) if stability_check(K).holds else np.inf
             found.append(
                 Check(
-                    "largest gain", statement, relative_excess(largest, self.gain), ROUNDING,
+                    "largest gain", statement, relative_excess(largest, self.gain), LIMIT_ROUNDING,
                     over=EVERY_FREQUENCY, proven=True,
                 )
             )  # fmt: skip

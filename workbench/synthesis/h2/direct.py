@@ -12,7 +12,7 @@ from workbench.synthesis.h_infinity.normalised import SINGULAR_CONDITION
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-ROUNDING = 1e3 * EPS
+DIRECT_TERM_ROUNDING = 1e3 * EPS
 """A direct term below this share of the terms that it is the sum of counts as rounding."""
 
 
@@ -27,7 +27,7 @@ def cancelling_gain(plant: StandardPlant) -> RealArray:
     if not plant.D11.any():
         return np.zeros((plant.controls, plant.measurements))
     Dk: RealArray = -_inverse(plant.D12) @ plant.D11 @ _inverse(plant.D21.T).T
-    if direct_term(without_D22(plant), Dk) > ROUNDING:
+    if direct_term(without_D22(plant), Dk) > DIRECT_TERM_ROUNDING:
         left = np.abs(plant.D11 + plant.D12 @ Dk @ plant.D21)
         row, column = np.unravel_index(np.argmax(left), left.shape)
         raise InputError(

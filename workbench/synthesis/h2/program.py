@@ -19,7 +19,7 @@ from workbench.second_opinion import loops
 from workbench.second_opinion.powers import root_energy
 from workbench.synthesis.families.family import asked_of
 from workbench.synthesis.families.synthesis import ControllerSynthesis
-from workbench.synthesis.h2.direct import ROUNDING, cancelling_gain, direct_term
+from workbench.synthesis.h2.direct import DIRECT_TERM_ROUNDING, cancelling_gain, direct_term
 from workbench.synthesis.h_infinity import figures as drawn
 from workbench.synthesis.h_infinity.assumptions import need_all_stabilisable, scaled_if_regular
 from workbench.synthesis.h_infinity.normalised import Scaled
@@ -75,7 +75,11 @@ def h2_loop(plant: GeneralisedPlant, controller: StateSpace) -> StateSpace:
     """The closed loop. A direct term that is only rounding of terms that cancel is set to zero."""
     closed = plant.close(controller)
     dt = float(plant.system.dt or 0.0)
-    if dt or not closed.D.any() or direct_term(standard_plant(plant), controller.D) > ROUNDING:
+    if (
+        dt
+        or not closed.D.any()
+        or direct_term(standard_plant(plant), controller.D) > DIRECT_TERM_ROUNDING
+    ):
         return closed
     A, B, C, D = matrices_of(closed)
     return realisation((A, B, C, 0.0 * D), dt)
@@ -183,7 +187,7 @@ class H2Synthesis(ControllerSynthesis):
         if not self.plant.system.dt:
             statement = "direct term of the loop, w -> z, over the terms that cancel"
             value = max(direct_term(standard_plant(plant), K.D) for plant in self.plants)
-            found.append(Check("direct", statement, value, ROUNDING, over=THIS_SYSTEM))
+            found.append(Check("direct", statement, value, DIRECT_TERM_ROUNDING, over=THIS_SYSTEM))
         value = relative_excess(self.largest_norm(K), answer.norm)
         statement = "proven H2 norm of the loop over the claimed one, less 1"
         found.append(

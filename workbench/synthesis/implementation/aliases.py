@@ -49,7 +49,7 @@ FEWEST_ALIASES, MOST_ALIASES = 20, 20_000
 """Smallest and largest number of aliases on each side of a frequency."""
 MORE = 8
 """Factor on their number if the bounds are too far apart."""
-TOLERANCE = 1e-3
+BOUNDS_TOLERANCE = 1e-3
 """Wanted relative distance of the bounds."""
 REACH = 4.0
 """Frequency of the last alias relative to the norm of the plant's matrix A. Responses decrease
@@ -61,7 +61,7 @@ LARGEST = 1e9
 """A margin above this counts as infinite."""
 REFINEMENTS = 4
 """Number of times that frequencies are added around the smallest margin."""
-ROUNDING = 1e-9
+RESPONSE_ROUNDING = 1e-9
 """Relative reduction of the lower bound for rounding errors of responses."""
 CHUNK = 2_000_000
 """Largest number of responses in memory at once."""
@@ -166,13 +166,13 @@ def sampled_robustness(
         angles, lower, upper = angles[order], lower[order], upper[order]
     aliases = loop.fewest
     while aliases * MORE <= MOST_ALIASES:
-        near = lower < (1 - TOLERANCE) * upper.min()
+        near = lower < (1 - BOUNDS_TOLERANCE) * upper.min()
         if not near.any():
             break
         aliases *= MORE
         lower[near], upper[near] = loop.margins(angles[near], aliases)
     k = int(np.argmin(upper))
-    least = float(lower.min()) * (1 - ROUNDING)
+    least = float(lower.min()) * (1 - RESPONSE_ROUNDING)
     over = f"at {angles.size} frequencies, for every linear time-invariant perturbation"
     again = partial(
         sampled_robustness, plant, controller, dt, delay_samples=delay_samples, sign=sign

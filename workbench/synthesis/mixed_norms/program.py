@@ -18,7 +18,7 @@ from workbench.second_opinion import loops
 from workbench.second_opinion.powers import root_energy
 from workbench.synthesis.families.several_plants import closed_side_by_side
 from workbench.synthesis.families.synthesis import ControllerSynthesis
-from workbench.synthesis.h2.direct import ROUNDING, cancelling_gain, direct_term
+from workbench.synthesis.h2.direct import DIRECT_TERM_ROUNDING, cancelling_gain, direct_term
 from workbench.synthesis.h2.program import CLAIM_TOLERANCE, LEAST_TOLERANCE, h2_loop
 from workbench.synthesis.h_infinity import figures as drawn
 from workbench.synthesis.h_infinity.assumptions import need_all_stabilisable, need_stabilisable
@@ -199,7 +199,7 @@ class H2HinfSynthesis(ControllerSynthesis):
         if not self.plant.system.dt:
             statement = "direct term of the loop, w -> z, over the terms that cancel"
             value = max(direct_term(standard_plant(plant.nominal()), K.D) for plant in self.plants)
-            found.append(Check("direct", statement, value, ROUNDING, over=THIS_SYSTEM))
+            found.append(Check("direct", statement, value, DIRECT_TERM_ROUNDING, over=THIS_SYSTEM))
         statement = "proven H2 norm of the loop over the claimed one, less 1"
         value = relative_excess(self.h2_norm(K), answer.norm)
         found.append(

@@ -239,18 +239,22 @@ class FeedbackFromRecords(ConicallyStated):
         if not fits:
             return found
         skew = float(np.abs(answer.Y - answer.Y.T).max())
-        found.append(Check("symmetry", "largest entry of Y - Y'", skew, 0.0, over=EVERY_PLANT))
+        found.append(
+            Check("symmetry", "largest entry of Y - Y', in units of Y", skew, 0.0, over=EVERY_PLANT)
+        )
         positive = proven_least_eigenvalue(exact(answer.Y), (0,))
-        statement = "less the least eigenvalue of Y, scaled, rounded downward"
+        statement = "minus the least eigenvalue of the scaled Y, rounded downward"
         found.append(
             Check("Lyapunov matrix", statement, -positive, -TINY, over=EVERY_PLANT, proven=True)
         )
         starts = 0, n, 2 * n + m, 3 * n + m
         least = proven_least_eigenvalue(self._implication(answer), starts)
-        statement = "less the least eigenvalue of the S-lemma's matrix, scaled, rounded downward"
+        statement = (
+            "minus the least eigenvalue of the scaled matrix of the S-lemma, rounded downward"
+        )
         found.append(Check("S-lemma", statement, -least, -TINY, over=EVERY_PLANT, proven=True))
         beyond = answer.bound - self.proven_bound(answer)
-        statement = "bound above the one that its dual proves, over the level"
+        statement = "difference of the bound from the one that its dual proves, over the level"
         value = beyond / answer.level
         found.append(
             Check("bound", statement, value, BOUND_ROUNDING, over=EVERY_PLANT, proven=True)

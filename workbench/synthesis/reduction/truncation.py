@@ -62,7 +62,7 @@ def matchdc(K: Split, weights: Weights | None = None) -> tuple[int, Reducer]:
 
     The response at zero frequency stays the same, because the removed states add their static gain
     to the direct term (K. Fernando, H. Nicholson, Singular perturbational model reduction of
-    balanced systems, IEEE Trans. Automatic Control 27 (1982) 466-468). Returns as
+    balanced systems, IEEE Trans. Automatic Control 27 (1982) 466-468). The result is that of
     `balanced_truncation`.
     """
     A, B, C, D = _balanced_realisation(K.stable, *_weighted_gramian_factors(K, weights))[0]
@@ -121,7 +121,7 @@ def hankel(K: Split) -> tuple[int, Reducer]:
     """Optimal Hankel-norm approximation of the stable part; the direct term stays the same.
 
     The Hankel norm of the error is the first singular value that is left out. No stable system of
-    this order has a smaller error. Returns as `balanced_truncation`.
+    this order has a smaller error. It returns the same as `balanced_truncation`.
 
     References
     ----------

@@ -292,7 +292,7 @@ class UncertaintyCover(Program):
     def checks(self, answer: CoverSteps, tolerance: float) -> Sequence[Check]:
         model = answer.model
         if model.form != self.form:
-            raise InputError(f"the answer is {model.form}, asked for was {self.form}")
+            raise InputError(f"the answer has the form {model.form!r}, not {self.form!r}")
         inside = contains(model, self.responses, leave_out=self.leave_out)
         spared = f" but the {self.leave_out} worst at each frequency" if self.leave_out else ""
         assumed = self.responses.assumption

@@ -77,9 +77,10 @@ KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
 class MatrixCover(Program):
     """Weights W_1 and W_2 of given orders with which a model contains every plant.
 
-    Without a loop the sets are as small as possible. With a loop its mu is as small as possible:
-    the weights are then a local optimum, and the sets at each frequency, with the least mu possible
-    for weights of any order, a global one.
+    Without a loop, methods search for weights whose sets are as small as possible; with a loop, for
+    weights that make its mu as small as possible. The weights are a local optimum. The answer also
+    holds the best sets at each frequency that weights of any order can have; these are a global
+    optimum, with a proof.
 
     Parameters
     ----------
@@ -93,10 +94,11 @@ class MatrixCover(Program):
         Shapes of W_1 and W_2: ``"full"``, ``"diagonal"`` or ``"scalar"``. A scalar W_2 is 1,
         because W_1 includes its size.
     left_order, right_order
-        Number of poles for each channel of W_1 and of W_2.
+        Number of poles of each channel of W_1 and of W_2; a full weight of n channels has n times
+        as many states.
     floor
-        Every set contains changes of each single entry by this share of the product of its row's
-        and column's sizes. Otherwise sets of few plants would be flat.
+        Every set also contains a small change of each single entry: this share of the product of
+        the sizes of its row and its column. Otherwise sets of few plants would be flat.
     loop
         A stable uncertain system around `MatrixModel.unweighted(nominal, form=form)`, such as
         ``W * feedback(1, model * K)``, whose mu the weights minimise; None for the smallest sets.
@@ -190,9 +192,9 @@ class MatrixCover(Program):
         for name, plant in zip(self.responses.plants, self.responses.known, strict=False):
             if (found := unstable_poles(plant)) != wanted:
                 raise InputError(
-                    f"plant {name} has {found} unstable poles, the nominal {wanted}: no "
-                    f"stable Delta of the form {self.form!r} makes one of the other; coprime or "
-                    "inverse forms do"
+                    f"plant {name} has {found} unstable poles, the nominal {wanted}: no stable "
+                    f"Delta of the form {self.form!r} turns the nominal into this plant; take the "
+                    "form 'coprime' or an inverse form"
                 )
 
     @property
@@ -246,7 +248,7 @@ class MatrixCover(Program):
         return self._sets_of(self.deviations, self.loop_response, self.right)
 
     def sets_with_right_weight(self, W_2: Array) -> MatrixSets:
-        """The program of these sets for a given W_2 (F, ., .), which determines W_1."""
+        """The program of the smallest sets that have a given W_2 (F, ., .), so only W_1 is free."""
         n, loop = W_2.shape[-1], self.loop_response
         if loop is not None:
             loop = np.concatenate([W_2 @ loop[:, :n], loop[:, n:]], axis=1)
@@ -279,11 +281,10 @@ class MatrixCover(Program):
         )
 
     def for_fits(self) -> tuple[Self, RealArray]:
-        """The program at the frequencies of a fit, and the shares (F,) of these frequencies in the
-        objective.
+        """The program at the frequencies that a fit uses, and their shares (F,) in the objective.
 
-        For plants that are known at every frequency there are further frequencies. Those outside
-        the given band have the share 0.
+        If the plants are known at every frequency, frequencies are added between the given ones
+        and outside their band. Those outside the band have the share 0.
         """
         given = self.responses
         if not self.covers_every_frequency:
@@ -349,7 +350,7 @@ class MatrixCover(Program):
     def checks(self, answer: FoundCover, tolerance: float) -> Sequence[Check]:
         model = answer.model
         if model.form != self.form:
-            raise InputError(f"the answer is {model.form}, asked for was {self.form}")
+            raise InputError(f"the answer has the form {model.form!r}, not {self.form!r}")
         norms = self._norms(model)
         value, where = worst_value(norms - 1, self.responses.numbered)
         checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where=where)]
@@ -434,7 +435,7 @@ class MatrixCover(Program):
         }
 
     def _mu_and_least(self, answer: FoundCover) -> dict[str, RealArray]:
-        """Logarithms (F,) of the loop's mu, and of the least one of weights of any order."""
+        """Logarithms (F,) of the loop's mu, and of its least mu with weights of any order."""
         least = self.sets.log_mu(answer.least)
         return {"mu_peak": self.log_mu(answer.model), "mu_peak_least": least}
 

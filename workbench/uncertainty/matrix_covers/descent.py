@@ -5,8 +5,8 @@ coefficients, so it is stable and has a stable inverse. The mean logarithm of th
 the logarithms of the weights' sizes. Containment adds the largest log |W_1^-1 X W_2^-1|. Its slope
 by log |w_i| is -|u_i|^2, and its slope by log |w_j| is -|v_j|^2, where u and v are the singular
 vectors. A soft maximum, which becomes harder, replaces the largest value. With a loop, the largest
-log mu over frequency replaces most of the radius. Its slopes are |v_i|^2 and |u_j|^2 of the scaled
-loop, with the opposite roles of u and v.
+log mu over frequency is minimised instead, plus a small share of the radius. Its slopes are |v_i|^2
+and |u_j|^2 of the scaled loop, with the opposite roles of u and v.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ GENERATIONS, POPULATION = 100, 4
 """Number of generations, and number of members of the population for each coefficient."""
 
 
-def descended(
+def weights_by_descent(
     program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational], context: Context
 ) -> tuple[list[Rational], list[Rational]]:
     """Weights with a lower cost, as functions of the bilinear plane, by descent from the given
@@ -57,7 +57,7 @@ def descended(
     return cost.fits(x)
 
 
-def evolved(
+def weights_by_evolution(
     program: MatrixCover, left: Sequence[Rational], right: Sequence[Rational], context: Context
 ) -> tuple[list[Rational], list[Rational]]:
     """Weights with a lower cost, as functions of the bilinear plane, by a population around the
@@ -96,7 +96,7 @@ class _Cost:
         fine, self.shares = program.for_fits()
         band = float(program.axis[0]), float(program.axis[-1])
         self.sides = [SideOfWeights(fine.axis, band, fits) for fits in (left, right)]
-        self.X = _outermost(
+        self.X = _outermost_matrices(
             fine.matrices_to_cover, [side.logs(side.start)[0] for side in self.sides]
         )
         self.start = np.concatenate([side.start for side in self.sides])
@@ -125,9 +125,8 @@ class _Cost:
             np.einsum("fk,fki->fi", soft, np.abs(u[..., 0]) ** 2),
             np.einsum("fk,fki->fi", soft, np.abs(vh[..., 0, :]) ** 2),
         ]
-        raise_ = float(
-            logsumexp(largest) / hardness
-        )  # raise of W_1, until the model contains the plants
+        # logarithm of the factor by which W_1 must grow until the model contains the plants
+        raise_ = float(logsumexp(largest) / hardness)
         if self.of_loop is None:
             total, share, by_raise, slopes = raise_, 1.0, 1.0, [0.0 * part for part in parts]
         else:
@@ -186,9 +185,10 @@ def _diagonals(values: RealArray, size: int) -> Array:
     return found
 
 
-def _outermost(X: Array, logs: Sequence[RealArray]) -> Array:
-    """The matrices of X (F, N, p, m) that are largest relative to weights with these logarithmic
-    sizes (F, .).
+def _outermost_matrices(X: Array, logs: Sequence[RealArray]) -> Array:
+    """The OUTERMOST largest matrices of X (F, N, p, m) at each frequency, relative to the weights.
+
+    ``logs`` are the logarithms (F, .) of the weights' sizes.
     """
     left, right = (np.exp(each) for each in logs)
     norms = np.linalg.norm(X / left[:, None, :, None] / right[:, None, None], 2, axis=(2, 3))

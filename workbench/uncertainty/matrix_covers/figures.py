@@ -1,4 +1,4 @@
-"""Figures of matrix covers: the entries' magnitudes with the cover, its size, and the Deltas."""
+"""Figures of matrix covers: magnitudes of the entries, size of the sets, and norms of Delta."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def magnitudes_figure(
     """Bode magnitudes, a panel for each output and input, with the band of a model's plants.
 
     ``nominal`` (F, p, m) is the nominal's response, ``centre`` and ``radius`` are those of the
-    entries' discs, ``values`` (F, N, p, m) the responses of plants. The band is cut one decade
-    beyond the lines. It extends to this cut where the model's plants are unbounded.
+    discs that the entries fill, ``values`` (F, N, p, m) the responses of plants. The band is cut
+    one decade beyond the lines. It extends to this cut where the model's plants are unbounded.
     """
     p, m = nominal.shape[1:]
     figure, panels = figures.axes(p, m, size=(3.6 * m + 0.6, 2.5 * p + 1.0), sharex=True)

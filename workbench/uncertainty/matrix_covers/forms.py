@@ -30,14 +30,12 @@ MatrixForm = Literal[
     "inverse-output",
     "coprime",
 ]
-"""Place of the uncertainty: added to the plant, at its input or output, the inverse of these in a
-feedback loop, or on the coprime factors.
+"""Place of the uncertainty: added to the plant, at its input or at its output; in a feedback around
+the plant, its input or its output (the inverse forms); or added to the coprime factors.
 """
 
 REACHED = 1e-8
-"""Largest relative part of a plant that no X of the form gives and that still counts as
-rounding.
-"""
+"""A part of a plant that no X gives counts as rounding up to this size, relative to the plant."""
 
 
 def delta_shape(form: MatrixForm, p: int, m: int) -> tuple[int, int]:
@@ -99,8 +97,7 @@ def left_factors(nominal: StateSpace) -> StateSpace:
 def residuals(
     values: Array, nominal: Array, form: MatrixForm, factors: Array | None
 ) -> tuple[Array, Array]:
-    """X (F, N, ., .) for plants with responses (F, N, p, m), and the part of each plant that X
-    cannot give.
+    """X (F, N, ., .) of plants with responses (F, N, p, m), and the size of what X cannot give.
 
     Parameters
     ----------
@@ -109,9 +106,9 @@ def residuals(
     factors
         Responses (F, p, m + p) of [N, M]; only for the form "coprime".
 
-    The second array (F, N) is the largest relative part of a plant that no X gives. It exceeds
-    rounding only if G0 or the plant is not square, or is singular. If several X give the plant, the
-    smallest one is returned.
+    The second array (F, N) is the norm of the part of a plant that no X gives, relative to the norm
+    of the plant. It exceeds rounding only if G0 or the plant is not square, or is singular. If
+    several X give the plant, the smallest one is returned.
     """
     G, G0 = values, nominal[:, None]
     m = G.shape[-1]
@@ -143,7 +140,7 @@ def need_reached(left: Array, form: MatrixForm, where: list[str], plants: list[s
     worst = np.unravel_index(int(np.argmax(left)), left.shape)
     if not left[worst] <= REACHED:
         raise InputError(
-            f"the form {form!r} does not reach plant {plants[worst[1]]} at {where[worst[0]]}: "
-            f"{100 * left[worst]:.3g} % of it lies outside what the nominal can make; additive, "
-            "coprime, or a form at the other side contains it"
+            f"no uncertainty of the form {form!r} gives plant {plants[worst[1]]} at "
+            f"{where[worst[0]]}: {100 * left[worst]:.3g} % of its response remains; take the form "
+            "'additive' or 'coprime', or the form at the plant's other side"
         )

@@ -7,7 +7,8 @@ The weights' squares L = W_1 W_1^~ and R = W_2^~ W_2 are linear in unknowns. Con
 
 which is convex. The logarithm of the volume, m log det L + p log det R, is concave; its
 linearisation at the weights of the previous round is minimised. Only plants near the boundary of
-the sets are constraints; plants that then lie outside are added.
+the sets are constraints; where others then lie outside, they are added and the program is solved
+again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Loops around a model of matrices, whose mu a cover can minimise."""
+"""Checks of a loop around a `MatrixModel`; a cover can minimise the mu of such a loop."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.covers.weights import GAIN_MARGIN
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
-from workbench.uncertainty.matrix_covers.descent import descended, evolved
+from workbench.uncertainty.matrix_covers.descent import weights_by_descent, weights_by_evolution
 from workbench.uncertainty.matrix_covers.found import FoundCover
 from workbench.uncertainty.matrix_covers.joint import smaller_weights
 from workbench.uncertainty.matrix_covers.model import MatrixModel
@@ -34,49 +34,54 @@ from workbench.uncertainty.matrix_covers.weights import (
 )
 
 MOST_RAISES = 8
-"""Largest number of tried gains. The proven norm of a scaled system is not exactly the scaled
-norm.
+"""Largest number of times that W_1 is raised. One raise may not be enough, because the proven norm
+of a scaled system is not exactly the scaled norm.
 """
 
 
 @method(MatrixCover, "steps", optimal=False)
 def _steps(program: MatrixCover, context: Context) -> Claim:
-    """The smallest sets, then W_2 above theirs, then W_1 for the smallest sets with it."""
-    return _improved(program, context, None)
+    """Fit W_2 to the smallest sets, then W_1 to the smallest sets that have this W_2."""
+    return _best_cover(program, context, None)
 
 
 def _for_loop(program: MatrixCover) -> str | None:
     """The reason why the objective is not a function of the weights' sizes only; None if it is."""
     if program.loop is None:
         return None
-    return "joint minimises the size of sets, not the mu of a loop; take descent"
+    return "joint minimises the size of sets, not the mu of a loop; take the method descent"
 
 
 @method(MatrixCover, "joint", optimal=False, unfit=_for_loop)
 def _joint(program: MatrixCover, context: Context) -> Claim:
-    """Both weights, with poles from "steps", by semidefinite programs: a local optimum."""
-    return _improved(program, context, partial(smaller_weights, program, context=context))
+    """Improve both weights of "steps" together; their poles stay. It finds a local optimum."""
+    return _best_cover(program, context, partial(smaller_weights, program, context=context))
 
 
 def _no_full_weight(program: MatrixCover) -> str | None:
-    """The reason why the weights have no sections; None if they have."""
+    """The reason why the weights are no products of sections; None if they are."""
     full = "full" in (program.left, program.right)
-    return "a full weight has no sections to optimise; take steps or joint" if full else None
+    said = "a full weight has no poles and zeros of each channel; take the method steps or joint"
+    return said if full else None
 
 
 @method(MatrixCover, "descent", optimal=False, unfit=_no_full_weight)
 def _descent(program: MatrixCover, context: Context) -> Claim:
     """Quasi-Newton descent over poles and zeros of both weights, starting from those of "steps"."""
-    return _improved(program, context, partial(_moved, program, descended, context))
+    return _best_cover(
+        program, context, partial(_found_by_search, program, weights_by_descent, context)
+    )
 
 
 @method(MatrixCover, "evolution", optimal=False, unfit=_no_full_weight)
 def _evolution(program: MatrixCover, context: Context) -> Claim:
     """Differential evolution over poles and zeros of both weights, around those of "steps"."""
-    return _improved(program, context, partial(_moved, program, evolved, context))
+    return _best_cover(
+        program, context, partial(_found_by_search, program, weights_by_evolution, context)
+    )
 
 
-def _moved(
+def _found_by_search(
     program: MatrixCover,
     search: Callable[..., tuple[list[Rational], list[Rational]]],
     context: Context,
@@ -93,51 +98,59 @@ Improvement = Callable[[FittedWeight, FittedWeight], tuple[StateSpace, StateSpac
 """Function: both weights in the bilinear plane -> other weights there."""
 
 
-def _improved(program: MatrixCover, context: Context, improvement: Improvement | None) -> Claim:
+def _best_cover(program: MatrixCover, context: Context, improvement: Improvement | None) -> Claim:
     """The cover by "steps", or the cover with improved weights if it is smaller."""
     try:
-        first, W_1, W_2 = _first(program, context)
+        first, W_1, W_2 = _cover_by_steps(program, context)
     except SolverError as error:
         return None, Outcome.FAILED, str(error)
     if improvement is None:
         return first, Outcome.SOLVED, ""
     try:
-        second = FoundCover(_reaching(program, *improvement(W_1, W_2)), first.least)
+        second = FoundCover(_model_with_all_plants(program, *improvement(W_1, W_2)), first.least)
     except SolverError as error:
-        return first, Outcome.SOLVED, f"as by steps: {error}"
+        return first, Outcome.SOLVED, f"the weights of steps are kept: {error}"
     return min(first, second, key=program.objective), Outcome.SOLVED, ""
 
 
-def _first(program: MatrixCover, context: Context) -> tuple[FoundCover, FittedWeight, FittedWeight]:
+def _cover_by_steps(
+    program: MatrixCover, context: Context
+) -> tuple[FoundCover, FittedWeight, FittedWeight]:
     """The cover by "steps", and its weights in the bilinear plane.
 
     Sets of least mu may change fast along frequency where this has no effect on the loop. So for a
     loop, weights are also fitted to the smallest sets, and the better ones are used.
     """
-    least, W_1, W_2 = _fitted(program, context)
-    found = [(FoundCover(_reaching(program, W_1.system, W_2.system), least), W_1, W_2)]
+    least, W_1, W_2 = _fitted_weights(program, context)
+    found = [(FoundCover(_model_with_all_plants(program, W_1.system, W_2.system), least), W_1, W_2)]
     if program.loop is not None:
-        _, W_1, W_2 = _fitted(program.without_loop(), context)
-        found.append((FoundCover(_reaching(program, W_1.system, W_2.system), least), W_1, W_2))
+        _, W_1, W_2 = _fitted_weights(program.without_loop(), context)
+        found.append(
+            (FoundCover(_model_with_all_plants(program, W_1.system, W_2.system), least), W_1, W_2)
+        )
     return min(found, key=lambda one: program.objective(one[0]))
 
 
-def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWeight, FittedWeight]:
+def _fitted_weights(
+    program: MatrixCover, context: Context
+) -> tuple[FoundSets, FittedWeight, FittedWeight]:
     """The smallest sets, and both weights, fitted one after the other, in the bilinear plane."""
-    least = _sets(program.sets, context)
+    least = _smallest_sets(program.sets, context)
     if program.right == "scalar":
         n = least.right.shape[-1]
         W_2 = diagonal_weight([Rational(np.array([]), np.array([]), 1.0)], n)
     else:
         squares = ctranspose(least.right) @ least.right
         W_2 = right_weight(program.axis, squares, program.right, program.right_order, context)
-    rest = _sets(program.sets_with_right_weight(system_response(W_2.system, program.axis)), context)
+    rest = _smallest_sets(
+        program.sets_with_right_weight(system_response(W_2.system, program.axis)), context
+    )
     squares = rest.left @ ctranspose(rest.left)
     W_1 = left_weight(program.axis, squares, program.left, program.left_order, context)
     return least, W_1, W_2
 
 
-def _sets(program: MatrixSets, context: Context) -> FoundSets:
+def _smallest_sets(program: MatrixSets, context: Context) -> FoundSets:
     """The smallest sets; raises SolverError if there is no answer."""
     found = solve(program, options=context.options)
     if found.answer is None:
@@ -146,27 +159,28 @@ def _sets(program: MatrixSets, context: Context) -> FoundSets:
     return answer
 
 
-def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixModel:
-    """The model with W_1 as large as the plants need; at every frequency, if this can be proven.
+def _model_with_all_plants(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixModel:
+    """The model with W_1 multiplied by the smallest factor with which it contains all plants.
 
-    The given weights are functions of the bilinear plane.
+    It contains them at every frequency if that can be proven. The given weights are functions of
+    the bilinear plane.
     """
     dt = program.responses.dt
     if dt:
         W_1, W_2 = bilinear_sampled(W_1, dt), bilinear_sampled(W_2, dt)
     model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
-    need = _need(program, model)
+    need = _largest_norm(program, model)
     for _ in range(MOST_RAISES):
         factor = need * (1 + GAIN_MARGIN)
         W_1 = realisation((W_1.A, W_1.B, factor * W_1.C, factor * W_1.D), dt)
         model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
-        need = _need(program, model)
+        need = _largest_norm(program, model)
         if need <= 1:
             return model
     raise SolverError(f"the cover still misses a plant by {need - 1:.3g}, relative")
 
 
-def _need(program: MatrixCover, model: MatrixModel) -> float:
+def _largest_norm(program: MatrixCover, model: MatrixModel) -> float:
     """The largest norm of a plant's Delta, proven for every frequency if possible."""
     W_1, W_2 = (system_response(W, program.responses.omega) for W in (model.W_1, model.W_2))
     deltas = between_weights(W_1, program.matrices_to_cover, W_2)

@@ -35,7 +35,7 @@ DRAWN = 200
 
 @dataclass(frozen=True, eq=False)
 class MatrixModel(Algebraic):
-    """The plants of a form (see `workbench.uncertainty.matrix_covers.forms`) with |Delta| <= 1.
+    """The set of plants that a nominal, two weights and every Delta with |Delta| <= 1 give.
 
     Unlike an `UncertainSystem`, it keeps its nominal and its weights apart, so that the Delta
     of a plant can be computed.
@@ -45,7 +45,8 @@ class MatrixModel(Algebraic):
     nominal, W_1, W_2
         Systems of python-control with the same sampling time; X = W_1 Delta W_2.
     form
-        Where X acts, such as ``"additive"`` or ``"inverse-output"``.
+        Where X acts, such as ``"additive"`` or ``"inverse-output"``; the formulas are in
+        `workbench.uncertainty.matrix_covers.forms`.
 
     Examples
     --------
@@ -126,8 +127,9 @@ class MatrixModel(Algebraic):
     def delta_of(self, plant: Any) -> UncertainSystem:
         """The Delta with which an additive model gives a plant; the plant may be uncertain.
 
-        If its worst-case gain (`workbench.mu.worst_case_gain`) is at most 1, and the plants are
-        stable like the nominal, the model contains the whole family at every frequency.
+        The model contains every plant of an uncertain system, at every frequency, if the worst-case
+        gain of this Delta (`workbench.mu.worst_case_gain`) is at most 1 and nominal and plants are
+        stable.
 
         Raises InputError for another form, for which Delta contains inverses of the nominal or the
         plant.
@@ -151,14 +153,14 @@ class MatrixModel(Algebraic):
     def entry_discs(self, omega: RealArray) -> tuple[Array, RealArray]:
         """Centres and radii (F, p, m) of the discs that the entries of the plants fill.
 
-        Radii are infinite where some plant of the model has a pole on the axis. With D = W_2 X-loop
-        W_1, the matrices Delta (I - D Delta)^-1 are a ball of matrices, whose centre is (I - D^*
-        D)^-1 D^* (R. Redheffer, "On a certain linear fractional transformation", 1960).
+        Radii are infinite where some plant of the model has a pole at j omega. Let D be the
+        response of `system` from w to z. Then the matrices Delta (I - D Delta)^-1 fill a ball of
+        matrices with the centre (I - D^* D)^-1 D^* (R. Redheffer, "On a certain linear fractional
+        transformation", 1960).
         """
         r, c = self.W_1.ninputs, self.W_2.noutputs
         H = system_response(self.system, omega)
         D, z, y, G = H[:, :c, :r], H[:, :c, r:], H[:, c:, :r], H[:, c:, r:]
-        Dh = ctranspose(D)
         size = np.linalg.norm(D, 2, axis=(1, 2)) if D.size else np.zeros(len(H))
         inside = size < 1
         safe = np.where(inside[:, None, None], D, 0.0)

@@ -14,15 +14,17 @@ from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 
 def central_nominal(responses: MatrixResponses, order: int) -> StateSpace:
-    """The stable system of an order that is nearest to the centres of the smallest additive sets.
+    """A stable system of a given order, fitted to the centres of the smallest additive sets.
 
-    At each frequency the centre is that of the set with the least trace and diagonal weights, a
-    convex program. Errors are relative to the size of the set in each entry.
+    At each frequency the set has diagonal weights and the least trace, which a convex program
+    finds. The error of the fit in each entry counts relative to the size of the set there.
 
     Raises
     ------
     InputError
         All plants are equal at some frequency, or there are too few frequencies for the order.
+    SolverError
+        The program of the centres has no answer.
 
     Examples
     --------

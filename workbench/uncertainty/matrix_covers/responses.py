@@ -29,8 +29,8 @@ SAME_FREQUENCIES = 1e-9
 class MatrixResponses:
     """Responses (F, N, p, m) of N plants with p outputs and m inputs.
 
-    Unlike `Responses`, it has plants of several inputs and outputs, each known at every
-    frequency of the grid.
+    Unlike in `Responses`, plants have several inputs and outputs, and none may lack a value at one
+    of the frequencies.
 
     Parameters
     ----------
@@ -97,7 +97,9 @@ class MatrixResponses:
     def of_systems(
         cls, systems: Sequence[Any], omega: Any, *, plants: Any = None
     ) -> MatrixResponses:
-        """Responses of python-control systems; covers then contain stable ones at every frequency.
+        """Responses of python-control systems, which stay known between the frequencies.
+
+        So an additive cover of stable systems contains them at every frequency.
 
         Raises InputError for systems of different sizes or sampling times.
         """
@@ -132,11 +134,16 @@ class MatrixResponses:
             ):
                 raise InputError(f"plant {k + 1} was measured at other frequencies than plant 1")
             if value.shape != values[0].shape:
-                raise InputError(f"plant {k + 1} has another number of inputs or outputs")
+                raise InputError(
+                    f"plant {k + 1} has {value.shape[1]} outputs and {value.shape[2]} inputs, "
+                    f"plant 1 has {values[0].shape[1]} and {values[0].shape[2]}"
+                )
         return cls(omegas[0], np.stack(values, axis=1), plants=plants, dt=float(found[0].dt or 0.0))
 
     def channel(self, output: int, input: int) -> Responses:
-        """Responses of one channel, by numbers from 0; known plants that are stable stay known.
+        """Responses from one input to one output, both counted from 0.
+
+        Plants that are known and stable stay known.
 
         Raises InputError for a channel that the plants do not have, and as `Responses` does.
         """
@@ -180,7 +187,7 @@ class MatrixResponses:
 
 
 def system_response(system: StateSpace, omega: RealArray) -> Array:
-    """Response (F, p, m) of a system, on the imaginary axis or on the unit circle."""
+    """Response (F, p, m) of a system at s = j omega, or at z = exp(j omega dt) if it is sampled."""
     s = np.exp(1j * omega * system.dt) if system.dt else 1j * omega
     M = np.block([[system.A, system.B], [system.C, system.D]])
     found: Array = frequency_response(M, system.nstates, s)

@@ -1,7 +1,7 @@
 """Logarithms of the diagonal weights of one side, which are stable with stable inverses.
 
-Each weight is a `FactoredRational`. This side differs from it in that it stacks the parameters of
-all its weights in one vector and leaves their gains out.
+Each weight is a `FactoredRational`. A side stacks the parameters of its weights in one vector, and
+leaves out their gains.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from workbench.fitting.rational import Rational
 class SideOfWeights:
     """The weights of one side at frequencies of the bilinear plane.
 
-    Their parameters are the logarithms of coefficients of monic factors. The gains stay, as the
-    cover scales one side.
+    Their parameters are the logarithms of coefficients of monic factors. The gains stay fixed,
+    because the cover scales one of the two sides afterwards.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class SideOfWeights:
             yield form, np.append(part, form.gain)
 
     def logs(self, x: RealArray) -> tuple[RealArray, Array]:
-        """Logarithms of the weights' sizes (F, channels), and slopes (F, channels, d)."""
+        """Logarithms of the weights' sizes (F, channels), and slopes (F, channels, d) by x."""
         logs = np.empty((self.omega.size, len(self.forms)))
         slopes = np.zeros((*logs.shape, x.size))
         places = np.split(np.arange(x.size), self.ends)
@@ -49,5 +49,5 @@ class SideOfWeights:
         return logs, slopes
 
     def fits(self, x: RealArray) -> list[Rational]:
-        """The weights with these coefficients."""
+        """The weights with these parameters."""
         return [form.rational(vector) for form, vector in self._each(x)]

@@ -22,7 +22,7 @@ from workbench.systems.realisation import realisation
 from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose
 
 LEAST_SQUARE = 1e-4
-"""Least square of a weight, relative to its mean. Without it a zero could lie on the axis."""
+"""Least value of W~ W, relative to its mean. Without it W could have a zero on the axis."""
 
 
 class RationalSquare:
@@ -119,7 +119,7 @@ class ShapedSquare:
         return sum(len(part) for part in self.parts)
 
     def at(self, numbers: np.ndarray, roots: Array) -> tuple[Array, Array]:
-        """As in `RationalSquare`."""
+        """The same as `RationalSquare.at`, for this weight."""
         roots = self.unit[:, None] * roots
         if self.shape == "full":
             return self.parts[0].at(numbers, roots)

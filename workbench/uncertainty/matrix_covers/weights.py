@@ -1,8 +1,8 @@
-"""Rational weights of given orders that are at least as large as given squares at each frequency.
+"""Rational weights W of given orders with W~ W at least as large as given squares.
 
-A full weight is the spectral factor of R = H~ Q H, where H consists of the powers of s over one
-denominator. A semidefinite program chooses Q >= 0 with R(j omega) >= R_f at every frequency and the
-least mean of tr R_f^-1 R, which is the linearisation of log det R at R_f.
+A full weight is the spectral factor of R = H~ Q H, where H consists of the partial fractions of one
+denominator and 1. A semidefinite program chooses Q >= 0 with R(j omega) >= R_f at every frequency
+and the least mean of tr R_f^-1 R, which is the linearisation of log det R at R_f.
 """
 
 from __future__ import annotations

@@ -177,12 +177,12 @@ class Nyquist(Study):
         for title, statement, values, limit in (
             (
                 "drives inside",
-                "distance of L of a drive beyond its set",
+                "largest distance of a drive's L beyond its set [1]",
                 outside,
                 CONTAINMENT_SLACK,
             ),
             ("distances", "distance of -1 beyond its bounds, relative", beyond, 1e-12),
-            ("bounds", "how far these are apart, relative", gap, BOUND_GAP),
+            ("bounds", "distance of the two bounds from each other, relative", gap, BOUND_GAP),
         ):
             largest, where = worst_value(np.array(values), place)
             found.append(Check(title, statement, largest, limit, where=where))
@@ -197,9 +197,9 @@ class Nyquist(Study):
             return None
         numbers = self.metrics(answer)
         circles, stadiums = numbers["contains_circle"], numbers["contains_stadium"]
-        smallest = "smallest distance of -1 from the circles about 30 Hz"
-        fewer = "how many, which the thesis says are none, below that of the circles"
-        further = "their smallest distance from 200 to 2000 Hz as a divisor of the circles'"
+        smallest = "smallest distance of -1 from a circle about 30 Hz [1], negative if inside"
+        fewer = "number of frequencies at which a stadium contains -1 (0 in the thesis)"
+        further = "smallest distance of -1 from a circle over that from a stadium, 200 to 2000 Hz"
         ratio = numbers["distance_circle_high"] / numbers["distance_stadium_high"]
         return [
             Check("circles contain -1", smallest, numbers["distance_circle_low"], 0.0),

@@ -51,7 +51,7 @@ def limit_checks(answer: Dataset, every: dict[str, dict[str, StateSpace]]) -> li
     distance, pole = max(away, key=lambda entry: np.nan_to_num(entry[0], nan=np.inf))
     where = ", ".join(wrong[:3])
     beside = f"{LIMIT_OFFSET:g} beside their limits"
-    sides = f"closed loops on the wrong side, at their own gain and {beside}"
+    sides = f"number of closed loops on the wrong side, at their own gain and {beside}"
     boundary = "distance of a pole from its place on the stability boundary, relative"
     return [
         Check("stability", sides, len(wrong), 0, where=where),
@@ -124,7 +124,8 @@ def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
         checks.append(
             Check(
                 f"{name} limit",
-                f"frequency of the nominal sampled loop's limit, {found:.0f} Hz, from {said:g} Hz",
+                f"relative distance of the nominal sampled loop's limit, {found:.0f} Hz, from "
+                f"{said:g} Hz",
                 abs(found / said - 1),
                 APPROXIMATE,
             )

@@ -27,7 +27,7 @@ SEARCHED = np.geomspace(100.0, 2000.0, 40)
 """Frequencies [Hz] at which a coupling that loses the performance is searched for; that a smaller
 one keeps it is certified at all frequencies.
 """
-TOLERANCE = 1e-2
+PEAK_TOLERANCE = 1e-2
 """Relative width of the interval that certifies a peak of mu."""
 SMALLEST, LARGEST, LARGEST_SPRINGS = 1e-4, 0.5, 0.95
 """Sizes of a path between which its limit is searched; beyond it a spring would be negative."""
@@ -55,7 +55,7 @@ def any_coupling(two: TwoAxes, place: Place) -> Limit:
     found = skew_bounds(response(system, omega), CLOSED, [PERFORMANCE])
     first = int(found.lower.argmax())
     kept = CERTIFIED_SHARE / float(found.lower[first])
-    mu = peak(sized(system, kept), CLOSED, tolerance=TOLERANCE)
+    mu = peak(sized(system, kept), CLOSED, tolerance=PEAK_TOLERANCE)
     return Limit(kept, mu, np.diag(found.Delta[first])[:2], float(omega[first]))
 
 

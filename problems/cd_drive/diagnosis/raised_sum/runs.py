@@ -52,7 +52,7 @@ class Met(NamedTuple):
 
 
 def meet(axis: Axis, drive: str, seed: int, mirror: float) -> Met:
-    """Run over a defect of each of DEFECTS; mirror: as in `white_dot`."""
+    """One drive over a defect of each kind of DEFECTS; `white_dot` says what ``mirror`` is."""
     rng = np.random.default_rng(seed)
     defects = [white_dot(rng, mirror), *(draw(kind, rng, axis) for kind in KINDS)]
     found = run(Laboratory(axis, drive), defects, int(rng.integers(2**31)))

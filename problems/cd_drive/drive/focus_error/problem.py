@@ -184,7 +184,7 @@ class FocusError(Study):
 
     @check(at_most=1e-9)
     def odd(self, difference: DataArray) -> float:
-        """by how much the curves differ on the two sides of the focus"""
+        """largest sum of a curve at two places of opposite defocus, as a share of the light"""
         return float(abs(difference.values + difference.values[..., ::-1]).max())
 
     @check(at_most=0.15)

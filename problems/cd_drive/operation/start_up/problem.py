@@ -36,7 +36,7 @@ from ...drive.tables import drives, red_book
 from ...laboratory.bench_setup import RATE
 from .bounds import escape_speed, held_speed, linear_overshoot
 from .figures import by_relative_speed, by_speed, started
-from .runs import LAWS, OUTCOMES, QUIET, TOLERANCE, Attempt, StartUp
+from .runs import LAWS, LAYER_OFFSET, OUTCOMES, QUIET, Attempt, StartUp
 
 SPEEDS = (2.5e-3, 5e-3, 10e-3, 20e-3, 40e-3)
 """Speeds of the ramp [m/s]."""
@@ -44,7 +44,7 @@ SHARES = (0.0, 0.1, 0.3, 1.0)
 """Deviations of the disc over what the Red Book allows."""
 OWN, NOMINAL, LOW, QUIET_LOW = LAWS
 CAPTURED = OUTCOMES.index("captured")
-FARTHEST = TOLERANCE + red_book("focus").deviation
+FARTHEST = LAYER_OFFSET + red_book("focus").deviation
 """Largest distance [m] of the layer from the rest of the lens."""
 STEADY = SPEEDS[:2]
 """Speeds of ramps that are long enough for the lens to stop ringing before it meets the layer."""

@@ -28,7 +28,7 @@ OUTCOMES = ("captured", "lost", "surface", "dark", "never")
 """Outcomes of a start-up: the layer held; the layer passed and lost; the surface held; closed by
 noise, without light; never closed.
 """
-TOLERANCE = 0.1e-3
+LAYER_OFFSET = 0.1e-3
 """Largest distance [m] of a flat layer from the resting lens, by assembly and clamping; a guess."""
 ROTATION = 9.0
 """Rotation frequency [Hz] at the lead-in, where a disc starts."""
@@ -83,7 +83,7 @@ class StartUp:
     def disc(self, rng: np.random.Generator) -> Disc:
         """A disc at a random distance and angle; without deviation its rotation does not matter."""
         deviation = self.share * red_book("focus").deviation
-        offset, phase = rng.uniform(-TOLERANCE, TOLERANCE), rng.uniform()
+        offset, phase = rng.uniform(-LAYER_OFFSET, LAYER_OFFSET), rng.uniform()
         rest = {"rotation": ROTATION, "phase": phase, "offset": offset, "run_up": 0.0}
         return Disc.along("focus", deviation, **rest)
 

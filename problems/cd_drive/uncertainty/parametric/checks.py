@@ -70,7 +70,7 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
         ),
         Check(
             "repetitions",
-            "how many differ from one of each parameter and two of Bl",
+            "number of repetitions that differ from one of each parameter and two of Bl",
             float(abs(copies - wanted).sum()),
             0.0,
         ),
@@ -82,14 +82,14 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
         ),
         Check(
             "largest deviations",
-            "distance from those of the plants named, which are of the set",
+            "largest difference of a deviation from that of its plant, relative to the nominal",
             claimed,
             PLANT_RESPONSE_ROUNDING,
             where=claim,
         ),
         Check(
             "vertices",
-            "deviation of a vertex beyond the largest",
+            "excess of a vertex over the largest deviation, relative to the nominal",
             missed,
             PLANT_RESPONSE_ROUNDING,
             where=miss,

@@ -150,7 +150,7 @@ def open_loop(record: RecordData) -> TestedAssumption:
 
 
 def _scaled(signal: RealArray) -> RealArray:
-    """A signal (N, channels) with zero mean and size 1, so that no square over- or underflows."""
+    """A signal (N, channels) with zero mean and size 1: no square overflows or underflows."""
     signal = signal / np.nanmax(np.abs(signal), axis=0)
     signal = signal - np.nanmean(signal, axis=0)
     return signal / np.nanmax(np.abs(signal), axis=0)

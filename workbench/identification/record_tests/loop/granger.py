@@ -23,7 +23,7 @@ import numpy as np
 from scipy import stats
 
 from workbench._core.arrays import RealArray
-from workbench.identification.record_tests.loop.memories import ROUNDING, Memory
+from workbench.identification.record_tests.loop.memories import VARIANCE_ROUNDING, Memory
 
 NOISE_SHARE = 0.01
 """Largest share of a recorded u's variance that can be sensor noise."""
@@ -144,7 +144,9 @@ def _unpredicted_nearby(u: RealArray) -> float:
     lags = np.lib.stride_tricks.sliding_window_view(windows, NEARBY + 1, axis=1)
     columns, target = lags[..., :-1], lags[..., -1:]
     gram = columns.swapaxes(1, 2) @ columns
-    ridge = ROUNDING * np.trace(gram, axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
+    ridge = (
+        VARIANCE_ROUNDING * np.trace(gram, axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
+    )
     theta = np.linalg.solve(gram + ridge * np.eye(NEARBY), columns.swapaxes(1, 2) @ target)
     left = float(np.sum((target - columns @ theta) ** 2))
     return left * len(u) / max(len(windows) * (WINDOW - 2 * NEARBY), 1)
@@ -158,11 +160,11 @@ def _weights(P: RealArray, u: RealArray) -> RealArray:
     """Huber's weights of the surprises."""
     some = slice(None, None, max(1, len(u) // REWEIGHTED_ROWS))
     weight, part, target = np.ones(len(u[some])), P[some], u[some]
-    ridge = ROUNDING * np.eye(P.shape[1])
+    ridge = VARIANCE_ROUNDING * np.eye(P.shape[1])
     for _ in range(REWEIGHTED):
         theta = np.linalg.solve(_gram(part, part, weight) + ridge, _gram(part, target, weight))
         robust = np.median(np.abs(target - part @ theta)) / stats.norm.ppf(0.75)
-        bound = OUTLYING * max(robust, np.sqrt(ROUNDING) * u.std())
+        bound = OUTLYING * max(robust, np.sqrt(VARIANCE_ROUNDING) * u.std())
         weight = np.minimum(1.0, bound / np.maximum(np.abs(target - part @ theta), bound))
     return np.minimum(1.0, bound / np.maximum(np.abs(u - P @ theta), bound))
 
@@ -174,7 +176,7 @@ def _prediction(
 
     In an open loop their normal equations give E[w (z a - s Gamma' D alpha)] = 0.
     """
-    G = _gram(P, P, weight) + ROUNDING * np.eye(P.shape[1])
+    G = _gram(P, P, weight) + VARIANCE_ROUNDING * np.eye(P.shape[1])
     targets = _gram(P, np.column_stack([u, Z]), weight)
     root = np.sqrt(noise)
     alpha = np.linalg.solve(G, targets[:, 0])

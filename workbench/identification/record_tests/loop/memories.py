@@ -28,7 +28,7 @@ SAMPLES_OF_A_LAG = 15
 """Fewest samples for each single lag and channel."""
 ROWS_OF_A_COLUMN = 5
 """Fewest rows for each column of the inputs' past: with fewer, chance fits too much."""
-ROUNDING = 1e-10
+VARIANCE_ROUNDING = 1e-10
 """Share of a signal's variance that counts as rounding."""
 
 
@@ -101,7 +101,7 @@ def _regression_residual(y: RealArray, told: RealArray, there: BoolArray) -> Rea
     """Residual of y (N, ny) in a regression on the known signals, on the available rows."""
     scale = np.sqrt(np.mean(told**2, axis=0)) + np.finfo(float).tiny
     columns = told[there] / scale
-    gram = columns.T @ columns + ROUNDING * len(columns) * np.eye(columns.shape[1])
+    gram = columns.T @ columns + VARIANCE_ROUNDING * len(columns) * np.eye(columns.shape[1])
     left = np.zeros_like(y)
     left[there] = y[there] - columns @ np.linalg.solve(gram, columns.T @ y[there])
     return left

@@ -7,7 +7,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench.identification.record_tests.record import RecordData
 
-ROUNDING = 1e-6
+SIGNAL_ROUNDING = 1e-6
 """Rounding error of a signal, relative to its standard deviation."""
 FEWEST_LEVELS = 64
 """With at least this many levels, the distance between the levels of a signal is the step of a
@@ -39,7 +39,7 @@ def static_input(record: RecordData, channel: int) -> bool:
     some = slice(None, None, len(u) // MOST_MOVES + 1)
     moves, columns = np.diff(u)[1:][some], (np.diff(y, axis=0) / scale)[1:][some]
     bends = np.abs(np.diff(u, 2))[some]
-    least = ROUNDING * u.std()
+    least = SIGNAL_ROUNDING * u.std()
     weight = np.ones(len(moves))
     for _ in range(PASSES):
         gains = np.linalg.lstsq(columns * weight[:, None], moves * weight, rcond=None)[0]

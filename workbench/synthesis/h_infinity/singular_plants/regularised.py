@@ -97,7 +97,7 @@ def regularise(
     """
     need_plant(plant)
     if len(by_place) > 1:
-        raise InputError(f"regularised takes a plant and one size, not {len(by_place)} sizes")
+        raise InputError(f"regularise takes a plant and one size, not {len(by_place)} sizes")
     size = by_place[0] if by_place else size
     need_positive(size, "size")
     found = narrowly_regularised(plant, size)

@@ -19,7 +19,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_check
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
-from workbench.synthesis.h2.direct import ROUNDING, direct_term
+from workbench.synthesis.h2.direct import DIRECT_TERM_ROUNDING, direct_term
 from workbench.systems.bilinear import from_continuous_plane
 from workbench.systems.realisation import Matrices, matrices_of, realisation
 from workbench.systems.standard_plant import StandardPlant
@@ -94,7 +94,7 @@ class EnergyProblem:
             return unstable
         if not stability_check(realisation(loop, dt)).holds:
             return unstable
-        if not dt and not direct_term(self.plant, K.D) <= ROUNDING:
+        if not dt and not direct_term(self.plant, K.D) <= DIRECT_TERM_ROUNDING:
             return unstable
         try:
             P, Q = _gramian(A, B, dt), _gramian(A.T, C.T, dt)

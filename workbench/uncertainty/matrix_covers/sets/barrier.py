@@ -27,15 +27,13 @@ from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 FALL = 0.05
 """Factor from one weight of the barrier to the next."""
 DECREMENT = 1e-6
-"""Half the squared Newton decrement, relative to the barrier's weight, before the very last step.
-After this step the error is the square of it.
+"""Newton's method with the last barrier stops below this: half the squared Newton decrement,
+relative to the barrier's weight. After one step more the error is about the square of it.
 """
 NEAR_ENOUGH = 0.05
-"""Half the squared decrement, relative to the barrier's weight, for the barriers before the last
-one.
-"""
+"""The same, for the barriers before the last one."""
 GAP_SHARE = 0.3
-"""The last barrier's error of the size is this share of the tolerance."""
+"""Error of the size that the last barrier leaves, as a share of the tolerance."""
 
 
 @method(MatrixSets, "barrier", optimal=True)

@@ -14,7 +14,7 @@ from workbench._core.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
-from workbench.uncertainty.matrix_covers.sets.finish import finished
+from workbench.uncertainty.matrix_covers.sets.finish import containing_sets
 from workbench.uncertainty.matrix_covers.sets.multipliers import with_touching_multipliers
 from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape
@@ -22,8 +22,9 @@ from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape
 
 def _no_volume(program: MatrixSets) -> str | None:
     """The reason why the problem is no cone program; None if it is one."""
-    fit = program.size == "trace"
-    return None if fit else f"the {program.size} is not convex in L and R; take barrier"
+    fits = program.size == "trace"
+    said = f'the size "{program.size}" is not convex in W_1 W_1^* and W_2^* W_2'
+    return None if fits else f"{said}; take the method barrier"
 
 
 @conic_method(MatrixSets, optimal=False, unfit=_no_volume)
@@ -43,7 +44,11 @@ def _conic(program: MatrixSets, context: Context, solver: ConicSolver) -> Claim:
         outcome = outcome if one is Outcome.SOLVED else one
         P[f], S[f], Z[f] = statement.answer()
     none = np.zeros((F, N, min(p, m)))
-    return with_touching_multipliers(program, finished(program, P, S, Z, none)), outcome, said
+    return (
+        with_touching_multipliers(program, containing_sets(program, P, S, Z, none)),
+        outcome,
+        said,
+    )
 
 
 class _Statement:

@@ -1,4 +1,4 @@
-"""Sets from inverse weights: scaled until they contain their matrices, with triangular weights."""
+"""Sets from inverse weights: scaled until they contain the matrices, with triangular weights."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSe
 from workbench.uncertainty.matrix_covers.sets.shapes import ctranspose
 
 
-def finished(
+def containing_sets(
     program: MatrixSets,
     P: Array,
     S: Array,
@@ -30,7 +30,10 @@ def finished(
     right = np.linalg.qr(np.linalg.inv(S))[1]
     size = np.exp(np.linalg.slogdet(right)[1] / right.shape[-1])[:, None, None]
     found = FoundSets(
-        left * size / _turn(left)[:, None], right / size / _turn(right)[:, :, None], Z, weights
+        left * size / _diagonal_phases(left)[:, None],
+        right / size / _diagonal_phases(right)[:, :, None],
+        Z,
+        weights,
     )
     beyond = 1 + max(program.checks(found, 0.0)[0].value, 0.0)
     if of_loop is not None:
@@ -41,7 +44,7 @@ def finished(
     return replace(found, left=found.left * beyond)
 
 
-def _turn(triangular: Array) -> Array:
+def _diagonal_phases(triangular: Array) -> Array:
     """Numbers (F, n) of magnitude 1 that make the diagonal real."""
     diagonal = np.einsum("fii->fi", triangular)
     turn: Array = diagonal / np.abs(diagonal)

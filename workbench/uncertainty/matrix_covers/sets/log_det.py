@@ -20,7 +20,7 @@ def log_det_derivatives(
     A, B
         Hermitian directions (a, p, p) and (b, m, m).
     z, moving
-        Directions (c, p, m) of z, and the number of the first matrices that z moves.
+        Directions (c, p, m) of z; z moves the first ``moving`` matrices, not those after them.
     """
     F, N, p, m = M.shape
     a, b, c = len(A), len(B), len(z)

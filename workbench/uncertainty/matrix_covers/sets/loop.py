@@ -4,20 +4,21 @@ A loop N = [[N_11, N_12], [N_21, N_22]] leads from (u, w) to (y, z). It is close
 w and z are its performance channels. With X = W_1 Delta W_2, its mu for Delta and the performance
 block is
 
-    min over delta of |K|,    K = diag(W_2, e^-delta) N diag(W_1, e^delta),
+    min over delta of |K|,    K = diag(W_2, e^-delta) N diag(W_1, e^delta).
 
 This is exact, since for two complex blocks this scaling suffices. By the three lines theorem, log
 |K| is convex when the inverse weights move to exp(A) W_1^-1 and W_2^-1 exp(B) and delta moves along
 a line. So sets with the least mu are also a global optimum.
 
-*Proof of the optimum.* In exp(A) W_1^-1, W_2^-1 exp(B), delta + e every cover has
+*Proof of the optimum.* Every cover, written as exp(A) W_1^-1, W_2^-1 exp(B), delta + e, has
 
     log |K'| >= sum e_j log s_j(K) + sum e_j (u_j^* L u_j + v_j^* R v_j),
     L = diag(-B, -e),  R = diag(-A, e),
 
 for weights e_1 >= e_2 >= ... of sum 1. Together with the inequalities of
 `workbench.uncertainty.matrix_covers.sets.optimality` for the volume and for containment, the parts
-in A, B and e cancel. Their remainder is bounded with the farthest cover that is not worse.
+in A, B and e nearly cancel. What remains is bounded by the largest A, B and e of any cover that is
+not worse.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ VOLUME_SHARE = 1e-3
 """Weight of the log radius beside log mu. The least mu alone does not determine the parts of a set
 that the loop does not see.
 """
-HALVINGS = 60
-"""Number of steps of the search for a scaling; each leaves 0.62 of the interval."""
+GOLDEN_STEPS = 60
+"""Number of steps of the golden-section search for delta; each leaves 0.62 of the interval."""
 
 
 def need_loop(given: Any, deviations: tuple[int, ...]) -> Array:
@@ -68,8 +69,8 @@ def need_loop(given: Any, deviations: tuple[int, ...]) -> Array:
         blind = (loop[:, :m, p:] == 0).all(axis=(1, 2)) | (loop[:, m:, :p] == 0).all(axis=(1, 2))
     if blind.any():
         raise InputError(
-            f"the loop at frequency number {int(blind.argmax())} does not lead from w through X to "
-            "z: no set costs it anything"
+            f"the loop has no path from w through X to z at frequency number "
+            f"{int(blind.argmax())}, so its mu is the same for all sets"
         )
     return loop
 
@@ -82,7 +83,7 @@ def loop_in_unit(loop: Array, unit: Array, p: int) -> Array:
 
 
 class LoopBarrier:
-    """The term -log det(I - K K^*) for loops e^-gamma K; gamma and delta move with the weights.
+    """The term -log det(I - K K^*) of loops scaled by e^-gamma; gamma and delta are unknowns too.
 
     The directions are those of the weights, A (a, p, p) and B (b, m, m), then gamma and, if the
     loop has performance, delta.
@@ -133,7 +134,7 @@ def scaled_loop(loop: Array, P: Array, S: Array, delta: RealArray) -> Array:
     K = np.array(loop, complex)
     K[:, :m] = np.linalg.solve(S, K[:, :m])
     K[:, :, :p] = K[:, :, :p] @ np.linalg.inv(P)
-    return _turned(K, p, m, delta)
+    return _delta_scaled(K, p, m, delta)
 
 
 def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
@@ -154,11 +155,11 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
     golden = (np.sqrt(5) - 1) / 2
 
     def value(delta: RealArray) -> RealArray:
-        return log_norm(_turned(K, p, m, delta))
+        return log_norm(_delta_scaled(K, p, m, delta))
 
     inside = [high - golden * (high - low), low + golden * (high - low)]
     values = [value(each) for each in inside]
-    for _ in range(HALVINGS):
+    for _ in range(GOLDEN_STEPS):
         left = values[0] < values[1]
         low, high = np.where(left, low, inside[0]), np.where(left, inside[1], high)
         new = np.where(left, high - golden * (high - low), low + golden * (high - low))
@@ -169,7 +170,7 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
     return value(delta), delta
 
 
-def _turned(K: Array, p: int, m: int, delta: RealArray) -> Array:
+def _delta_scaled(K: Array, p: int, m: int, delta: RealArray) -> Array:
     """K (F, m + q, p + r) with its off-diagonal blocks scaled by e^delta and e^-delta."""
     K = K.copy()
     K[:, :m, p:] *= np.exp(delta)[:, None, None]

@@ -43,10 +43,10 @@ def with_balanced_multipliers(program: MatrixSets, found: FoundSets) -> FoundSet
         reached = np.einsum("fdk,fk->fd", equations, steps)
         change = np.linalg.pinv(equations * steps[:, None]) @ (wanted - reached)[..., None]
         steps = steps * np.maximum(1 + change[..., 0], 0.0)
-    found = replace(found, weights=_summed(steps[:, :count].reshape(found.weights.shape)))
+    found = replace(found, weights=_multipliers_of(steps[:, :count].reshape(found.weights.shape)))
     if found.of_loop is None:
         return found
-    of_loop = np.concatenate([found.of_loop[:, :2], _summed(steps[:, count:])], axis=1)
+    of_loop = np.concatenate([found.of_loop[:, :2], _multipliers_of(steps[:, count:])], axis=1)
     return replace(found, of_loop=of_loop)
 
 
@@ -83,7 +83,7 @@ def with_touching_multipliers(program: MatrixSets, found: FoundSets) -> FoundSet
     for f, (columns, target) in enumerate(zip(equations, wanted, strict=True)):
         active = slack[f] <= TOUCHING
         steps[f, active] = nnls(columns[:, active], target)[0]
-    return replace(found, weights=_summed(steps.reshape(found.weights.shape)))
+    return replace(found, weights=_multipliers_of(steps.reshape(found.weights.shape)))
 
 
 def _equations(program: MatrixSets, within: InUnits) -> tuple[RealArray, RealArray, RealArray]:
@@ -116,7 +116,7 @@ def _equations(program: MatrixSets, within: InUnits) -> tuple[RealArray, RealArr
     return equations, wanted, slack.reshape(F, -1)
 
 
-def _summed(steps: RealArray) -> RealArray:
+def _multipliers_of(steps: RealArray) -> RealArray:
     """Multipliers from their decreases from one singular value to the next smaller one."""
     found: RealArray = steps[..., ::-1].cumsum(axis=-1)[..., ::-1]
     return found

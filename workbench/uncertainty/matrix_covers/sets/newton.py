@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from workbench._core.arrays import Array, RealArray
-from workbench.uncertainty.matrix_covers.sets.finish import finished
+from workbench.uncertainty.matrix_covers.sets.finish import containing_sets
 from workbench.uncertainty.matrix_covers.sets.log_det import log_det_derivatives, log_det_value
 from workbench.uncertainty.matrix_covers.sets.loop import LoopBarrier, loop_level
 from workbench.uncertainty.matrix_covers.sets.program import FoundSets, MatrixSets
@@ -109,7 +109,7 @@ class BarrierSets:
         active = np.arange(len(self.point.P))
         for _ in range(STEPS):
             step, decrement = self._newton(mu, active)
-            moved = self._moved(mu, active, step, decrement)
+            moved = self._line_search(mu, active, step, decrement)
             active = active[moved & (decrement > near * mu)]
             if not active.size:
                 return
@@ -151,10 +151,10 @@ class BarrierSets:
             barrier = barrier + log_det_value(point.K[:, None])
         return self.program.size_of(point.P, point.S, level=level) + mu * barrier
 
-    def _moved(
+    def _line_search(
         self, mu: float, at: np.ndarray, step: RealArray, decrement: RealArray
     ) -> np.ndarray:
-        """Move along the steps as far as the value decreases; returns where it did (f,)."""
+        """Take the longest halving of each step that decreases the value; mask (f,) of success."""
         before = self._value(mu, self.point[at])
         todo, length = np.ones(len(at), bool), 1.0
         while todo.any() and length >= SHORTEST:
@@ -192,7 +192,7 @@ class BarrierSets:
         """The sets, with the multipliers of the barrier's minimum."""
         here = self.point
         of_loop = None if self.loop is None else (here.delta, _multipliers(here.K))
-        return finished(self.program, here.P, here.S, here.Z, _multipliers(here.M), of_loop)
+        return containing_sets(self.program, here.P, here.S, here.Z, _multipliers(here.M), of_loop)
 
 
 def _multipliers(M: Array) -> RealArray:

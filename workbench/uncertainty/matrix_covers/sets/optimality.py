@@ -1,4 +1,4 @@
-"""Lower bounds on the size of sets, proven by weights of the singular vectors that touch them.
+"""Lower bounds on the size of sets, proven by the matrices that touch them.
 
 Let M_k = P (E_k - Z) S have the singular values s_kj with vectors u_kj, v_kj, and let c_kj >= 0.
 
@@ -9,13 +9,13 @@ has therefore
     0 >= sum c_kj log s_kj + tr(A sum c_kj u_kj u_kj^*) + tr(B sum c_kj v_kj v_kj^*).
 
 If the two sums are m I and p I (John's condition for ellipsoids, here for both sides), this bounds
-m tr A + p tr B, the possible decrease of the logarithm of the volume. The remainder of the two sums
-is bounded with the largest A and B that a smaller cover can have.
+m tr A + p tr B, by which the logarithm of the volume could decrease. Where the two sums differ from
+m I and p I, the difference counts with the largest A and B that a smaller cover can have.
 
 *Trace.* With L = W_1 W_1^* and R = W_2^* W_2 the matrix [[L, E_k - Z], [., R]] of a cover is
-positive semidefinite, so its product with c_kj (P^* u, -S v)(P^* u, -S v)^* is not negative. If the
-parts of the products' sum in L and R are tr L / p + tr R / m, and the part in Z vanishes, the rest
-is a lower bound. This is the duality of semidefinite programs.
+positive semidefinite, so its product with c_kj (P^* u, -S v)(P^* u, -S v)^* is not negative. If in
+the sum of these products the terms in L and R are tr L / p + tr R / m, and the term in Z vanishes,
+the other terms are a lower bound. This is the duality of semidefinite programs.
 """
 
 from __future__ import annotations
@@ -87,8 +87,7 @@ def farthest(
     floor: float,
     least: RealArray | None = None,
 ) -> tuple[RealArray, RealArray]:
-    """Bounds (F,) on the norms of A and B that lead from P, S to inverse weights with a smaller
-    volume.
+    """Bounds (F,) on the norms of A and B for all exp(A) P, S exp(B) of sets with a smaller volume.
 
     Parameters
     ----------

@@ -79,7 +79,8 @@ class FoundSets(ProgramAnswer):
     def summary(self) -> str:
         size = self.radius
         return (
-            f"sets at {size.size} frequencies, of mean radius {size.min():.4g} to {size.max():.4g}"
+            f"sets at {size.size} frequencies, with mean radii from {size.min():.4g} to "
+            f"{size.max():.4g}"
         )
 
     @property
@@ -114,8 +115,9 @@ class MatrixSets(Program):
         ``"volume"``, ``"trace"`` or ``"mu"``. The optimum is global, except for the volume with a
         free centre.
     floor
-        Every set must contain changes of each single entry by this share of the product of its
-        row's and column's sizes. Otherwise sets of few matrices would be flat and have no volume.
+        Every set must also contain a small change of each single entry: this share of the product
+        of the sizes of its row and its column. Otherwise sets of few matrices would be flat and
+        have no volume.
     loop
         Only for the size ``"mu"``: responses (F, m + q, p + r) of a loop from (u, w) to (y, z). It
         is closed with u = X y, where X are the matrices of the sets; w and z are performance
@@ -181,7 +183,7 @@ class MatrixSets(Program):
         size = np.abs(given).max(axis=(1, 2, 3))
         flat = np.abs(self._spread).max(axis=(1, 2, 3)) <= ALIKE * size
         if flat.any():
-            what = "alike" if self.centre == "free" else "zero"
+            what = "equal" if self.centre == "free" else "zero"
             raise InputError(
                 f"all deviations at frequency number {int(flat.argmax())} are {what}: there is "
                 "nothing to cover"
@@ -191,11 +193,13 @@ class MatrixSets(Program):
     def _need_loop(self) -> None:
         """Raise InputError unless the size "mu" and a fitting loop are given together."""
         if (self.size == "mu") != (self.loop is not None):
-            raise InputError('the size "mu" and a loop go together: give both or none')
+            raise InputError('the size "mu" needs a loop, and a loop needs the size "mu"')
         if self.loop is None:
             return
         if self.centre == "free":
-            raise InputError('sets of the size "mu" are about a nominal: their centre is "zero"')
+            raise InputError(
+                'the size "mu" needs centre="zero": the loop is built around the nominal'
+            )
         object.__setattr__(self, "loop", need_loop(self.loop, self.deviations.shape))
 
     @property
@@ -293,9 +297,7 @@ class MatrixSets(Program):
         return InUnits(P, S, away, M, (rows / unit[:, 0], columns), loop, K)
 
     def excess(self, answer: FoundSets) -> RealArray:
-        """Largest distance (F,) of the log size from the least possible one, proven by the answer's
-        weights.
-        """
+        """Proven bounds (F,) on how far the log size is above the least possible one."""
         within, shapes = self.in_units(answer), (self.left, self.right)
         P, S = within.P, within.S
         if self.size == "trace":
@@ -335,11 +337,13 @@ class MatrixSets(Program):
             gram = scaled @ ctranspose(scaled) if name == "W_1" else ctranspose(scaled) @ scaled
             off = np.abs(gram - of_shape(gram, shape)).max(axis=(1, 2))
             value, where = worst_value(off, self._place)
-            statement = f"what is not {shape} of its square, relative"
+            statement = f"largest entry of its square outside the shape {shape}, relative"
             checks.append(Check(f"{name} {shape}", statement, value, SHAPED, where=where))
         if self.centre == "zero":
             value, where = worst_value(np.abs(answer.centre), self._place)
-            checks.append(Check("centre", "size of a centre, zero", value, 0.0, where=where))
+            checks.append(
+                Check("centre", "largest entry of a centre, must be 0", value, 0.0, where=where)
+            )
         return checks
 
     def _rounding(self, answer: FoundSets) -> RealArray:
