@@ -74,7 +74,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/gain-room' 'cd/*/cover-variants' textbook/real-mu-jump
 	$(REFERENCE) 'cd/*/cover-for-control' 'cd/*/fault-filter' 'cd/*/designed-filter'
 	$(REFERENCE) 'cd/*/exact-residuals' 'cd/*/residual-index' 'cd/*/observer-bandwidth'
-	$(REFERENCE) 'cd/*/integrated-design'
+	$(REFERENCE) 'cd/*/integrated-design' 'cd/*/printed-filter'
 	$(REFERENCE) 'cd/*/after-defects' 'cd/*/false-detections' --set draws=50
 	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry bench/norms bench/matrix-sets bench/mu-yardstick textbook/fault-detection textbook/record-lengths
 	$(REFERENCE) '*/controller' unstable-first-order/board 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'

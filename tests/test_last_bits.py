@@ -125,6 +125,7 @@ HEAVY = [
     "cd/radial/five-x",
     "cd/radial/integrated-design",
     "cd/radial/mu-pid-analysis",
+    "cd/radial/printed-filter",
     "cd/radial/smallest-area-stadiums",
     "cd/radial/switching-stability",
     "cd/two-axes",

@@ -185,3 +185,25 @@ def _thesis_error(run: Run, quality: str) -> DataArray:
     if quality == "prompt":
         return run.data["prompt_error"].sel(size="largest")
     return run.data["error"].sel(estimator="thesis", case="known", size="largest")
+
+
+@value
+def by_scaling(run: Run, metric: str, scaling: str) -> float:
+    """A metric of the filter by the printed numbers, under a reading of their scalings."""
+    return float(run.metrics[f"{metric}_{scaling}"])
+
+
+@value
+def printed_gain(run: Run, scaling: str, frequency: float) -> float:
+    """Gain [dB] at a frequency [Hz] of the filter by the printed numbers, metres to metres."""
+    one, s = run.data.sel(design=scaling), 2j * np.pi * frequency
+    roots = (s - one[name].values for name in ("zeros", "poles"))
+    above, below = (float(np.log10(abs(root)).sum()) for root in roots)
+    return float(20 * (np.log10(abs(one["gain"])) + above - below))
+
+
+@value
+def error_growth(run: Run, scaling: str, longer: float, shorter: float) -> float:
+    """Error of the estimate of a longer bump over that of a shorter one [mm], worst drives."""
+    worst = run.data["error"].sel(design=scaling).max("drive")
+    return float(worst.sel(length=longer) / worst.sel(length=shorter))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from workbench.simulation import respond
@@ -26,26 +28,36 @@ BEFORE, AFTER = 1e-3, 6e-3
 """Simulated time before a defect and after its start [s]."""
 
 
+def bump(length: float, time: RealArray) -> RealArray:
+    """Raised cosine [1] of a length along the track [m], at times [s] after its start."""
+    along = time * VELOCITY / length
+    inside = (along >= 0.0) & (along <= 1.0)
+    return np.where(inside, 0.5 - 0.5 * np.cos(2 * np.pi * along), 0.0)
+
+
 def defect(shape: str, time: RealArray) -> RealArray:
     """False displacement [m] at times [s] after its start: a raised cosine, or one swing up and
     down.
     """
     along = time * VELOCITY / SHAPES[shape]
-    inside = (along >= 0.0) & (along <= 1.0)
-    window = np.where(inside, 0.5 - 0.5 * np.cos(2 * np.pi * along), 0.0)
     swing = np.sin(2 * np.pi * along) if shape == "doublet" else 1.0
-    return np.asarray(SIZE * window * swing)
+    return np.asarray(SIZE * bump(SHAPES[shape], time) * swing)
 
 
 def sampled_defect(shape: str) -> tuple[RealArray, RealArray]:
     """Times (N,) [s] and the defect (N,) [m] after the filter, as the converters see it."""
+    return converted(lambda time: defect(shape, time))
+
+
+def converted(defect: Callable[[RealArray], RealArray]) -> tuple[RealArray, RealArray]:
+    """Times (N,) [s] and a defect (N,) [m] after the filter, from its displacement over time."""
     step = PERIOD / FINE
     fine = np.arange(-BEFORE, AFTER, step)
     decay = np.exp(-ANTIALIASING * step)
     lowpass = realisation(
         (np.array([[decay]]), np.array([[1 - decay]]), np.eye(1), np.zeros((1, 1))), step
     )
-    seen = respond(lowpass, defect(shape, fine)[:, None])[:, 0]
+    seen = respond(lowpass, defect(fine)[:, None])[:, 0]
     return fine[::FINE], seen[::FINE]
 
 
@@ -57,16 +69,26 @@ def estimates(
     F is sampled, e [m] -> u_f [m]; each drive's e is f_en by its own optical gain.
     """
     time, seen = sampled_defect(shape)
+    return time, seen, estimated(sensitivities(axis, delay), F, seen)
+
+
+def sensitivities(axis: Axis, delay: float) -> list[StateSpace]:
+    """Sampled S of the twelve drives' loops, with a delay [samples]."""
     found = []
     for name, system in plants(axis, "own", "printed").items():
         if name == "nominal":
             continue
         L = open_loop(axis, system, delay)
         direct = 1.0 / (1.0 + L.D)
-        S = realisation((L.A - L.B @ direct @ L.C, L.B @ direct, -direct @ L.C, direct), 1 / RATE)
-        error = respond(S, seen[:, None])
-        found.append(respond(F, error)[:, 0])
-    return time, seen, np.array(found)
+        matrices = (L.A - L.B @ direct @ L.C, L.B @ direct, -direct @ L.C, direct)
+        found.append(realisation(matrices, 1 / RATE))
+    return found
+
+
+def estimated(loops: list[StateSpace], F: StateSpace, seen: RealArray) -> RealArray:
+    """Estimates u_f (12, N) [m] by F of a defect (N,) [m], in each of the loops S."""
+    errors = [respond(S, seen[:, None]) for S in loops]
+    return np.array([respond(F, error)[:, 0] for error in errors])
 
 
 def relative_errors(seen: RealArray, estimated: RealArray) -> RealArray:

@@ -30,7 +30,7 @@ def defect_weight() -> StateSpace:
     return Rational(zeros, poles, 1.0).state_space()
 
 
-def _nominal(loop: FaultLoop) -> GeneralisedPlant:
+def nominal_loop(loop: FaultLoop) -> GeneralisedPlant:
     """The nominal loop (x_cd, f_sd, n) -> e + n."""
     import control
 
@@ -50,7 +50,7 @@ def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, Sta
     SolverError if the synthesis fails.
     """
     program = FaultEstimation(
-        _nominal(loop),
+        nominal_loop(loop),
         "f_sd",
         requirements=[
             Requirement("error", "f_sd", weight=defect_weight(), bound=error),

@@ -1,8 +1,9 @@
 """The robust fault filter: how much of a defect is estimated, how much of the disc leaks in.
 
 Section, figure and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
-CD-players (2003), section 7.2.1 and figures 7.8, 7.12 and 7.13. The printed scalings there allow
-u_f = 0; here the two channels are the relative error of the estimate and the leakage in metres.
+CD-players (2003), section 7.2.1 and figures 7.8, 7.12 and 7.13. The printed scalings leave
+open what they scale (`cd/*/printed-filter`); here the two channels are the relative error of the
+estimate and the leakage in metres.
 """
 
 from __future__ import annotations
