@@ -103,6 +103,7 @@ OTHERS = [
     "cd/radial/wrong-rotation",
     "cd/raised-sum",
     "cd/red-book",
+    "cd/sledge",
     "cd/sums",
     "compare",
     "mass-spring/analysis",
