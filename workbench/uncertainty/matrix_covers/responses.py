@@ -29,8 +29,7 @@ SAME_FREQUENCIES = 1e-9
 class MatrixResponses:
     """Responses (F, N, p, m) of N plants with p outputs and m inputs.
 
-    Unlike in `Responses`, plants have several inputs and outputs, and none may lack a value at one
-    of the frequencies.
+    Unlike `Responses`, it has plants of several inputs and outputs, and no value may be missing.
 
     Parameters
     ----------
