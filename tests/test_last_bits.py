@@ -104,6 +104,8 @@ OTHERS = [
     "cd/raised-sum",
     "cd/red-book",
     "cd/sums",
+    "cd/diodes",
+    "cd/diode-map",
     "compare",
     "mass-spring/analysis",
     "textbook/estimate-regions",
