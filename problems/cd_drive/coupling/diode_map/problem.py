@@ -16,7 +16,6 @@ from workbench.executor import Context
 from workbench.study import (
     Study,
     array,
-    arrays,
     check,
     dim,
     draws_summary,
@@ -115,29 +114,26 @@ class DiodeMapStudy(Study):
         found = context.spread(one, list(np.ndindex(seed.shape)), "records")
         return [list(row) for row in zip(*found, strict=True)]
 
-    sums = arrays(
-        (refraction, estimate, axis, kind, draw),
-        lambda self, maps, judged: {"square": self.squares(maps, judged).astype("f4")},
-        square=("m^2", "sum of the squared errors of an estimate in defects of all drives"),
+    @part
+    def by_draw(self, judged: list[list[Points]]) -> list[list[Points]]:
+        """Samples of all drives together, by refraction and draw."""
+        few = judged[: len(REFRACTIONS)]
+        return [[together(row[n :: self.draws]) for n in range(self.draws)] for row in few]
+
+    @array(
+        dims=(refraction, draw, estimate, axis, kind),
+        unit="m^2",
+        meaning="sum of the squared errors of an estimate in defects of all drives",
     )
+    def square(self, maps: list[DiodeMap], by_draw: list[list[Points]]) -> RealArray:
+        pairs = zip(maps, by_draw, strict=True)
+        rows = [[_squares(one, own) for own in records] for one, records in pairs]
+        return np.array(rows).astype("f4")
 
-    def squares(self, maps: list[DiodeMap], judged: list[list[Points]]) -> RealArray:
-        """Sums (refractions, estimates, axes, kinds, draws)."""
-        rows = [
-            [_squares(one, own) for own in records]
-            for one, records in zip(maps, judged[: len(maps)], strict=True)
-        ]
-        shape = len(REFRACTIONS), 12, self.draws, len(ESTIMATES), len(AXES), len(KINDS)
-        return np.moveaxis(np.reshape(rows, shape).sum(axis=1), 1, -1)
-
-    @array(dims=(refraction, kind, draw), unit="1", meaning="number of samples in defects")
-    def count(self, judged: list[list[Points]]) -> RealArray:
-        rows = [
-            [np.bincount(own.kind, minlength=len(KINDS)) for own in records]
-            for records in judged[: len(REFRACTIONS)]
-        ]
-        shape = len(REFRACTIONS), 12, self.draws, len(KINDS)
-        return np.moveaxis(np.reshape(rows, shape).sum(axis=1), 1, -1).astype(float)
+    @array(dims=(refraction, draw, kind), unit="1", meaning="number of samples in defects")
+    def count(self, by_draw: list[list[Points]]) -> RealArray:
+        rows = [[np.bincount(own.kind, minlength=len(KINDS)) for own in row] for row in by_draw]
+        return np.array(rows, float)
 
     @array(dims=(normaliser, axis, drive, draw), unit="m", meaning="largest true error")
     def largest(self, judged: list[list[Points]]) -> RealArray:
@@ -197,7 +193,7 @@ class DiodeMapStudy(Study):
         return numbers
 
     @metric("left_{axis}_{refraction}_by_draw_{summary}")
-    def by_draw(self, answer: Dataset) -> DataArray:
+    def left_by_draw(self, answer: Dataset) -> DataArray:
         """The same of every draw, mean and interval of 90 %."""
         return draws_summary(_left(_rms(answer, "kind")))
 
@@ -232,12 +228,9 @@ class DiodeMapStudy(Study):
 
 def _squares(one: DiodeMap, points: Points) -> RealArray:
     """Sums (4, 2, kinds) [m^2] of the squared errors of every estimate."""
-    found = np.zeros((len(ESTIMATES), len(AXES), len(KINDS)))
-    if len(points.kind):
-        off = (one.estimates(points) - points.error) ** 2
-        for kind in range(len(KINDS)):
-            found[..., kind] = off[:, points.kind == kind].sum(axis=1)
-    return found
+    off = (one.estimates(points) - points.error) ** 2
+    by_kind = [off[:, points.kind == kind].sum(axis=1) for kind in range(len(KINDS))]
+    return np.moveaxis(np.array(by_kind), 0, -1)
 
 
 def _lost(largest: DataArray) -> DataArray:

@@ -124,6 +124,10 @@ class DiodeMap:
 
 def together(every: list[Points]) -> Points:
     """All samples of several records as one."""
-    samples = (np.concatenate([getattr(one, name) for one in every]) for name in Points._fields[:3])
-    clean = np.nanmean([one.clean for one in every], axis=0)
-    return Points(*samples, clean, np.max([one.largest for one in every], axis=0))
+    return Points(
+        np.concatenate([one.reading for one in every]),
+        np.concatenate([one.error for one in every]),
+        np.concatenate([one.kind for one in every]),
+        np.nanmean([one.clean for one in every], axis=0),
+        np.max([one.largest for one in every], axis=0),
+    )
