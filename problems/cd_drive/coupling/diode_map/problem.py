@@ -45,7 +45,10 @@ STEPS = (1, 2)
 """Numbers of steps per sample in which the optics are simulated."""
 
 
-@problem("cd/diode-map", data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/diode-map",
+    data=(*TABLES, "data/red_book.csv", "data/disc_formats.csv", "data/compact_disc.csv"),
+)
 def diode_map(draws: Annotated[int, Field(ge=1, le=1000)] = 6) -> DiodeMapStudy:
     """Can a function of four diodes find the true errors in a defect (section 7.4)?
 

@@ -44,7 +44,7 @@ DEFOCUS = np.linspace(0.0, 4e-6, 9)
 EXAMPLE = "nominal"
 
 
-@problem("cd/diodes", data=(*TABLES, "data/disc_formats.csv"))
+@problem("cd/diodes", data=(*TABLES, "data/disc_formats.csv", "data/compact_disc.csv"))
 def diodes() -> Diodes:
     """Signals of the five diodes over focus and radial error, their gains, and HF (section 3.6.2).
 
