@@ -105,6 +105,8 @@ OTHERS = [
     "cd/red-book",
     "cd/sledge",
     "cd/sums",
+    "cd/diodes",
+    "cd/diode-map",
     "compare",
     "mass-spring/analysis",
     "textbook/estimate-regions",

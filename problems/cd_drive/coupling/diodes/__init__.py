@@ -1,0 +1,1 @@
+"""The five diodes of the pickup, as functions of focus and radial error together."""
