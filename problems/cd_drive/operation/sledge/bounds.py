@@ -68,10 +68,14 @@ class MovedLoop:
         return float(abs(self.per_speed).sum() + self._tail(self.per_speed))
 
     @cached_property
+    def reading_response(self) -> RealArray:
+        """Error at the samples (SAMPLES,) after a sample at which it is read wrong by 1."""
+        return self._impulse(2)
+
+    @cached_property
     def per_reading(self) -> float:
         """Largest error over the largest amount by which the error is read wrong."""
-        t = self._impulse(2)
-        return float(abs(t).sum() + self._tail(t))
+        return float(abs(self.reading_response).sum() + self._tail(self.reading_response))
 
     @cached_property
     def rest(self) -> float:
@@ -110,6 +114,12 @@ class MovedLoop:
     def worst_motion(self, speed: float) -> RealArray:
         """Speeds (SAMPLES,) of at most this size [m/s], after which the error is largest."""
         return speed * np.sign(self.per_speed[::-1])
+
+    def worst_reading(self, size: float) -> RealArray:
+        """Amounts (SAMPLES,) of at most this size [m] read wrong, after which the error is
+        largest.
+        """
+        return size * np.sign(self.reading_response[::-1])
 
     def _speed_within(self, error: float, other: float) -> float:
         """Speed [m/s] of the carriage with which an acceptable error [m] is surely not passed."""
