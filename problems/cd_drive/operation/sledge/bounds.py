@@ -13,7 +13,8 @@ which acts like noise of that size. By induction over the samples the error stay
     v |h|_1 + the disc's error + |t|_1 off(E) <= E,
 
 where t is the impulse response from such noise. Motions, discs and what is read wrong are taken to
-be constant within a sample; noise and rounding are left out.
+be constant within a sample. Noise, rounding and the limit of the coil's voltage are left out, so
+the lens must stay within its reach.
 """
 
 from __future__ import annotations
