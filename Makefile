@@ -88,7 +88,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
 	$(REFERENCE) 'cd/*/two-controllers-switched' 'cd/*/state-feedback' 'cd/*/immunity'
 	$(REFERENCE) cd/focus/cover-front --slow --set frequencies=30 --set cover=joint
-	$(REFERENCE) cd/focus/start-up cd/radial/track-jump 'cd/*/controller-change' 'cd/*/recovery' cd/two-axes cd/sums cd/diodes cd/diode-map cd/sledge
+	$(REFERENCE) cd/focus/start-up cd/radial/track-jump 'cd/*/controller-change' 'cd/*/recovery' cd/two-axes cd/sums cd/diodes cd/diode-map cd/sledge cd/disc-servo
 	$(REFERENCE) 'cd/*/methods' 'cd/*/controllers'
 	$(REFERENCE) cd/focus/identified cd/radial/identified
 	$(REFERENCE) cd/claims

@@ -50,6 +50,7 @@ OTHERS = [
     "bench/mu-yardstick",
     "bench/norms",
     "bench/synthesis",
+    "cd/disc-servo",
     "cd/drives",
     "cd/focus-error",
     "cd/focus/best-gains",

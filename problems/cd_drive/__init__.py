@@ -6,7 +6,8 @@
 - control: robust controllers, their margins, and bounds that no controller beats
 - diagnosis: surface defects: detected, distinguished, estimated
 - tolerance: strategies that hold the loop while a defect passes, and their performance
-- operation: start-up, track jumps, change of controller, and recovery of a lost loop
+- operation: start-up, track jumps, change of controller, recovery of a lost loop, sledge and disc
+  servo
 - coupling: both loops together, and what couples them
 
 A problem's name leads to its file: ``cd/focus/fault-filter`` is ``fault_filter.py``, or

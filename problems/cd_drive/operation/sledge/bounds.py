@@ -13,7 +13,8 @@ which acts like noise of that size. By induction over the samples the error stay
     v |h|_1 + the disc's error + |t|_1 off(E) <= E,
 
 where t is the impulse response from such noise. Motions, discs and what is read wrong are taken to
-be constant within a sample; noise and rounding are left out.
+be constant within a sample. Noise, rounding and the limit of the coil's voltage are left out, so
+the lens must stay within its reach.
 """
 
 from __future__ import annotations
@@ -68,10 +69,14 @@ class MovedLoop:
         return float(abs(self.per_speed).sum() + self._tail(self.per_speed))
 
     @cached_property
+    def reading_response(self) -> RealArray:
+        """Error at the samples (SAMPLES,) after a sample at which it is read wrong by 1."""
+        return self._impulse(2)
+
+    @cached_property
     def per_reading(self) -> float:
         """Largest error over the largest amount by which the error is read wrong."""
-        t = self._impulse(2)
-        return float(abs(t).sum() + self._tail(t))
+        return float(abs(self.reading_response).sum() + self._tail(self.reading_response))
 
     @cached_property
     def rest(self) -> float:
@@ -110,6 +115,12 @@ class MovedLoop:
     def worst_motion(self, speed: float) -> RealArray:
         """Speeds (SAMPLES,) of at most this size [m/s], after which the error is largest."""
         return speed * np.sign(self.per_speed[::-1])
+
+    def worst_reading(self, size: float) -> RealArray:
+        """Amounts (SAMPLES,) of at most this size [m] read wrong, after which the error is
+        largest.
+        """
+        return size * np.sign(self.reading_response[::-1])
 
     def _speed_within(self, error: float, other: float) -> float:
         """Speed [m/s] of the carriage with which an acceptable error [m] is surely not passed."""

@@ -80,18 +80,20 @@ class CarriedBench:
         law: Cascade,
         track: RealArray,
         speed: RealArray | None = None,
+        false: RealArray | None = None,
         seed: int = 0,
     ) -> Carried:
         """Run a law from rest, see `law_beside`.
 
         track (N + 1,): place of track or layer at each sample [m]. speed (N,): added to the
-        carriage's [m/s].
+        carriage's [m/s]. false (N + 1,): false displacement that the diodes see [m].
         """
         samples = len(track) - 1
         added = np.zeros((samples, 2))
         if speed is not None:
             added[:, 1] = speed
-        exogenous = np.column_stack([track, np.ones(samples + 1), np.zeros(samples + 1)])
+        seen = np.zeros(samples + 1) if false is None else false
+        exogenous = np.column_stack([track, np.ones(samples + 1), seen])
         noise = np.zeros((samples, 2))
         if self.noise:
             rng, drive = np.random.default_rng(seed), find_drive(self.axis, self.drive)

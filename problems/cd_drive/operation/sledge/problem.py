@@ -35,7 +35,7 @@ from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import AXES, drives
 from ...laboratory.bench_setup import RATE
-from .bounds import MovedLoop, moved_loop
+from .bounds import SAMPLES, MovedLoop, moved_loop, read_wrong
 from .figures import jerks, outcomes
 from .report import bounds_told, felt_told, rides_told, shares_told
 from .runs import QUIET, ROTATION, Ridden, Ride, largest_error
@@ -51,8 +51,8 @@ SHOWN = (0.1, 0.5, 1.0)
 """Friction of the rides that a figure shows [N]."""
 WINDOW, STRIDE = (0.6, 1.0), 28
 """Times [s] between which they are shown, and distance of the samples."""
-SMALL = 0.02
-"""Share of the certified speed at which the diodes are linear."""
+SMALL, MISREAD = 0.02, 1e-9
+"""Share of the certified speed, and amount read wrong [m], at which the diodes are linear."""
 EXAMPLE = 0.5
 """Friction [N] of the rides that are replayed with finer optics."""
 QUIETLY = ("quiet_largest", "quiet_speed", "quiet_motor", "quiet_focus")
@@ -138,6 +138,18 @@ class SledgeStudy(Study):
             largest_error("radial", one.drive, one.worst_motion(one.kept_speed()))
             for one in (moved_loop("radial", name) for name in drive.values.tolist())
         ],
+    )
+
+    misread = array(
+        dims=(axis, drive),
+        unit="m",
+        meaning="simulated error after the worst noise of the reading, small",
+        value=lambda drive: _each_loop(
+            drive,
+            lambda one: largest_error(
+                one.axis, one.drive, np.zeros(SAMPLES), one.worst_reading(MISREAD)
+            ),
+        ),
     )
 
     # --- rides without noise ------------------------------------------------------------------
@@ -232,10 +244,29 @@ class SledgeStudy(Study):
 
     @check(title="attained", at_most=2e-3)
     def attained(self, replayed: DataArray, kept_speed: DataArray, per_speed: DataArray) -> Any:
-        """relative difference of the simulated error after the worst motion from the bound, where
-        the diodes are linear
-        """
+        """relative difference of the error after the worst motion from the linear bound"""
         return abs(replayed / (SMALL * kept_speed.sel(share=0.0) * per_speed) - 1.0)
+
+    @check(title="reading", at_most=0.01)
+    def attained_by_reading(self, misread: DataArray, per_reading: DataArray) -> DataArray:
+        """the same of the worst noise of the reading, which the simulation interpolates"""
+        return abs(misread / (MISREAD * per_reading) - 1.0)
+
+    @check(title="speeds", at_most=1e-6)
+    def follows(self, answer: Dataset) -> DataArray:
+        """difference of kept speeds from those by other numbers, over those on centred discs"""
+        found = answer["kept_speed"].copy(deep=True)
+        for axis in AXES:
+            acceptable = ACCEPTABLE_ERROR[axis]
+            wrong = read_wrong(acceptable) if axis == "radial" else 0.0
+            loops = [moved_loop(axis, name) for name in found["drive"].values.tolist()]
+            for share in SHARES:
+                others = [one.disc_error(share, ROTATION) + one.rest for one in loops]
+                left = acceptable - wrong * answer["per_reading"].sel(axis=axis) - others
+                at = {"axis": axis, "share": share}
+                speed = left.clip(0.0) / answer["per_speed"].sel(axis=axis)
+                found.loc[at] = abs(answer["kept_speed"].sel(at) - speed)
+        return found / answer["kept_speed"].sel(share=0.0)
 
     @check(title="kept", at_most=1.0)
     def keeps(self, replayed_whole: DataArray) -> DataArray:

@@ -98,10 +98,13 @@ class Ride:
         return one.run(law_beside("radial", servo), self.track, seed=self.seed)
 
 
-def largest_error(axis: Axis, drive: str, speed: RealArray) -> float:
+def largest_error(
+    axis: Axis, drive: str, speed: RealArray, false: RealArray | None = None
+) -> float:
     """Largest error [m] after motions of the carriage [m/s] (N,) along an axis, on a disc at rest
-    and without noise.
+    and without noise; false (N,): what the diodes see besides [m].
     """
     bench = CarriedBench(axis, drive, **QUIET)
-    found = bench.run(law_beside(axis), np.zeros(len(speed) + 1), speed)
+    seen = None if false is None else np.append(false, 0.0)
+    found = bench.run(law_beside(axis), np.zeros(len(speed) + 1), speed, seen)
     return float(abs(found.error).max())

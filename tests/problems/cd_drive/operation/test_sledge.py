@@ -209,8 +209,11 @@ def test_study():
     wrong = solution.answer.copy(deep=True)
     wrong["replayed"][...] *= 1.01
     wrong["replayed_whole"][...] *= 1.5
+    wrong["misread"][...] *= 1.05
+    wrong["kept_speed"].loc[{"share": 1.0}] += 1e-3
     wrong["quiet_speed"][...] *= 1.5
     wrong["finer"][...] *= 1.01
     wrong["largest"].loc[{"rods": RODS[0]}] = 1e-6
     failed = {one.name for one in task.certify(wrong, 1e-6).checks if not one.holds}
-    assert failed >= {"attained", "kept", "slips", "smooth", "half the step"}
+    expected = {"attained", "reading", "speeds", "kept", "slips", "smooth", "half the step"}
+    assert failed >= expected
