@@ -159,9 +159,7 @@ class PrintedFilter(Study):
     def filters(self, answer: Dataset) -> dict[str, StateSpace]:
         """The filters of full order, e [m] -> u_f [m], by design."""
         every = (answer[name].values for name in ("zeros", "poles", "gain"))
-        return _filters(
-            [Rational(*roots, float(gain)) for *roots, gain in zip(*every, strict=True)]
-        )
+        return _filters([Rational(z, p, float(gain)) for z, p, gain in zip(*every, strict=True)])
 
     # --- checks -------------------------------------------------------------------------------
 
