@@ -166,16 +166,14 @@ class Laboratory:
         """
         u = _series("excitation", excitation)
         u_dac, saturated = Converter(OUTPUT_LIMIT, bits=self.bits).convert(u)
-        exact = respond(self.coil_system(series_resistance), u_dac[:, None])[:, 1:]
-        return CoilSignals(u, u_dac, exact, saturated, self.electronics, self.bits)
-
-    def coil_system(self, series_resistance: float = SERIES_RESISTANCE) -> StateSpace:
-        """Exact sampled model from u [V] to x [m], v_r and u_m [V] with a series resistor [ohm]."""
         if series_resistance == SERIES_RESISTANCE:
-            return _sampled(self)
-        actuator = specific_model(self.parameters, series_resistance)
-        plant = electromechanics(actuator, self.coil_gain, series_resistance)
-        return sampled_model(plant, PERIOD, delay_samples=self.delay)
+            system = _sampled(self)
+        else:
+            actuator = specific_model(self.parameters, series_resistance)
+            plant = electromechanics(actuator, self.coil_gain, series_resistance)
+            system = sampled_model(plant, PERIOD, delay_samples=self.delay)
+        exact = respond(system, u_dac[:, None])[:, 1:]
+        return CoilSignals(u, u_dac, exact, saturated, self.electronics, self.bits)
 
     def open_loop(
         self,

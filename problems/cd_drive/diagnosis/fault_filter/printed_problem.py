@@ -63,7 +63,7 @@ TOP = 10e3
 NAMES = {"channels": "a scaling for each channel", "rows": "both rows"}
 
 
-@problem("cd/{axis}/printed-filter", axis=("focus", "radial"), needs=needs, data=TABLES)
+@problem("cd/{axis}/printed-filter", slow=True, axis=("focus", "radial"), needs=needs, data=TABLES)
 def printed_filter(axis: Axis, covered: Run) -> PrintedFilter:
     """The fault filter with the scalings 5e-3 and 2e-5 and the weights of section 7.3.2.
 
@@ -260,7 +260,8 @@ class PrintedFilter(Study):
         for panel, (length, name) in zip(panels, places, strict=True):
             time, seen = sampled_bump(length)
             F = sampled(self.filters(answer)[name])
-            panel.plot(1e3 * time, 1e6 * estimated(loops, F, seen).T, "C0", linewidth=0.7)
+            found = 1e6 * estimated(loops, F, seen)
+            panel.plot(1e3 * time, found.T, color=figures.BLUE, linewidth=0.7)
             panel.plot(1e3 * time, 1e6 * seen, color=figures.BLACK, linewidth=1.2)
             panel.set_title(f"{length} mm, {NAMES[name]}", fontsize=9)
             figures.label(
