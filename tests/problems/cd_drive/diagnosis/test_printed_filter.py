@@ -6,7 +6,7 @@ import pytest
 from workbench.plants.cd_drive.control.control_problem import performance_weight
 from workbench.plants.cd_drive.diagnosis.defect_kinds import SHOCK_PEAK
 from workbench.plants.cd_drive.diagnosis.fault_filter.defect_estimates import SIZE
-from workbench.plants.cd_drive.diagnosis.fault_filter.printed_problem import (
+from workbench.plants.cd_drive.diagnosis.fault_filter.printed_filter import (
     DESIGNS,
     LENGTHS,
     ORDER,
