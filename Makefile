@@ -84,7 +84,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/disturbance-groups' cd/raised-sum --set draws=50
 	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
 	$(REFERENCE) 'cd/*/unlike-arms' --set draws=50
-	$(REFERENCE) 'cd/*/measured-sensitivity' 'cd/*/gain-control' 'cd/*/ageing'
+	$(REFERENCE) 'cd/*/measured-sensitivity' 'cd/*/gain-control' 'cd/*/ageing' 'cd/*/experiment-settings'
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
 	$(REFERENCE) 'cd/*/two-controllers-switched' 'cd/*/state-feedback' 'cd/*/immunity'
 	$(REFERENCE) cd/focus/cover-front --slow --set frequencies=30 --set cover=joint

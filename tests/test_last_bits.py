@@ -72,6 +72,7 @@ OTHERS = [
     "cd/radial/diode-plane",
     "cd/radial/disturbance-groups",
     "cd/radial/exact-residuals",
+    "cd/radial/experiment-settings",
     "cd/radial/gain-control",
     "cd/radial/gain-ramp",
     "cd/radial/gain-room",

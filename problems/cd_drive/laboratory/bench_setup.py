@@ -131,18 +131,21 @@ def split_arms(parameters: ActuatorParameters, mismatch: float | Sequence[float]
     return replace(whole, M=mass, C=damping, K=stiffness)
 
 
-def electromechanics(actuator: Actuator, to_coil: float) -> StateSpace:
+def electromechanics(
+    actuator: Actuator, to_coil: float, series_resistance: float = SERIES_RESISTANCE
+) -> StateSpace:
     """Computer output u [V] -> lens x [m]; v_r and u_m [V] behind anti-aliasing filters.
 
     v_r = r i is the voltage over the series resistor, with i = (v - Bl x') / (R + r); u_m = u is
-    the measured control signal. Both are the signals before their amplifiers.
+    the measured control signal. Both are the signals before their amplifiers. series_resistance: r
+    [ohm], which the actuator's R includes.
     """
     import control
 
     moving = actuator.state_space()
     n = moving.nstates
     velocity = n // 2  # displacements come first, the lens's at the head
-    ratio = SERIES_RESISTANCE / float(actuator.R)
+    ratio = series_resistance / float(actuator.R)
     a = np.zeros((n + 2, n + 2))
     a[:n, :n] = moving.A
     a[n, velocity] = -ANTIALIASING * ratio * float(actuator.Bl)

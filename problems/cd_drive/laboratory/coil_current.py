@@ -87,13 +87,14 @@ class CoilExperiment:
     """A stepped sine with an amplitude [V] and a frequency step [Hz], on the coil of a drive.
 
     resonance [Hz]: first resonance at which the fit of the lumped model starts. None: that of a new
-    drive.
+    drive. series_resistance: of the resistor that measures the current [ohm].
     """
 
     laboratory: Laboratory
     step: float
     amplitude: float
     resonance: float | None = None
+    series_resistance: float = SERIES_RESISTANCE
 
     @property
     def axis(self) -> Axis:
@@ -119,7 +120,7 @@ class CoilExperiment:
     def _signals(self) -> CoilSignals:
         """The signals without noise, which are the same in all draws."""
         played = np.concatenate([samples for _, samples in self._sweep])
-        return self.laboratory.coil_signals(played)
+        return self.laboratory.coil_signals(played, self.series_resistance)
 
     def played(self, seed: int) -> Current:
         """Amplitudes of the measured signals.
@@ -156,10 +157,11 @@ class CoilExperiment:
 
         def model(p: Any, s: Any) -> Any:
             """v_r/u by equation 4.17."""
-            total = p["R"] + SERIES_RESISTANCE
+            total = p["R"] + r
             held = mass * s**2 + p["b"] * s + p["k"]
-            return SERIES_RESISTANCE / total * held / (held + p["Bl"] ** 2 / total * s)
+            return r / total * held / (held + p["Bl"] ** 2 / total * s)
 
+        r = self.series_resistance
         resonance = RESONANCE[self.axis] if self.resonance is None else self.resonance
         stiffness = mass * (2 * np.pi * resonance) ** 2
         start = {
@@ -189,7 +191,7 @@ class CoilExperiment:
         }
         program = self._program(rational_current, start, (response, variance, DEGREES))
         A, a1, a2, b1 = solved(program)[:4]
-        r = SERIES_RESISTANCE
+        r = self.series_resistance
         return np.array([r * (1 - A) / A, np.sqrt(mass * r / A * (b1 - a1)), mass * a2, mass * a1])
 
     def _program(
@@ -216,7 +218,7 @@ class CoilExperiment:
         """Pole [rad/s] of the first resonance."""
         measured = raw.response[:, 0, 0], raw.variance[:, 0, 0], raw.degrees
         R, Bl, k, b, m = self.fit(*measured, mass).values
-        half = (b + Bl**2 / (R + SERIES_RESISTANCE)) / m / 2
+        half = (b + Bl**2 / (R + self.series_resistance)) / m / 2
         return complex(-half, np.sqrt(k / m - half**2))
 
 

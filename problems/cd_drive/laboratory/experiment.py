@@ -32,7 +32,7 @@ from workbench.study import array_cache
 from workbench.types import ComplexArray, RealArray, StateSpace
 
 from ..drive import photo_diodes
-from ..drive.actuator import Actuator, checked_frequency, specific_model
+from ..drive.actuator import SERIES_RESISTANCE, Actuator, checked_frequency, specific_model
 from ..drive.disc import STRICT, Defect, Disc
 from ..drive.plants import ANTIALIASING, Gain
 from ..drive.tables import Axis, Drive, Values, disc_formats
@@ -157,11 +157,22 @@ class Laboratory:
         """
         return self.coil_signals(excitation).measured(seed)
 
-    def coil_signals(self, excitation: ArrayLike) -> CoilSignals:
-        """The signals of `coil` before noise and converters; many records can be made from them."""
+    def coil_signals(
+        self, excitation: ArrayLike, series_resistance: float = SERIES_RESISTANCE
+    ) -> CoilSignals:
+        """The signals of `coil` before noise and converters; many records can be made from them.
+
+        series_resistance: of the resistor that measures the current [ohm].
+        """
         u = _series("excitation", excitation)
         u_dac, saturated = Converter(OUTPUT_LIMIT, bits=self.bits).convert(u)
-        exact = respond(_sampled(self), u_dac[:, None])[:, 1:]
+        if series_resistance == SERIES_RESISTANCE:
+            system = _sampled(self)
+        else:
+            actuator = specific_model(self.parameters, series_resistance)
+            plant = electromechanics(actuator, self.coil_gain, series_resistance)
+            system = sampled_model(plant, PERIOD, delay_samples=self.delay)
+        exact = respond(system, u_dac[:, None])[:, 1:]
         return CoilSignals(u, u_dac, exact, saturated, self.electronics, self.bits)
 
     def open_loop(

@@ -147,7 +147,7 @@ class LoopExperiment:
 
     frequency: [Hz] (F,). disturbances: whether the disc turns; deviation: of the disc, over the Red
     Book's limits. scale: gain of the controller over the reference controller's. dwell: least time
-    [s] at each frequency.
+    [s] at each frequency. played_sine: the excitation. None: one designed for the nominal drive.
     """
 
     bench: Laboratory
@@ -156,9 +156,12 @@ class LoopExperiment:
     deviation: float = DISC_SHARE
     scale: float = 1.0
     dwell: float = 0.0
+    played_sine: SteppedSine | None = None
 
     @cached_property
     def sine(self) -> SteppedSine:
+        if self.played_sine is not None:
+            return self.played_sine
         return excitation(self.bench.axis, self.frequency, self.scale, self.dwell)
 
     @cached_property

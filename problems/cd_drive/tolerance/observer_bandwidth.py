@@ -27,8 +27,10 @@ from ..diagnosis.defect_runs import ROTATION
 from ..diagnosis.position_estimator.model import (
     FAST_BANDWIDTH,
     SLOW_BANDWIDTH,
+    Prototype,
     itae,
     kalman,
+    of_prototype,
     thesis_estimator,
 )
 from ..drive.plants import controller
@@ -228,6 +230,18 @@ def observers(axis: Axis) -> dict[str, Estimator]:
         "ITAE 300 Hz": itae(axis, rotation, SLOW_BANDWIDTH),
         "Kalman": kalman(axis, rotation).steady_state,
     }
+
+
+def prototype_changes(axis: Axis, kind: Prototype) -> RealArray:
+    """Relative change of each drive's bandwidth by an observer of 5 kHz with a prototype's poles.
+
+    The controller gets its estimate, and no u_p is added.
+    """
+    observer = of_prototype(kind, axis, Rotation(ROTATION), FAST_BANDWIDTH)
+    without, with_ = (law(axis, one, SEEN[2]) for one in (None, observer))
+    drives = sampled_drives(axis).values()
+    found = [bandwidths(P * with_)["T"] / bandwidths(P * without)["T"] - 1 for P in drives]
+    return np.array(found)
 
 
 def law(axis: Axis, observer: Estimator | None, seen: str) -> StateSpace:

@@ -9,8 +9,12 @@ import numpy as np
 from workbench import Run
 from workbench.types import DataArray, RealArray
 
-from ...drive.tables import drives
+from ...control.control_problem import performance_weight
+from ...diagnosis.fault_filter.printed_weights import shock_weight
+from ...diagnosis.position_estimator.model import Prototype
+from ...drive.tables import Axis, drives
 from ...laboratory.bench_setup import PERIOD
+from ...tolerance.observer_bandwidth import prototype_changes
 from .registry import value
 
 
@@ -207,3 +211,21 @@ def error_growth(run: Run, scaling: str, longer: float, shorter: float) -> float
     """Error of the estimate of a longer bump over that of a shorter one [mm], worst drives."""
     worst = run.data["error"].sel(design=scaling).max("drive")
     return float(worst.sel(length=longer) / worst.sel(length=shorter))
+
+
+@value
+def shock_over_weight(run: Run) -> float:
+    """Largest ratio of a shock's weight to W_p of the filter, from 1 Hz to 10 kHz."""
+    axis, omega = _axis(run), 2 * np.pi * np.geomspace(1.0, 10e3, 400)
+    shock, disc = (abs(one(1j * omega)) for one in (shock_weight(axis), performance_weight(axis)))
+    return float((shock / disc).max())
+
+
+@value
+def prototype_change(run: Run, kind: Prototype) -> float:
+    """Largest relative change of a loop's bandwidth by an observer of 5 kHz with these poles."""
+    return float(abs(prototype_changes(_axis(run), kind)).max())
+
+
+def _axis(run: Run) -> Axis:
+    return "focus" if "/focus/" in run.problem else "radial"

@@ -91,12 +91,12 @@ SETS = {"circle": "circle", "stadium": "stadium narrowest"}
 
 
 @value
-def mu_peak(run: Run, form: str, channel: str, gain: str, sets: str) -> float:
+def mu_peak(run: Run, form: str, channel: str, gain: str, sets: str, speed: float = 1.0) -> float:
     """Largest mu of robust performance with fitted weights, or with the sets before a fit."""
     if sets == "fitted":
-        peak = run.data["peak"].sel(form=form, channel=channel, gain=gain, speed=1.0)
+        peak = run.data["peak"].sel(form=form, channel=channel, gain=gain, speed=speed)
         return float(peak.sel(condition="robust performance", bound="upper"))
-    return _set_peak(run, SETS[form], channel, gain)
+    return _set_peak(run, SETS[form], channel, gain, speed)
 
 
 @value
@@ -112,8 +112,14 @@ def set_ratio(run: Run, above: str, below: str, gain: str) -> float:
     return _set_peak(run, above, "disturbance", gain) / _set_peak(run, below, "disturbance", gain)
 
 
-def _set_peak(run: Run, kind: str, channel: str, gain: str) -> float:
-    mu = run.data["set_mu"].sel(gain=gain, speed=1.0, single=channel, set=kind)
+@value
+def set_peak(run: Run, kind: str, channel: str, gain: str, speed: float) -> float:
+    """Largest mu of robust performance with sets of a kind before a fit."""
+    return _set_peak(run, kind, channel, gain, speed)
+
+
+def _set_peak(run: Run, kind: str, channel: str, gain: str, speed: float = 1.0) -> float:
+    mu = run.data["set_mu"].sel(gain=gain, speed=speed, single=channel, set=kind)
     return float(mu.max())
 
 

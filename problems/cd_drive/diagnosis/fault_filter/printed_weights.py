@@ -19,7 +19,10 @@ from workbench.systems import response
 from workbench.types import RealArray, StateSpace
 
 from ...control.control_problem import performance_weight
+from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
+from ...laboratory.experiment import Laboratory
+from ..defect_kinds import SHOCK_PEAK, voltage_of_force
 from .peers import ELECTRONICS, M, defect_weight, nominal_loop
 
 EPSILON = (5e-3, 2e-5)
@@ -27,6 +30,17 @@ EPSILON = (5e-3, 2e-5)
 SCALINGS = {"channels": EPSILON, "rows": (hypot(*EPSILON), hypot(*EPSILON))}
 """Factors on the channels from w_p and from w_sd, by reading of epsilon."""
 DESIGNS = tuple(SCALINGS)
+
+
+def shock_weight(axis: Axis) -> StateSpace:
+    """Position of the nominal lens under the laboratory's largest shock, over the acceptable error.
+
+    W_p is in these units: 250 at low frequency stands for 500 um, the disc's largest deviation.
+    """
+    bench = Laboratory(axis, "nominal")
+    p = bench.parameters
+    volts = (p.m1 + p.m2) * SHOCK_PEAK[axis] * voltage_of_force(bench)
+    return volts * bench.coil_gain / ACCEPTABLE_ERROR[axis] * bench.actuator.state_space()
 
 
 def weights(axis: Axis, design: str) -> dict[str, StateSpace]:

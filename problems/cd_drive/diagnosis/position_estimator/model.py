@@ -10,6 +10,8 @@ Control of CD-players (2003).
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
@@ -31,6 +33,8 @@ from ...drive.plants import ANTIALIASING, nominal_parameters, plant, total_gain
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import NOISE, PERIOD, coil_gain, find_drive
+
+Prototype = Literal["itae", "bessel"]
 
 FAST_BANDWIDTH = 5000.0
 """Bandwidth of the observer in section 7.3.3 [Hz]."""
@@ -102,7 +106,12 @@ def itae(axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
 
     bandwidth: of the ITAE poles [Hz].
     """
-    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * bandwidth) * PERIOD)
+    return of_prototype("itae", axis, rotation, bandwidth)
+
+
+def of_prototype(kind: Prototype, axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
+    """As `itae`, with the poles of a prototype filter, "itae" or "bessel"."""
+    poles = np.exp(prototype_poles(kind, 5, 2 * np.pi * bandwidth) * PERIOD)
     together = np.concatenate([poles, rotation.poles(PERIOD, OSCILLATOR_DECAY)])
     return placed_estimator(model(axis, rotation, coloured=False), together)
 

@@ -32,6 +32,8 @@ ALTERNATIVES = [
     {"drives_peak_agc", "deviation_peak_no_gain"},
     {"width", "radius"},
     {"inside", "red_book"},
+    {"5_0", "1_25"},
+    {"dim", "ordinary"},
 ]
 """Values of one variable each, as names of metrics spell them."""
 AT_ITS_OWN_GAIN = re.compile(r"^([ABC]_less|best_gain)_")

@@ -14,9 +14,9 @@ from workbench.plants.cd_drive.diagnosis.position_estimator.model import (
     PRINTED_K_P,
     colour,
     companion_gain,
-    itae,
     kalman,
     model,
+    of_prototype,
     thesis_estimator,
 )
 from workbench.plants.cd_drive.diagnosis.position_estimator.problem import position_estimator
@@ -107,10 +107,11 @@ def test_equation_7_35_a_sample_settles_and_with_the_other_sign_does_not():
     assert abs(np.linalg.eigvals(A - np.outer(L, C))).max() > 1.0 + 1e-4
 
 
+@pytest.mark.parametrize("kind", ["itae", "bessel"])
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
-def test_estimators_have_the_poles_that_were_asked_for(axis):
-    found = np.log(itae(axis, ROTATION, 300.0).poles()) / PERIOD
-    wanted = [*prototype_poles("itae", 5, 2 * np.pi * 300.0), -60 + 11j * np.pi, -60 - 11j * np.pi]
+def test_estimators_have_the_poles_that_were_asked_for(axis, kind):
+    found = np.log(of_prototype(kind, axis, ROTATION, 300.0).poles()) / PERIOD
+    wanted = [*prototype_poles(kind, 5, 2 * np.pi * 300.0), -60 + 11j * np.pi, -60 - 11j * np.pi]
     assert abs(found[:, None] - np.array(wanted)).min(axis=0).max() < 0.1
 
 

@@ -4,8 +4,9 @@ import control
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.control.control_problem import performance_weight
+from workbench.plants.cd_drive.diagnosis.defect_kinds import SHOCK_PEAK
 from workbench.plants.cd_drive.diagnosis.fault_filter.defect_estimates import SIZE
-from workbench.plants.cd_drive.diagnosis.fault_filter.printed_problem import (
+from workbench.plants.cd_drive.diagnosis.fault_filter.printed_filter import (
     DESIGNS,
     LENGTHS,
     ORDER,
@@ -16,9 +17,12 @@ from workbench.plants.cd_drive.diagnosis.fault_filter.printed_weights import (
     EPSILON,
     least_at_each_frequency,
     robust_program,
+    shock_weight,
     weights,
 )
 from workbench.plants.cd_drive.drive.disc import VELOCITY
+from workbench.plants.cd_drive.drive.red_book import ACCEPTABLE_ERROR
+from workbench.plants.cd_drive.laboratory.experiment import Laboratory
 
 from workbench.systems import response
 
@@ -105,7 +109,7 @@ def test_wrong_answers_are_rejected(focus):
         "stable filters": {"poles": -answer["poles"]},
     }
     for check, changed in wrong.items():
-        checks = {one.name: one for one in study.checks(answer.assign(changed), 1e-6)}
+        checks = {one.name: one for one in study.certify(answer.assign(changed), 1e-6).checks}
         assert not checks[check].holds, check
 
 
@@ -115,6 +119,19 @@ def test_the_disc_weight_is_that_of_equation_6_11():
         5e-3 * performance_weight("radial")(at)
     )
     assert isinstance(weights("radial", "rows")["disc"], control.StateSpace)
+
+
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_the_weight_of_shocks_is_that_of_a_mass_on_a_spring(axis):
+    """A constant acceleration bends the suspension by m a / k; a fast one leaves the lens behind
+    by a / omega^2, since the coil's force, unlike a shock, acts on the lens alone.
+    """
+    p, a = Laboratory(axis, "nominal").parameters, SHOCK_PEAK[axis] / ACCEPTABLE_ERROR[axis]
+    still, fast = 2 * np.pi * np.array([0.01, 200.0])
+    m, k = p.m1 + p.m2, p.k1 * p.k2 / (p.k1 + p.k2)
+    found = abs(shock_weight(axis)(1j * np.array([still, fast])))
+    assert found[0] == pytest.approx(m * a / k, rel=1e-3)
+    assert found[1] == pytest.approx(a / fast**2, rel=0.15)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from workbench.plants.cd_drive.tolerance.observer_bandwidth import (
     law,
     observer_bandwidth,
     observers,
+    prototype_changes,
     sampled_drives,
 )
 
@@ -84,3 +85,10 @@ def test_the_certificate_holds_and_wrong_answers_are_rejected(axis):
         answer = solution.answer.copy(deep=True)
         answer[name].values *= factor
         assert not task.certify(answer, 1e-6).holds
+
+
+def test_changes_by_itae_poles_are_those_of_the_study(reference):
+    stored = changes(reference("cd/focus/observer-bandwidth").data["bandwidth"])
+    own = stored.sel(observer="ITAE 5 kHz", seen=SEEN[2]).values
+    assert prototype_changes("focus", "itae") == pytest.approx(own, abs=1e-6)
+    assert abs(prototype_changes("focus", "bessel") - own).max() > 1e-3
