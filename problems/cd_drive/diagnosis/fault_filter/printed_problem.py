@@ -160,7 +160,7 @@ class PrintedFilter(Study):
         """The filters of full order, e [m] -> u_f [m], by design."""
         every = (answer[name].values for name in ("zeros", "poles", "gain"))
         return _filters(
-            [Rational(*roots, float(gain)) for *roots, gain in zip(*every, strict=True)]
+            [Rational(zeros, poles, float(gain)) for zeros, poles, gain in zip(*every, strict=True)]
         )
 
     # --- checks -------------------------------------------------------------------------------
