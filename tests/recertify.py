@@ -2,13 +2,14 @@
 
 Answers, metrics and all else of a run stay as they are. A run of which anything but the certificate
 disagrees with its arrays, or whose certificate fails, is told and left: `make reference` makes it
-anew. Studies have the certificates of what they need, so that those come first.
+anew. Certificates of studies repeat those of what they need, which therefore come first.
 """
 
 from __future__ import annotations
 
 import sys
 from fnmatch import fnmatch
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 from workbench.bench.files import write_json
@@ -16,26 +17,34 @@ from workbench.bench.formats.crate import write_crate
 from workbench.bench.project import registry
 from workbench.bench.results import Run, read_json
 from workbench.bench.store import seal
-from workbench.bench.verify import finished_folders, verify_folder
+from workbench.bench.verify import Verification, finished_folders, verify_folder
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
-PASSES = 8
-"""Most studies that feed each other in a row."""
 
 
-def recertified(path: Path) -> bool:
-    """Whether the certificate of a run was made anew."""
-    found = verify_folder(path)
+def needed_first(folders: list[Path]) -> list[Path]:
+    """The folders in an order in which each run comes after the runs that it needs."""
+    by_key = {path.name: path for path in folders}
+    assert len(by_key) == len(folders), "two runs have one key"
+    needs = {}
+    for key, path in by_key.items():
+        given = read_json(path / "run.json")["needs"].values()
+        needs[key] = [one for keys in given for one in ([keys] if isinstance(keys, str) else keys)]
+    return [by_key[key] for key in TopologicalSorter(needs).static_order() if key in by_key]
+
+
+def recertified(found: Verification) -> bool:
+    """Whether the certificate of a verified run was made anew."""
     apart = [text for text in found.problems if text.startswith("certificate.json: ")]
     if not apart or len(apart) < len(found.problems):
         return False
     assert found.certificate is not None
     if not found.certificate.holds:
         return False
-    run = read_json(path / "run.json")
-    write_json(path / "certificate.json", found.certificate.to_json())
-    write_crate(path, run, registry().find(run["problem"]).entry.help)
-    seal(path)
+    run = read_json(found.path / "run.json")
+    write_json(found.path / "certificate.json", found.certificate.to_json())
+    write_crate(found.path, run, registry().find(run["problem"]).entry.help)
+    seal(found.path)
     return True
 
 
@@ -46,16 +55,15 @@ def main(patterns: list[str]) -> int:
         for path in finished_folders(REFERENCE)
         if not patterns or any(fnmatch(Run(path).problem, pattern) for pattern in patterns)
     ]
-    for _ in range(PASSES):
-        made = [path for path in folders if recertified(path)]
-        for path in made:
-            print(f"{path.relative_to(REFERENCE)}: certificate made anew")
-        if not made:
-            break
-    left = [found for found in map(verify_folder, folders) if found.problems]
-    for found in left:
-        print(found)
-    return len(left)
+    left = 0
+    for path in needed_first(folders):
+        found = verify_folder(path)
+        if recertified(found):
+            print(f"{path.relative_to(REFERENCE)}: certificate made anew", flush=True)
+        elif found.problems:
+            print(found)
+            left += 1
+    return left
 
 
 if __name__ == "__main__":

@@ -192,7 +192,7 @@ class Analysis(Study):
 
     @check(
         title="rightmost pole",
-        statement="distance from that root, relative",
+        statement="relative distance of the stored pole from the rightmost root of the loop",
         at_most=ORDER_SLACK,
         over=THIS_SYSTEM,
     )
@@ -268,7 +268,7 @@ class Analysis(Study):
 
     @check(
         title="exact",
-        statement="that bound above mu, relative or to 1e-6",
+        statement=f"largest excess of the bound over mu, over the larger of mu and {SMALL_MU:g}",
         at_most=EXCESS_OVER_MU,
         where=AT_PEER,
     )

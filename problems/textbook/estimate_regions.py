@@ -183,7 +183,8 @@ class EstimateRegions(Study):
 
     coverage = check(
         title="coverage of the {region}",
-        statement="least probability of so few, less that of sets that keep their promise",
+        statement=f"{LEAST_COVERAGE_P:g} less the probability that sets hold the truth in no more "
+        "draws than here",
         value=lambda self, needed: LEAST_COVERAGE_P - coverage_p(needed <= 1.0, self.confidence),
         at_most=0.0,
         each="region",

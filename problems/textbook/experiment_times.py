@@ -161,7 +161,8 @@ class ExperimentTimes(Study):
     )
     coverage = check(
         title="coverage, {spectrum}",
-        statement="least probability of so few, less that of balls that keep their promise",
+        statement=f"{LEAST_COVERAGE_P:g} less the probability that balls hold the truth in no more "
+        "draws than here",
         value=lambda self, needed: LEAST_COVERAGE_P - coverage_p(needed <= 1.0, self.confidence),
         at_most=0.0,
         each="spectrum",

@@ -41,7 +41,9 @@ def stability_check(loop: StateSpace) -> Check:
     else:
         value, worst = pole_bound(A, bool(loop.dt))
     where = "" if worst is None else f"at {worst:.6g}"
-    statement = "distance of the worst closed-loop pole beyond the stability boundary"
+    statement = "largest real part of a pole [rad/s], negative"
+    if loop.dt:
+        statement = "largest modulus of a pole, less 1, negative"
     return Check(
         "internal stability", statement, value, -TINY, where=where, over=THIS_SYSTEM, proven=True
     )

@@ -119,7 +119,7 @@ class EnclosingShape(Program):
         improper, where = worst_value(~proper, self.place)
         properness = Check(
             "proper",
-            "centre, radius, half-length and angle are finite, no size is negative",
+            "whether a centre, radius, half-length or angle is not finite, or a size is negative",
             improper,
             0.0,
             where=where if improper else "",

@@ -257,17 +257,17 @@ class ClosedLoop(Study):
 
     @check(title="coverage of {parameter}", each="parameter", at_most=1.0 - LEAST_COVERAGE_P)
     def coverage(self, answer: Dataset) -> DataArray | None:
-        """1 - p of so few draws whose 99 % interval holds the truth"""
+        """1 - probability that 99 % intervals hold the truth in no more draws than here"""
         return 1.0 - coverage_p(_covers_truth(answer), CONFIDENCE) if self._order_is_right else None
 
     @check(title="order", at_most=1.0 - LEAST_COVERAGE_P)
     def order(self, chi_square_p: DataArray) -> DataArray | None:
-        """1 - p of so many draws in which the chi-square of the fit rejects the order"""
+        """1 - probability that chi-square rejects the right order in no fewer draws than here"""
         return 1.0 - _accepted_p(chi_square_p) if self._order_is_right else None
 
     @check(title="smooth misfit", at_most=1.0 - LEAST_COVERAGE_P)
     def smooth_misfit(self, neighbours_p: DataArray) -> DataArray | None:
-        """1 - p of so many draws whose residuals are alike at neighbouring frequencies"""
+        """1 - probability that residuals of the right order look smooth in no fewer draws"""
         return 1.0 - _accepted_p(neighbours_p) if self._order_is_right else None
 
     @property

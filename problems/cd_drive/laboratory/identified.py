@@ -166,8 +166,8 @@ class Identified(Study):
     )
     coverage = check(
         title="coverage of {lumped}",
-        statement="1 - p of so few drives whose 99 % interval, of the current alone, holds the "
-        "truth",
+        statement="1 - probability that 99 % intervals by the current alone hold the truth in no "
+        "more drives than here",
         value=lambda answer: (
             1.0 - coverage_p(_covers_truth(answer).rename(drive="draw"), CONFIDENCE)
         ),

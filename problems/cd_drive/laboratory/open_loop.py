@@ -247,7 +247,7 @@ class OpenLoop(Study):
     )
     check_coverage = check(
         title="coverage of {parameter}",
-        statement="1 - p of so few draws whose 99 % interval holds the truth",
+        statement="1 - probability that 99 % intervals hold the truth in no more draws than here",
         value=lambda answer: 1.0 - coverage_p(_covers_truth(answer), CONFIDENCE),
         each="parameter",
         at_most=1.0 - LEAST_COVERAGE_P,

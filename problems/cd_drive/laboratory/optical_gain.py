@@ -198,8 +198,8 @@ class OpticalGain(Study):
         mean, stated = spread(found.mean("draw")), STATED_SPREADS[self.axis]
         K_opt, K_optn = (float(mean.sel(quantity=name)) for name in OPTICAL_GAINS)
         if self.axis == "focus":
-            short = "by how much it falls short of 50 %, means over the draws"
-            most = "over the drives, means over the draws"
+            short = f"{stated['K_opt']:g} less the drives' spread of the mean over the draws [1]"
+            most = "drives' spread of the mean over the draws [1]"
             return [
                 Check("spread of K_opt", short, stated["K_opt"] - K_opt, 0.0),
                 Check("spread of K_optn", most, K_optn, stated["K_optn"] + SPREAD_SLACK),
@@ -207,7 +207,7 @@ class OpticalGain(Study):
         return [
             Check(
                 f"spread of {name}",
-                f"distance from {said:.0%}, means over the draws",
+                f"distance from {said:g} of the drives' spread of the mean over the draws [1]",
                 abs(one - said),
                 SPREAD_TOLERANCE[name],
             )

@@ -138,7 +138,7 @@ class ObserverBandwidth(Study):
 
     @check(title="found otherwise", at_most=1e-6)
     def again(self, bandwidth: DataArray, radius: DataArray) -> float:
-        """largest distance of |T| from -3 dB at a bandwidth, and of a pole, of the closed system"""
+        """largest relative difference of |T| from -3 dB at a bandwidth, or of a spectral radius"""
         import control
 
         worst, drives = 0.0, sampled_drives(self.axis)

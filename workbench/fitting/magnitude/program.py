@@ -164,7 +164,7 @@ class MagnitudeFit(Program):
         checks.append(Check("finite error", statement, error, _HUGE, where=where, over=over))
         if self.cover:
             margin, omega = least_margin(self.omega, self.magnitude, answer)
-            statement, where = "log of data over fit, certified", f"at {omega:.6g} rad/s"
+            statement, where = "largest natural logarithm of data over fit", f"at {omega:.6g} rad/s"
             over = "at every frequency between the first and the last"
             checks.append(Check("cover", statement, -margin, 0.0, where=where, over=over))
         return checks

@@ -248,7 +248,8 @@ class StateSpaceFit(RecordedQuestion, Program):
         return found
 
     def second_opinion(self, answer: IdentifiedModels) -> list[Check]:
-        name, statement = "convolution", "error by convolution less that by simulation"
+        name = "convolution"
+        statement = "largest difference of a relative error by convolution from that by recursion"
         opinions = []
         if self.poles != "any":
             apart = max(

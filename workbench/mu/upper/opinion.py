@@ -88,7 +88,8 @@ def opinion(
         ),
         Check(
             "perturbations, not proven",
-            "the same for perturbations that are singular only up to rounding; no limit",
+            "largest bound by a perturbation singular only up to rounding over the upper bound, "
+            "less 1; no limit",
             suggested,
             float(np.finfo(float).max),
         ),

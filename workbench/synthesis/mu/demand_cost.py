@@ -203,7 +203,7 @@ class DemandCost(Study):
 
     @check(
         title="demands",
-        statement="demands that a controller does not meet",
+        statement="largest number of demands that a controller does not meet",
         at_most=0.0,
         where="{demand}, order {order}",
     )

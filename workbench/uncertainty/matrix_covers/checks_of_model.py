@@ -24,10 +24,7 @@ REALISED = 1e-6
 
 def stays_stable(name: str, system: StateSpace) -> Check:
     """Check that the poles of a system are proven to lie inside the region of stability."""
-    statement = "largest real part of a pole [rad/s], negative"
-    if system.dt:
-        statement = "largest modulus of a pole, less 1, negative"
-    return replace(stability_check(system), name=name, statement=statement, where="")
+    return replace(stability_check(system), name=name, where="")
 
 
 def unstable_poles(system: StateSpace) -> int:

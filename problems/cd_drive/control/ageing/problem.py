@@ -184,7 +184,8 @@ class Ageing(Study):
 
     covered_ = check(
         title="intervals of {parameter}",
-        statement="1 - p of so few starts whose 99 % interval holds the truth, any softening",
+        statement="1 - probability that 99 % intervals hold the truth in no more starts than here, "
+        "any softening",
         value=lambda answer: 1.0 - coverage_p(_covers_truth(answer), CONFIDENCE),
         each="parameter",
         at_most=1.0 - LEAST_COVERAGE_P,

@@ -59,15 +59,23 @@ def two_controllers_checks(
         *quantified_checks(
             f"at {len(HERTZ)} frequencies",
             [
-                Check("gains", "largest over the certified ones, less 1", above, 0.0, where=place),
-                Check("gains reached", "1 less that ratio", missed, GRID_SHORTFALL, where=spot),
+                Check(
+                    "gains", "largest gain over the certified one, less 1", above, 0.0, where=place
+                ),
+                Check(
+                    "gains reached",
+                    "1 less the largest gain over the certified one",
+                    missed,
+                    GRID_SHORTFALL,
+                    where=spot,
+                ),
             ],
         ),
         Check("effort", "c of the controllers of the front", effort, 1.0, where=most),
         replace(
             Check(
                 "sampled plants",
-                "their gains over the worst ones, less 1",
+                "largest gain of a plant over the certified worst one, less 1",
                 sampled,
                 0.0,
                 where=plant,

@@ -123,7 +123,7 @@ class Sums(Study):
 
     @check(title="all the light", at_most=1e-3)
     def conserved(self) -> float:
-        """light that endless diodes miss of the beams, as a share"""
+        """largest light that endless diodes miss, over that of the main beam's half"""
         endless = Layout(1.0, 1.0, 2.0, 1.0, 1.0, 0.1)
         d1, d2, _, s1, s2 = endless.light(ERRORS)
         return float(abs(d1 + d2 + s1 + s2 - 1.2).max())
@@ -135,7 +135,10 @@ class Sums(Study):
 
     @check(title="sides alike", at_most=1e-9)
     def mirrored(self) -> float:
-        """difference of the lights of S1 and S2 of the example, whose beams are in the middle"""
+        """largest difference of the example's S1 from its S2, over the main beam's half
+
+        Both beams are in the middle of their diodes.
+        """
         light = EXAMPLE.light(ERRORS)
         return float(abs(light[3] - light[4]).max())
 

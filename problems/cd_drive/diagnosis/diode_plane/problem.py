@@ -204,11 +204,13 @@ class DiodePlane(Study):
         outside = -min(float(answer[name].min()) for name in ("clean", "shaken", "trace"))
         ellipse = "share of one record's clean points outside the 99 % ellipse"
         lost = "share of the records in which it was lost"
+        quality = "largest difference of the stored quality from that of the equation [1]"
+        beyond = "largest distance of a stored point beyond the sides d1n = 0 and d2n = 0 [1]"
         records = answer["seed"].size * (len(CONDITIONS) + 1)
         return [
             Check("loop", lost, float(answer["lost"].sum()) / records, MOST_LOST),
-            Check("equation 7.13", "largest difference from it", self._quality_off(answer), 1e-9),
-            Check("triangle", "farthest point outside, clean and traces", outside, 0.02),
+            Check("equation 7.13", quality, self._quality_off(answer), 1e-9),
+            Check("triangle", beyond, outside, 0.02),
             Check("clean ellipse", ellipse, _beyond_ellipse(answer), 0.03),
             *claim_checks(plane_claims(answer), CLAIMED),
         ]

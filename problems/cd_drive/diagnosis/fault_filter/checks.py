@@ -87,7 +87,7 @@ def _of_filter(
         over = f"{plants_of(reached)}, in the band of the requirement"
         yield Check(f"{name}: {channel.name}", supremum, upper, 1.0, over=over)
         yield Check(f"{name}: {channel.name} again", again, excess, PEAK_AGREES, over=over)
-    drawn = "largest of plants, by formula, over what is allowed"
+    drawn = "largest value of a plant, by formula, over what is allowed"
     over = f"for {MEMBERS} plants drawn from the set"
     for (quantity, value), allowed in zip(
         _members(axis, loop, F).items(), (*limits, GAIN), strict=True

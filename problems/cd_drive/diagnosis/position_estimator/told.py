@@ -79,7 +79,7 @@ class PositionEstimator(EstimatorTrials):
 
     @check(title="equation 7.34", at_most=GAINS_AGREE)
     def printed(self, K_obs: DataArray, K_obs_printed: DataArray | None) -> Any:
-        """largest deviation from a printed gain"""
+        """largest relative difference of a gain from the printed one"""
         return None if K_obs_printed is None else abs(K_obs / K_obs_printed - 1).max()
 
     @check(title="Kalman filter, after a scratch", at_most=LOST)

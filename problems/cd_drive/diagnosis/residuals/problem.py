@@ -229,10 +229,12 @@ class ResidualCurves(Study):
         under = answer["detection"].sel(summary="mean").integrate("rate")
         off = abs(under - answer["area"].mean("draw")).max()
         loop = "times that it was lost or regained, all draws"
+        fall = "largest fall of a detection rate from one false-alarm rate to the next [1]"
+        area = "largest difference of a mean area from the integral of the mean curve [1]"
         return [
             Check("loop", loop, float(answer["lost"].sum()), 0.0),
-            Check("curves rise", "largest step down", rises, 0.0),
-            Check("area", "|mean area - integral of the mean curve|", float(off), 0.02),
+            Check("curves rise", fall, rises, 0.0),
+            Check("area", area, float(off), 0.02),
             *claim_checks(residual_claims(answer), CLAIMED),
         ]
 

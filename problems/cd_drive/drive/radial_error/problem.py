@@ -128,7 +128,7 @@ class RadialError(Study):
 
     @check(at_most=1e-5)
     def odd(self, error: DataArray) -> float:
-        """by how much the errors of unshifted tracks differ on the two sides of the track"""
+        """largest sum of the errors at opposite distances from an unshifted track [1; DPD: rad]"""
         one = error.sel(stagger=0.0).values[..., 1:-1]
         return float(abs(one + one[..., ::-1]).max())
 
@@ -139,7 +139,7 @@ class RadialError(Study):
 
     @check(at_most=1e-9)
     def brightest_mirror(self, light: DataArray) -> float:
-        """light of a layer above a mirror's"""
+        """largest excess of a layer's light over a mirror's, as a share of the mirror's"""
         return max(0.0, float(light.max()) - 1.0)
 
     # --- what is told ---------------------------------------------------------------------------

@@ -173,7 +173,9 @@ class LoopModels(Study):
             Check("loop", "times that it was lost or regained", lost, 0.0),
             Check("saturation", "largest share of saturated samples", most, 0.0),
             Check("linear range", "largest error over the acceptable one", far, 1.0),
-            Check("models", "checks of their own that fail", float(unproven.sum()), 0.0),
+            Check(
+                "models", "number of the models' own checks that fail", float(unproven.sum()), 0.0
+            ),
         ]
 
     @check(title="{estimator}", each="estimator", at_most=LIMIT)

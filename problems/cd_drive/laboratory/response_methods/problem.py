@@ -215,7 +215,7 @@ class ResponseMethods(Study):
 
     @check(title="regions", at_most=1.0 - LEAST_COVERAGE_P)
     def regions(self, answer: Dataset) -> float:
-        """1 - p of so few draws in which a 99 % region holds the response at the resonance
+        """1 - probability that 99 % regions hold the response at resonance in no more draws
 
         Those of the step, of the sines, of instruments and of prediction errors; errors at other
         frequencies go with those of one draw.

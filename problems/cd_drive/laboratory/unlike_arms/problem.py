@@ -298,7 +298,8 @@ class UnlikeArms(Study):
     )
     coverage = check(
         title="coverage, right order, {bench}",
-        statement="1 - p of so few draws whose 99 % intervals hold the truth, worst parameter",
+        statement="1 - probability that 99 % intervals hold the truth in no more draws than here, "
+        "worst parameter",
         value=lambda answer: (
             1.0 - coverage_p(_of_right_order(_covers_truth(answer)).sel(bench=PROVEN), CONFIDENCE)
         ),
@@ -307,7 +308,7 @@ class UnlikeArms(Study):
     )
     accepted = check(
         title="the right order is accepted, {bench}",
-        statement="1 - p of so many draws in which a test of the fit rejects it",
+        statement="1 - probability that a test of the fit rejects it in no fewer draws than here",
         value=lambda answer: (
             1.0 - coverage_p(_of_right_order(_order_accepted(answer)), (1.0 - LEAST_P) ** 2)
         ),
@@ -323,7 +324,7 @@ class UnlikeArms(Study):
 
     @check(title="intervals of order 4, {bench}", at_most=LEAST_COVERAGE_P, each="bench")
     def misleading(self, answer: Dataset) -> DataArray:
-        """p of so few draws whose 99 % intervals hold the truth, for m2 or k2, worse of both"""
+        """probability that 99 % intervals hold the truth in no more draws, smaller of m2 and k2"""
         low = _covers_truth(answer).sel(
             order=4, bench=["halves", "four"], parameter=list(PARASITIC)
         )

@@ -290,7 +290,7 @@ class DesignedFilter(Study):
 
     kept = check(
         title="kept {case}",
-        statement="draws of 1.2 mm in which focus or track is lost",
+        statement="share of draws in which a defect of 1.2 mm loses focus or track",
         value=lambda events: share_of_draws(
             (events > 0).sel(length=LENGTHS[0], case=list(FILTERS[1:])), "case"
         ),

@@ -183,26 +183,26 @@ class Excursion(Study):
     )
     worst_case = check(
         title="53.7 um",
-        statement="relative difference",
+        statement="relative difference of equation 8.1 from 53.7 um",
         value=lambda: abs(_thesis() / 53.7e-6 - 1.0),
         at_most=1e-3,
     )
     flight = check(
         title="lens in flight",
-        statement="difference from an integration",
+        statement="largest difference of a lens error from an integration, over the deviation",
         value=lambda self, answer: flight_difference(self.crossing, answer),
         at_most=1e-6,
     )
     order = check(
         title="order",
-        statement="free over standing lens, worst angle and length",
+        statement="largest error of a free lens over the largest of a standing one",
         value=lambda free, standing: float(abs(free).max()) / float(abs(standing).max()),
         at_most=0.1,
     )
 
     @check(title="reference strategy", at_most=0.3)
     def reference(self, end: DataArray, driven: DataArray) -> float:
-        """its end off the blind controller's, over the worst angle's and the swing"""
+        """largest difference of its last error from the blind loop's, over its worst and swing"""
         crossing, theory = self.crossing, driven.sel(theta=end["angle"]).drop_vars("theta")
         # The false displacement enters while the light fades and returns.
         scale = abs(theory).max("angle") + crossing.swing * ACCEPTABLE_ERROR[crossing.axis]
@@ -211,7 +211,7 @@ class Excursion(Study):
 
     replay = check(
         title="replay",
-        statement="change of a kept peak at half the step",
+        statement="largest relative change of a kept peak at half the step",
         value=lambda self, answer: half_step_change(self.crossing, answer),
         at_most=0.02,
     )

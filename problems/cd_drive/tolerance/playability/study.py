@@ -223,7 +223,7 @@ class Playability(Study):
 
     @check(title="stored traces", at_most=1e-6)
     def traces(self, answer: Dataset) -> float:
-        """score off what the trace says"""
+        """largest difference of share [1] or burst [m] out of spec from that of the stored trace"""
         first = answer.isel(strategy=0, drive=0, circumstance=-1)
         return max(trace_difference(axis, first.sel(axis=axis)) for axis in AXES)
 
@@ -240,7 +240,7 @@ class Playability(Study):
 
     @check(title="arms", at_most=1e-6)
     def arms(self, out: DataArray, arm: DataArray) -> float:
-        """off the mean of the stored runs"""
+        """largest difference of a share out of spec from the mean of the stored runs [1]"""
         off = 0.0
         for name in arm["known"].values:
             own = out.isel(circumstance=slice(GROUPS.index(str(name)), None, len(GROUPS)))
@@ -257,14 +257,14 @@ class Playability(Study):
 
     @check(title="intervals", at_most=0.05)
     def intervals(self, balloon: DataArray, balloon_interval: DataArray) -> float:
-        """size of a balloon outside its interval"""
+        """largest distance of a balloon's size from its interval [1]"""
         low, high = (balloon_interval.sel(end=end) for end in ("low", "high"))
         outside = np.maximum(low - balloon, 0.0) + np.maximum(balloon - high, 0.0)
         return float(outside.max())
 
     training_cost = check(
         title="training",
-        statement="cost of the tuned less that of the untuned",
+        statement="cost of the tuned strategy less that of the untuned one [1]",
         value=lambda cost: (cost.min("trial") - cost.isel(trial=0)).max(),
         at_most=0.0,
     )
@@ -279,7 +279,7 @@ class Playability(Study):
 
     @check(title="bounds", at_most=0.0)
     def bounds(self, best: DataArray) -> float:
-        """parameters outside of theirs"""
+        """number of tuned parameters outside their bounds"""
         least, most = np.transpose([BOUNDS[name] for name in PARAMETERS])
         return float(((best < least - 1e-9) | (best > most + 1e-9)).sum())
 

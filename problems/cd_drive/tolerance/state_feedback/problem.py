@@ -260,7 +260,7 @@ class StateFeedbackStudy(Study):
 
     kept = check(
         title="kept",
-        statement="draws of 1.2 mm in which B loses focus or track",
+        statement="share of draws in which B loses focus or track at a defect of 1.2 mm",
         value=lambda events: share_of_draws((events > 0).sel(length=LENGTHS[0], case="B")),
         at_most=1.0 - CLAIM_SHARE,
     )

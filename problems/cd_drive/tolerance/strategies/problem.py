@@ -302,22 +302,22 @@ class StrategiesStudy(Study):
 
     less = check(
         title="excursion {strategy}",
-        statement="draws with a larger share of the reference strategy's excursion than claimed",
+        statement="share of draws whose excursion is a larger part of the reference's than claimed",
         value=lambda reduced: unmet(reduced),
         each="strategy",
         at_most=1.0 - CLAIM_SHARE,
     )
     spared = check(
         title="readable {strategy}",
-        statement="draws with an excursion that cannot be read",
+        statement="share of draws whose excursion cannot be read",
         value=lambda readable: 1.0 - readable.sel(strategy=["A", "B"]),
         each="strategy",
         at_most=1.0 - CLAIM_SHARE,
     )
     suppressed = check(
         title="periodic {strategy}",
-        statement=f"draws with a periodic error above {PERIODIC_SHARE:g} of the reference "
-        "strategy's",
+        statement=f"share of draws whose periodic error is above {PERIODIC_SHARE:g} of the "
+        "reference strategy's",
         value=lambda periodic: share_of_draws(
             over_reference(periodic).sel(strategy=["A", "B"]) > PERIODIC_SHARE, "strategy"
         ),
@@ -326,8 +326,8 @@ class StrategiesStudy(Study):
     )
     equal = check(
         title="periodic C",
-        statement="draws with a periodic error off the reference strategy's by "
-        f"{PERIODIC_DIFFERENCE:.0%}",
+        statement="share of draws whose periodic error differs from the reference strategy's by "
+        f"more than {PERIODIC_DIFFERENCE:.0%}",
         value=lambda periodic: share_of_draws(
             abs(over_reference(periodic).sel(strategy="C") - 1.0) > PERIODIC_DIFFERENCE
         ),

@@ -63,7 +63,7 @@ def _loops(drives: SwitchedDrives) -> Check:
         found = _sorted(np.linalg.eigvals(loop.clean[0]))
         off = float(abs(expected - found).max())
         worst, where = max((worst, where), (off, f"of {name}"))
-    statement = "largest distance of a switched loop's poles from those of the loop in eq. 3.18"
+    statement = "largest distance of a switched loop's pole from that of the loop in eq. 3.18 [1]"
     return Check("loops", statement, worst, POLE_TOLERANCE, where=where)
 
 
@@ -116,7 +116,7 @@ def _ratio(A: RealArray, after: RealArray, before: RealArray) -> float:
 def _ordered(answer: Dataset) -> Check:
     """Check that no distance is proven that a periodic switching sequence makes unstable."""
     less = (answer["unstable"] + 1 - answer["dwell"]).max()
-    statement = "largest distance that periodic defects make unstable, and one, less the proven one"
+    statement = "distance that periodic defects make unstable + 1 - the proven distance [samples]"
     return Check("dwell", statement, float(less), 0.0)
 
 

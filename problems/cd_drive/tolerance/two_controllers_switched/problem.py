@@ -208,7 +208,7 @@ class SwitchedPair(Study):
 
     @check(title="arms", at_most=1e-9)
     def means(self, out: DataArray, arm: DataArray) -> float:
-        """off the mean of the stored runs"""
+        """largest difference of a share out of spec from the mean of the stored runs [1]"""
         every = [out.isel(circumstance=slice(n, None, len(GROUPS))) for n in range(len(GROUPS))]
         means = [one.mean(["drive", "circumstance"]) for one in every]
         return float(abs(np.transpose(means) - arm).max())

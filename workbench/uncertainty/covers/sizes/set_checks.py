@@ -52,5 +52,5 @@ def set_check(
 ) -> Check:
     """The check of one kind of set; ``about`` says what its centre is."""
     value, where = worst_value(off, lambda i: f"at {places.place(i[0])}")
-    statement = f"a radius off the least{about}, a deviation beyond it, relative"
+    statement = f"largest difference of a set from the smallest one{about}, over its radius"
     return Check(name, statement, value, limit, where=where, over=over)
