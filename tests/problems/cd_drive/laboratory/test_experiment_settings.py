@@ -61,7 +61,7 @@ def test_only_one_setting_differs_from_the_usual():
 def test_the_excitation_is_the_same_for_all_gains():
     bench = Laboratory("radial", "CD3")
     sine = excitation("radial", FREQUENCY)
-    for name in ("usual", "less bandwidth", "more bandwidth"):
+    for name in ("usual", "less gain", "more gain"):
         played = experiment(bench, sine, SETTINGS[name]).signal
         np.testing.assert_array_equal(played, experiment(bench, sine, Setting()).signal)
     assert (experiment(bench, sine, SETTINGS["four times the periods"]).sine.periods
