@@ -96,6 +96,11 @@ def test_noise_averages_as_it_should(reference, axis):
     assert float(error.sel(setting="four times the periods")) / usual == pytest.approx(0.5, rel=0.2)
 
 
+def test_an_unknown_drive_is_named():
+    solution = wb.solve(wb.load("cd/focus/experiment-settings", drive="CD13", draws=2))
+    assert "drive is 'CD13'; it must be" in solution.message
+
+
 def test_few_draws_are_refused():
     with pytest.raises(InputError, match="draws"):
         wb.load("cd/focus/experiment-settings", draws=1)
