@@ -61,8 +61,8 @@ SETTINGS = {
     "usual": Setting(),
     "half the size": Setting(size=0.5),
     "four times the periods": Setting(periods=4),
-    "less bandwidth": Setting(gain=2**-0.5),
-    "more bandwidth": Setting(gain=2**0.5),
+    "less gain": Setting(gain=2**-0.5),
+    "more gain": Setting(gain=2**0.5),
 }
 """Closed-loop experiments. Each differs from the usual one by one setting, at the same
 excitation.

@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.errors import InputError
 from workbench.study import independent_seeds
 
 from ..drive.plants import ANTIALIASING
@@ -75,8 +76,10 @@ def experiment_seeds(
 ) -> NDArray[np.int64]:
     """Seeds (draws,) of an experiment on a drive, independent of other experiments and drives.
 
-    The first seeds are the same for every number of draws.
+    The first seeds are the same for every number of draws. Raises InputError for an unknown drive.
     """
+    if drive not in DRIVES:
+        raise InputError(f'drive is {drive!r}; it must be "CD1" ... "CD12" or "nominal"')
     kinds = get_args(Experiment)
     every = independent_seeds(rng, draws, len(kinds), len(DRIVES))
     return every[:, kinds.index(experiment), DRIVES.index(drive)]

@@ -61,7 +61,7 @@ def test_only_one_setting_differs_from_the_usual():
 def test_the_excitation_is_the_same_for_all_gains():
     bench = Laboratory("radial", "CD3")
     sine = excitation("radial", FREQUENCY)
-    for name in ("usual", "less bandwidth", "more bandwidth"):
+    for name in ("usual", "less gain", "more gain"):
         played = experiment(bench, sine, SETTINGS[name]).signal
         np.testing.assert_array_equal(played, experiment(bench, sine, Setting()).signal)
     assert (experiment(bench, sine, SETTINGS["four times the periods"]).sine.periods
@@ -94,6 +94,11 @@ def test_noise_averages_as_it_should(reference, axis):
     usual = float(error.sel(setting="usual"))
     assert float(error.sel(setting="half the size")) / usual == pytest.approx(2.0, rel=0.2)
     assert float(error.sel(setting="four times the periods")) / usual == pytest.approx(0.5, rel=0.2)
+
+
+def test_an_unknown_drive_is_named():
+    solution = wb.solve(wb.load("cd/focus/experiment-settings", drive="CD13", draws=2))
+    assert "drive is 'CD13'; it must be" in solution.message
 
 
 def test_few_draws_are_refused():
