@@ -48,8 +48,6 @@ STAGES = ("none", "full", "reduced", "sampled")
 """No filter at all; filters of full and of reduced order; the reduced one in the sampled loop."""
 ORDER = 10
 """Order of the reduced filter (figure 7.12)."""
-SHIFT = 0.1
-"""Shift of all poles during the reduction [rad/s], a hundredth of the slowest other pole."""
 DELAY = 1.0
 """Delay of the sampled loop [samples]."""
 LENGTHS = (0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1e3 * LONGEST)
@@ -300,16 +298,8 @@ def least(axis: Axis, loop: FaultLoop, design: str) -> FaultFilter:
 
 
 def of_low_order(F: StateSpace) -> StateSpace:
-    """F by balanced truncation to ORDER states.
-
-    Moved to the right by SHIFT, the pole of the controller's leak is unstable, and therefore kept.
-    Beside the pole at 550 kHz it would be taken for an integrator otherwise.
-    """
-    import control
-
-    moved = control.ss(F.A + SHIFT * np.eye(F.nstates), F.B, F.C, F.D)
-    few = approximate(moved, ORDER, method="balanced")
-    return control.ss(few.A - SHIFT * np.eye(few.nstates), few.B, few.C, few.D)
+    """F by balanced truncation to ORDER states."""
+    return approximate(F, ORDER, method="balanced")
 
 
 def sampled(F: StateSpace) -> StateSpace:
