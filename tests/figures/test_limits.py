@@ -48,3 +48,10 @@ def test_a_mean_outside_its_interval_has_no_bar_on_that_side():
     first = panel.containers[0][2][0].get_segments()
     assert [tuple(part[:, 1]) for part in first] == [(0.5, 1.2), (2.0, 2.3)]
     assert png(figure)
+
+
+def test_polar_axes_are_drawn(tmp_path):
+    figure, (panel,) = figures.axes(1, 1, subplot_kw={"projection": "polar"})
+    panel.plot([0.0, 1.0], [1.0, 2.0])
+    figure.savefig(tmp_path / "polar.png")
+    assert panel.name == "polar"

@@ -34,8 +34,10 @@ def axes(
     style = current_style()
     with mpl.rc_context({**style.settings, "axes.prop_cycle": cycler(color=CYCLE)}):
         figure: Figure = _shown_figure()(figsize=style.size(size, rows))
-        own = {"axes_class": finite_axes()}
-        grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=own, **keywords)
+        own = {
+            "subplot_kw": {"axes_class": finite_axes()}
+        } | keywords  # polar ones are matplotlib's
+        grid = figure.subplots(rows, columns, squeeze=False, **own)
     return figure, list(grid.flat)
 
 
