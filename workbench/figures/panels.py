@@ -34,9 +34,8 @@ def axes(
     style = current_style()
     with mpl.rc_context({**style.settings, "axes.prop_cycle": cycler(color=CYCLE)}):
         figure: Figure = _shown_figure()(figsize=style.size(size, rows))
-        own = {
-            "subplot_kw": {"axes_class": finite_axes()}
-        } | keywords  # polar ones are matplotlib's
+        # Polar axes, which a keyword asks for, are Matplotlib's own.
+        own = {"subplot_kw": {"axes_class": finite_axes()}} | keywords
         grid = figure.subplots(rows, columns, squeeze=False, **own)
     return figure, list(grid.flat)
 
