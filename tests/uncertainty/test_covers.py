@@ -416,7 +416,7 @@ def test_a_model_of_another_form_cannot_be_checked():
     program, solution = solved("circle", "multiplicative", "steps")
     answer = solution.answer
     model = UncertaintyModel(answer.model.nominal, answer.model.W_c, None, form="additive")
-    with pytest.raises(InputError, match="the answer is additive, asked for was multiplicative"):
+    with pytest.raises(InputError, match="has the form 'additive', not 'multiplicative'"):
         program.certify(replace(answer, model=model), 1e-6)
 
 

@@ -55,7 +55,7 @@ def test_parquet_holds_the_same_cells_with_their_types(data, tmp_path):
 
 def test_parquet_without_its_package_says_what_to_install(data, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"pip install 'workbench\[parquet\]'"):
+    with pytest.raises(InputError, match=r"pip install 'robust-workbench\[parquet\]'"):
         write_cells(data, tmp_path / "cells.parquet")
     assert list(tmp_path.iterdir()) == []
 

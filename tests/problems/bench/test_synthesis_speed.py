@@ -89,7 +89,7 @@ def test_the_run_is_shown(solved):
 
 def test_without_dkpy(monkeypatch):
     monkeypatch.setitem(sys.modules, "dkpy", None)
-    with pytest.raises(InputError, match=r"pip install 'workbench\[benchmark\]'.*distillation"):
+    with pytest.raises(InputError, match=r"'robust-workbench\[benchmark\]'.*distillation"):
         dk_iterations()
     study = wb.load("bench/synthesis", largest=10, plants=1, distillation=False, drives=False)
     assert study.sizes == (10,)

@@ -63,5 +63,5 @@ def test_package_finds_a_model():
 
 def test_without_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "sippy_unipi", None)
-    with pytest.raises(InputError, match=r"pip install 'workbench\[benchmark\]'"):
+    with pytest.raises(InputError, match=r"pip install 'robust-workbench\[benchmark\]'"):
         fit("CVA", 15, 4)
