@@ -209,7 +209,7 @@ def _without_vague_start(responses: Responses) -> tuple[Responses, str]:
     little knowledge there, but a bandwidth can only lie below a frequency at which the set is too
     large. Where the plants themselves differ as much, nothing is left out.
     """
-    size, apart = _relative_size(responses), _relative_spread(responses)
+    size, apart = _relative_sizes(responses)
     known = (size < WORST_SET) | (apart >= WORST_SET)
     first = int(np.argmax(known))
     if first == 0 or size.size - first < FEWEST:
@@ -274,7 +274,7 @@ def _bandwidth(
     responses: Responses, nominal: Rational, period: float, delay: float, at_most: float
 ) -> tuple[float, str]:
     """Bandwidth [Hz] that a first design can hope for, and the reason that limits it."""
-    size = _relative_size(responses)
+    size, _ = _relative_sizes(responses)
     dead = (delay + 0.5) * period
     limits = {
         f"hold and delay, {dead:.3g} s, take {np.degrees(PHASE_BUDGET):.0f} degrees there":
@@ -335,22 +335,16 @@ def _phase(nominal: Rational, omega: RealArray) -> RealArray:
     return turned(nominal.zeros) - np.pi * right - turned(nominal.poles)
 
 
-def _relative_size(responses: Responses) -> RealArray:
-    """Radius (F,) of the smallest circle that encloses the plants and their regions, over |centre|.
+def _relative_sizes(responses: Responses) -> tuple[RealArray, RealArray]:
+    """Radius over |centre| (F,) of the smallest circle that encloses the plants with their regions,
+    and of the one that encloses their responses.
 
     Infinite if the centre is 0.
     """
-    center, _ = exact_circle(responses.points)
-    regions = np.where(responses.present, region_radius(responses, CONFIDENCE), 0.0).max(axis=1)
-    infinite = np.full(center.shape, np.inf)
-    share: RealArray = np.divide(regions, np.abs(center), out=infinite, where=center != 0)
-    return _relative_spread(responses) + share
-
-
-def _relative_spread(responses: Responses) -> RealArray:
-    """Radius (F,) of the smallest circle that encloses the responses, over |centre|; infinite if
-    the centre is 0."""
     center, radius = exact_circle(responses.points)
-    infinite = np.full(center.shape, np.inf)
-    spread: RealArray = np.divide(radius, np.abs(center), out=infinite, where=center != 0)
-    return spread
+    regions = np.where(responses.present, region_radius(responses, CONFIDENCE), 0.0).max(axis=1)
+    infinite = np.full((2, *center.shape), np.inf)
+    size, apart = np.divide(
+        [radius + regions, radius], np.abs(center), out=infinite, where=center != 0
+    )
+    return size, apart
