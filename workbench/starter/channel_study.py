@@ -22,7 +22,6 @@ from workbench.starter.first_choices import BENT, CONFIDENCE, EFFORT, FirstChoic
 from workbench.starter.first_look import FirstLook, first_look
 from workbench.starter.kept_weights import (
     KEPT,
-    SECONDS,
     STEP,
     TARGET,
     TRIES,
@@ -307,7 +306,7 @@ def _kept(
         effort = given_effort or float(f"{EFFORT * gains[:, -1].min():.3g}")
         plant = study.weighted(models, bandwidth, effort, sizes)
         task = MuSynthesis(plant, target=TARGET, integral=True)
-        found = solve(task, method="dk", options=Options(time_limit=SECONDS)).answer
+        found = solve(task, method="dk", options=Options()).answer
         return replace(
             chosen,
             bandwidth_hz=bandwidth,
