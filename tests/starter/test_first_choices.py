@@ -47,6 +47,7 @@ def test_an_unstable_plant_is_seen_and_needs_a_bandwidth():
     unstable = plants(1e4 / (S**2 - pole**2))
     chosen = first_choices(unstable, dt=1e-5)
     assert chosen.unstable_poles == 1
+    assert chosen.overshoot == 0.1 and "a filter of the set-point" in chosen.reasons["overshoot"]
     assert chosen.bandwidth_hz * 2 * np.pi > 200
     slower = first_choices(unstable, dt=1e-5, at_most_hz=8.0)  # W_e may be slower than the pole
     assert slower.bandwidth_hz == 8.0

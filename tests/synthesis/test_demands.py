@@ -186,6 +186,13 @@ def test_demands_that_can_be_had_come_with_their_controller():
     assert not all(check.holds for check in study.checks(louder, 1e-6))
 
 
+def test_a_filter_and_no_weight_limits_the_overshoot_around_an_unstable_plant():
+    demands, unstable = Demands(bandwidth=1.0, overshoot=0.1), Rational([], [0.2], 1.0)
+    assert [one.name for one in demands.weights(unstable, 0.1)] == ["bandwidth"]
+    stable = demands.weights(Rational([], [-0.2], 1.0), 0.1)
+    assert [one.name for one in stable] == ["bandwidth", "overshoot"]
+
+
 def test_misuse_is_named():
     with pytest.raises(InputError, match="overshoot is 10"):
         Demands(overshoot=10.0)

@@ -19,9 +19,9 @@ POINT = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
 
 
 @cache
-def board(leak=0.0, **more):
+def board(leak=0.0, K=None, **more):
     cover = wb.solve(CircleCover(PLANTS, order=1))
-    K = control.tf([2.0, 1.0], [1.0, leak])
+    K = control.tf([2.0, 1.0], [1.0, leak]) if K is None else K
     given = {"limits": (0.0, 100.0), "working_point": POINT} | more
     return wb.solve(Implementation(cover, K, dt=0.1, **given))
 
@@ -46,6 +46,18 @@ def test_an_offset_without_an_integrator_is_that_of_the_certificate():
     static = float(np.real(made.answer.K(1.0)))
     assert done.metrics["static_error"] == pytest.approx(1 / (1 + 0.9 * static), rel=1e-2)
     assert done.metrics["static_error"] < made.metrics["static_error"]
+
+
+@pytest.mark.cases(0)
+def test_the_simulation_filters_the_set_point_as_the_code_does():
+    made = board(K=control.tf([2.0, 6.0], [1.0, 0.0]), setpoint_filter=0.4)
+    done = wb.solve(WorkingLoop(PLANTS, made, step=1.0))
+    assert done.certificate.holds, done.certificate  # also by the difference equation of the filter
+    bare = wb.solve(WorkingLoop(PLANTS, board(K=control.tf([2.0, 6.0], [1.0, 0.0])), step=1.0))
+    assert done.metrics["overshoot"] < 0.05 < 0.15 < bare.metrics["overshoot"]
+    assert "filter of first order with 0.4 s" in " ".join(made.task.facts(made.answer))
+    (drawn,) = done.task.figures(done.answer).values()
+    assert "filtered set-point" in [line.get_label() for line in drawn.axes[0].lines]
 
 
 @pytest.mark.cases(0)

@@ -71,6 +71,10 @@ BELOW_THE_END = 3.0
 """Least ratio of the last measured frequency to the bandwidth."""
 BELOW_ZERO = 3.0
 """Least ratio of a right half-plane zero to the bandwidth."""
+OVERSHOOT = 0.1
+"""Largest overshoot that is demanded around an unstable plant, whose loop overshoots by itself,
+relative to the step.
+"""
 EFFORT = 0.05
 """Control weight times the least |G| below the bandwidth: the control may be 20 / |G|."""
 OVER_UNSTABLE = 2.0
@@ -89,7 +93,8 @@ class FirstChoices:
     ``tested``: assumptions about the records, with the results of their tests. ``peak``: certified
     peak of mu with a first controller, below 1 if it meets the weights; NaN before one was tried.
     ``shape``, ``form``, ``weight_order``: of its cover. ``states``: fewest states of
-    a controller that meets them; 0 before one was tried.
+    a controller that meets them; 0 before one was tried. ``overshoot``: largest overshoot,
+    relative to the step; None if none is demanded.
 
     Examples
     --------
@@ -118,6 +123,7 @@ class FirstChoices:
     form: CoverForm = field(default="multiplicative", kw_only=True)
     weight_order: int = field(default=4, kw_only=True)
     states: int = field(default=0, kw_only=True)
+    overshoot: float | None = field(default=None, kw_only=True)
 
 
 def first_choices(
@@ -167,8 +173,16 @@ def first_choices(
     effort = float(f"{EFFORT * least:.3g}")
     up_to = "twice the unstable pole" if stabilised > bandwidth else "the bandwidth"
     reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below {up_to}"
+    overshoot = None
+    if unstable:
+        overshoot = OVERSHOOT
+        reasons["overshoot"] = (
+            "a loop around an unstable plant overshoots; a filter of the set-point limits it"
+        )
     band = float(used.frequency_hz[0]), float(used.frequency_hz[-1])
-    return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
+    return FirstChoices(
+        band, nominal.order, unstable, bandwidth, effort, reasons, overshoot=overshoot
+    )
 
 
 def _seen_band(responses: Responses) -> tuple[Responses, str]:

@@ -89,7 +89,8 @@ def write_study(
     effort
         Weight of the input at low frequencies; None: derived from the gain of the plants.
     overshoot, settling_time, recovery_time, control_rms
-        As in `Demands`; None: not demanded. The noise is estimated from the records.
+        As in `Demands`; None: not demanded, except for an overshoot of 10 % if the plants are
+        unstable. The noise is estimated from the records.
     step
         A step of the set-point [units of the output] during which the input must stay within its
         limits.
@@ -149,6 +150,7 @@ def write_study(
     actuator(held, None, look.point, (1, 1), period)  # raises for invalid limits
     stated = _present({"spread": spread, "resonance_shift": resonance_shift})
     responses, notes = usable_responses(paths, columns, look, record_dt, excitation, assume, stated)
+    given["overshoot"] = overshoot
     numbers = _Numbers(responses, period, delay_samples, look.columns, notes, _present(given))
     chosen = numbers.at_most(bandwidth_hz or np.inf)
     chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"

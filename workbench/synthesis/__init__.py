@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.structured.norm.branching import least_norm_in_box
     from workbench.synthesis.mu.structured.norm.gain_box import GainBoxBound
     from workbench.synthesis.operation.kept_demands import KeptDemands
+    from workbench.synthesis.operation.setpoint_filter import setpoint_time_constant
     from workbench.synthesis.operation.working_loop import WorkingLoop
     from workbench.synthesis.records.inequalities import FeedbackCriterion, ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
@@ -207,6 +208,7 @@ __all__ = [
     "sampled_conditions",
     "sampled_robustness",
     "second_order_sections",
+    "setpoint_time_constant",
     "switched_loop",
     "unswitched_modes",
     "weight",

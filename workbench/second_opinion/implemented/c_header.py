@@ -18,6 +18,8 @@ SECTION = re.compile(
 """The integer sum of a section in the code, and the number of bits by which it is shifted back."""
 PRINTED_ROUNDING = 1e-12
 """Relative change of a double by printing and reading."""
+SHARE_ROUNDING = 1e-4
+"""Largest relative change of the share of a set-point filter by a number format."""
 
 
 def code_agrees(text: str, K: Any, kind: type) -> Check:
@@ -100,6 +102,24 @@ def absolute_signals_agree(text: str, wanted: dict[str, Any], kind: type) -> Che
         apart = max(apart, float(np.max(off / np.maximum(np.abs(own), np.finfo(kind).tiny))))
     statement = "largest difference of a limit or a control at rest in the code, relative"
     return Check("absolute signals", statement, apart, PRINTED_ROUNDING, over=THIS_SYSTEM)
+
+
+def setpoint_filter_agrees(text: str, decays: Any) -> Check:
+    """Check that the step shrinks the distances of filtered set-points by these factors (m,).
+
+    The code subtracts a share of each distance, integers in units of 2**-30. Without factors there
+    must be no such line.
+    """
+    pattern = r"state->apart\[(\d+)\] -= (\S+) \* (state->)?apart\[\1\];"
+    read = np.array([
+        float(share.rstrip("f")) * (1.0 if real else 2.0**-30)
+        for _, share, real in re.findall(pattern, _step(text))
+    ])  # fmt: skip
+    wanted = 1.0 - np.asarray(decays, dtype=float)
+    off = np.abs(read - wanted) / wanted if read.shape == wanted.shape else np.inf
+    statement = "largest difference of a filter's share of distance in the code, relative"
+    apart = float(np.max(off, initial=0.0))
+    return Check("set-point filter", statement, apart, SHARE_ROUNDING, over=THIS_SYSTEM)
 
 
 def _terms(text: str) -> list[tuple[float, str]]:

@@ -15,7 +15,9 @@ damping that belongs to the overshoot.
     overshoot       |T| <= M with M = 1 / (2 z sqrt(1 - z^2)), the peak of two poles of damping z,
                     whose overshoot is exp(-pi z / sqrt(1 - z^2)); M is 1 from a damping of 0.71 on,
                     where an overshoot of 4 % is left. Well below the bandwidth T is near 1 in any
-                    case: the weight falls below 0.3 of it.
+                    case: the weight falls below 0.3 of it. Every loop with an integrator around an
+                    unstable plant overshoots, so this plant gets no such weight: a filter of the
+                    set-point keeps the overshoot (`setpoint_time_constant`).
     recovery_time   |G S| <= |G(j w_d)| w / w_d, as a bandwidth on |S| times |G| over |G(j w_d)|: so
                     slow poles of the plant may not stay in its answer to a step at its input, where
                     S does not show them. The answer k t exp(-a t) is down to a tenth of its peak at
@@ -222,7 +224,7 @@ class Demands:
     def weights(
         self, nominal: Rational, dt: float, *, beside: Demands | None = None
     ) -> tuple[DemandWeight, ...]:
-        """The weight of each demand.
+        """The weight of each demand; an overshoot has none if the plant is unstable.
 
         Parameters
         ----------
@@ -240,9 +242,12 @@ class Demands:
         """
         need_positive(dt, "dt")
         told = self if beside is None else beside
-        return tuple(self._weight(name, nominal, dt, told) for name in self.asked)
+        found = (self._weight(name, nominal, dt, told) for name in self.asked)
+        return tuple(one for one in found if one is not None)
 
-    def _weight(self, name: str, nominal: Rational, dt: float, told: Demands) -> DemandWeight:
+    def _weight(
+        self, name: str, nominal: Rational, dt: float, told: Demands
+    ) -> DemandWeight | None:
         value = float(getattr(self, name))
         if name == "bandwidth":
             return DemandWeight(name, "S", tracking(value), "S", value)
@@ -256,6 +261,8 @@ class Demands:
                     "the weight of an overshoot needs a bandwidth: demand a bandwidth, a settling "
                     "time or a recovery time too"
                 )
+            if (nominal.poles.real > 0).any():
+                return None
             return DemandWeight(name, "T", rational_of([0.0], [-corner], gain), "T", gain)
         if name == "recovery_time":
             omega = RECOVERY_DECAY / value

@@ -25,8 +25,8 @@ Precision = Literal["double", "float", "fixed"]
 """Number formats."""
 BYTES = {"double": 8, "float": 4}
 """Bytes of a number."""
-WORD = 8
-"""Bytes of a stored signal in fixed point."""
+WORD, INTEGER = 8, 4
+"""Bytes of a stored signal in fixed point, and of an integer that goes in or out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,8 @@ class ImplementedController(DrawnController):
     ``K`` is used like the given controller, u = sign K y; ``found`` is the method of
     discretisation. ``peak`` holds bounds on mu of the sampled loop for a set of plants.
     ``sensitivity`` is a certified bound on the peak of the loop's sensitivity. ``margins`` has an
-    entry for each control signal. ``actuator`` holds the limits that the code enforces, and the
-    working point.
+    entry for each control signal. ``actuator`` holds the limits that the code enforces, the working
+    point, and the filter of the set-points.
 
     Examples
     --------
@@ -98,16 +98,24 @@ class ImplementedController(DrawnController):
     def operations(self) -> int:
         """Number of multiplications in each sample."""
         if self.fixed is not None:
-            return sum(5 * len(one.shifts) for line in self.fixed.cascades for one in line)
-        parts = (self.K.A, self.K.B, self.K.C, self.K.D)
-        return int(sum(np.count_nonzero(part) for part in parts))
+            own = sum(5 * len(one.shifts) for line in self.fixed.cascades for one in line)
+        else:
+            parts = (self.K.A, self.K.B, self.K.C, self.K.D)
+            own = int(sum(np.count_nonzero(part) for part in parts))
+        return own + self._filters
 
     @property
     def memory(self) -> int:
         """Number of bytes of the state."""
         if self.fixed is not None:
-            return sum(4 * WORD * len(one.shifts) for line in self.fixed.cascades for one in line)
-        return BYTES[self.precision] * max(int(self.K.nstates), 1)
+            own = sum(4 * WORD * len(one.shifts) for line in self.fixed.cascades for one in line)
+            return own + (WORD + INTEGER) * self._filters
+        return BYTES[self.precision] * (max(int(self.K.nstates), 1) + 2 * self._filters)
+
+    @property
+    def _filters(self) -> int:
+        """Number of set-points that are filtered."""
+        return 0 if self.actuator is None or self.actuator.approach is None else self.K.ninputs
 
     def code(self, name: str = "controller") -> str:
         """Text of the C99 header; all its names begin with `name`."""

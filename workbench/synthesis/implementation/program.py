@@ -26,6 +26,7 @@ from workbench.second_opinion.implemented.c_header import (
     absolute_signals_agree,
     code_agrees,
     integer_code_agrees,
+    setpoint_filter_agrees,
 )
 from workbench.second_opinion.implemented.integer_cascades import reached_rounding, reached_signals
 from workbench.second_opinion.implemented.sampled_plants import (
@@ -106,6 +107,11 @@ class Implementation(Program):
         The constant signals around which the plant is linear. The code then has absolute
         set-points, measurements and controls in the user's units. Not for a `GeneralisedPlant`,
         whose measurements may have any meaning.
+    setpoint_filter
+        Time constant [s] of a filter 1 / (T s + 1) of the set-points, sampled, or one for each
+        set-point. It begins at the measurements and is outside the loop, so every certificate of
+        the loop holds with it as without. `setpoint_time_constant` finds one for an overshoot. With
+        a working point only.
     bits, signal_bits
         Bits of coefficients and of signals in fixed point, including signs.
     full_scale
@@ -144,6 +150,7 @@ class Implementation(Program):
     sign: int | None = field(default=None, kw_only=True)
     rate_limit: Any = field(default=None, kw_only=True)
     working_point: WorkingPoint | None = field(default=None, kw_only=True)
+    setpoint_filter: Any = field(default=None, kw_only=True)
 
     default_method: ClassVar[str] = "best"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -200,9 +207,17 @@ class Implementation(Program):
 
     @cached_property
     def actuator(self) -> Actuator | None:
-        """The limits of the controls, and the working point."""
+        """The limits of the controls, the working point, and the filter of the set-points."""
         sizes, sign = (self.controller.ninputs, self.controller.noutputs), self.loop.nominal[1]
-        return actuator(self.limits, self.rate_limit, self.working_point, sizes, self.dt, sign)
+        return actuator(
+            self.limits,
+            self.rate_limit,
+            self.working_point,
+            sizes,
+            self.dt,
+            sign,
+            self.setpoint_filter,
+        )
 
     # --- answers ----------------------------------------------------------------------------------
 
@@ -426,6 +441,9 @@ class Implementation(Program):
                 found.append(absolute_signals_agree(answer.code(), self._absolute(), kind))
         else:
             found += self._integer_checks(answer, answer.fixed, loop.held(), loop.sign)
+        if self.setpoint_filter is not None:
+            decays = np.exp(-self.dt / np.broadcast_to(self.setpoint_filter, answer.K.ninputs))
+            found.append(setpoint_filter_agrees(answer.code(), decays))
         return found
 
     def _absolute(self) -> dict[str, Any]:
@@ -466,6 +484,12 @@ class Implementation(Program):
         constant = self.constant_signals(answer)
         if constant is not None and self.working_point is not None:
             told.append(constant.words(self.working_point.y_unit))
+        if self.setpoint_filter is not None:
+            times = ", ".join(f"{one:.4g} s" for one in np.atleast_1d(self.setpoint_filter))
+            told.append(
+                f"set-points pass a filter of first order with {times}; it is outside the loop, so "
+                "all that is proven of the loop holds with it as without"
+            )
         return [*told, *getattr(self.plant, "tested", ())]
 
     def metrics(self, answer: ImplementedController) -> dict[str, float]:

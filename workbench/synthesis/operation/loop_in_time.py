@@ -29,7 +29,7 @@ def loop_in_time(
         Sampled controller with one input and one output. It starts as the C code does, without a
         bump.
     actuator
-        Limits and largest rate of the control, and the working point.
+        Limits and largest rate of the control, the working point, and the filter of the set-point.
     setpoint, disturbance, noise
         Absolute set-points, signal added to the control, and signal added to the measurement
         (samples,).
@@ -37,6 +37,7 @@ def loop_in_time(
     assert actuator.point is not None
     (rest,), (own,) = actuator.point.u, actuator.point.y
     K, sign = controller, actuator.sign
+    setpoint = actuator.filtered(setpoint, own + noise[0])
     H = anti_windup_gain(K)[:, 0] if actuator.bounded else np.zeros(K.nstates)
     inward, outward = np.asarray(K.B)[:, 0], np.asarray(K.C)[0]
     into, out = np.asarray(plant.B)[:, 0], np.asarray(plant.C)[0]

@@ -26,15 +26,13 @@ from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.synthesis.implementation.working_point.constant_signals import ConstantSignals
 from workbench.synthesis.implementation.working_point.point import WorkingPoint
 from workbench.synthesis.operation.loop_in_time import loop_in_time
-from workbench.uncertainty import Responses, UncertaintyModel
-from workbench.uncertainty.responses.plant_models import measured_plants
+from workbench.synthesis.operation.measured_loops import (
+    loops_around,
+    measured_models,
+    samples_to_settle,
+)
+from workbench.uncertainty import Responses
 
-TIME_CONSTANTS = 12.0
-"""Duration of a phase in time constants of the loop's slowest pole: its motion decays to 6e-6."""
-MOST_SAMPLES, FEWEST_SAMPLES = 6000, 200
-"""Largest and smallest number of samples of a phase. If a phase is too short for the loop to
-settle, a check says so.
-"""
 REST_SHARE = 0.05
 """Share of a phase at its start during which the loop is at rest."""
 STEP_SHARE, DISTURBANCE_SHARE = 0.3, 0.1
@@ -155,30 +153,20 @@ class WorkingLoop(Study):
     @part
     def models(self, context: Context) -> tuple[list[StateSpace], RealArray]:
         """A continuous model of each plant, and the relative error of each model."""
-        model = self.task.loop.model
-        nominal = model.nominal if isinstance(model, UncertaintyModel) else None
-        order = 2 if nominal is None else nominal.order
-        right = 0 if nominal is None else int((nominal.poles.real > 0).sum())
-        found, errors = measured_plants(self.responses, order, right, context)
-        return [one.state_space() for one in found], errors
+        return measured_models(self.responses, self.task, context)
 
     @part
     def loops(self, models: Any) -> list[BoardLoop]:
         """The sampled loop of each plant."""
-        task = self.task
-        return [
-            BoardLoop(one, task.dt, task.delay_samples, task.anti_aliasing, self.actuator.sign)
-            for one in models[0]
-        ]
+        return loops_around(models[0], self.task)
 
     @part
     def samples(self, loops: Any) -> int:
         """Number of samples of a phase, long enough for the loop's slowest motion to decay."""
         K = self.board.answer.K
         poles = np.concatenate([np.abs(one.loop_of(K).closed().poles()) for one in loops])
-        slowest = min(float(poles.max()), 1 - 1e-12)
-        wanted = math.ceil(TIME_CONSTANTS / -math.log(slowest))
-        return int(np.clip(wanted, FEWEST_SAMPLES, MOST_SAMPLES))
+        filtered = 0.0 if self.actuator.approach is None else 1.0 - self.actuator.approach[0]
+        return samples_to_settle(max(float(poles.max()), filtered))
 
     @part
     def sizes(self, models: Any) -> tuple[float, float]:
@@ -273,7 +261,7 @@ class WorkingLoop(Study):
         apart = 0.0
         for one in answer["signals"].values:
             y, u = one
-            error = act.sign * (y - answer["setpoint"].values)
+            error = act.sign * (y - _filtered(answer["setpoint"].values, self.task, y[0]))
             wanted = act.point.u[0] + _by_difference_equation(K, error)
             met = np.zeros(u.size, bool)
             if act.lowest is not None and act.highest is not None:
@@ -362,6 +350,9 @@ class WorkingLoop(Study):
             top.plot(time, one.sel(signal="y"), label=None if many and k else str(name), **look)
             bottom.step(time, one.sel(signal="u"), where="post", **look)
         top.plot(time, setpoint, color=figures.BLACK, linestyle="--", label="set-point")
+        if self.actuator.approach is not None:
+            passed = self.actuator.filtered(setpoint.values, setpoint.values[0])
+            top.plot(time, passed, color=figures.BLACK, linestyle=":", label="filtered set-point")
         low, high = self.actuator.lowest, self.actuator.highest
         if low is not None and high is not None:
             for level in (low[0], high[0]):
@@ -379,6 +370,17 @@ def _axis(name: str, unit: str) -> str:
 def _finite_at_zero(plant: StateSpace) -> bool:
     """Whether a plant has a static gain."""
     return bool(np.abs(plant.poles()).min(initial=np.inf) > 0)
+
+
+def _filtered(setpoint: RealArray, task: Implementation, first: float) -> RealArray:
+    """The set-point (samples,) after the filter's difference equation, which starts at `first`."""
+    if task.setpoint_filter is None:
+        return setpoint
+    from scipy.signal import lfilter
+
+    decay = math.exp(-task.dt / float(np.ravel(task.setpoint_filter)[0]))
+    found: RealArray = lfilter([0.0, 1 - decay], [1.0, -decay], setpoint, zi=[first])[0]
+    return found
 
 
 def _by_difference_equation(K: StateSpace, error: RealArray) -> RealArray:

@@ -110,8 +110,9 @@ def fixed_header(
         return f"{name}_limited({value})"
 
     inputs, outputs = fixed.quantised.ninputs, fixed.quantised.noutputs
-    counts = Counts(actuator or Actuator(), scales, signal_bits, name, (inputs, outputs))
-    step, start = counts.bounds + counts.errors, counts.errors
+    period = float(fixed.quantised.dt)
+    counts = Counts(actuator or Actuator(), scales, signal_bits, name, (inputs, outputs), period)
+    step, start = counts.bounds + counts.errors, counts.start
     place = 0
     for i, line in enumerate(fixed.cascades):
         channels = []
@@ -123,7 +124,7 @@ def fixed_header(
     return _FRAME.format(
         inputs=inputs,
         outputs=outputs,
-        time=repr(float(fixed.quantised.dt)),
+        time=repr(period),
         scale=f"2^{signal_bits - 1}",
         name=name,
         guard=name.upper(),
@@ -133,7 +134,7 @@ def fixed_header(
         signal_bits=signal_bits,
         largest=2 ** (signal_bits - 1) - 1,
         room=place,
-        step="".join(f"    {line}\n" for line in step + counts.kept),
+        step="".join(f"    {line}\n" for line in step + counts.kept + counts.approached),
         start="".join(f"    {line}\n" for line in start + counts.kept),
         **counts.places,
     )

@@ -44,25 +44,42 @@ def step_code(
         lines.append(f"state->x[{i}] = {_sum_text(terms, number)};")
     if actuator.step is not None:
         lines += [f"state->before[{i}] = u[{i}];" for i in range(p)]
-    if n == 0 and actuator.step is None:
+    if actuator.approach is not None:
+        lines += [
+            f"state->apart[{j}] -= {number(float(share))} * state->apart[{j}];"
+            for j, share in enumerate(actuator.approach)
+        ]
+    if n == 0 and actuator.step is None and actuator.approach is None:
         lines.append("(void)state;")
     return "".join(f"    {line}\n" for line in lines + _unused_line(lines, y))
 
 
 def start_code(K: StateSpace, name: str, number: Number, actuator: Actuator) -> str:
-    """Body of the start: states from which a step with measurements y gives the controls u."""
+    """Body of the start: states from which a step with measurements y gives the controls u.
+
+    Filtered set-points start at the measurements, so that there are no errors then.
+    """
     from_y, from_u = start_gains(K)
+    if actuator.approach is not None:
+        from_y = np.zeros_like(from_y)
     y = _inputs(K, actuator)
     u = [f"(u[{j}] - {name}_rest[{j}])" if actuator.point else f"u[{j}]" for j in range(K.noutputs)]
     sums = []
     for i in range(K.nstates):
         terms = [*zip(from_y[i], y, strict=True), *zip(from_u[i], u, strict=True)]
         sums.append(_sum_text(terms, number))
-    lines = _errors(K, name, actuator)
+    if actuator.approach is None:
+        lines = _errors(K, name, actuator)
+    else:
+        lines = [
+            f"state->setpoint[{j}] = r[{j}]; state->apart[{j}] = y[{j}] - r[{j}];"
+            for j in range(K.ninputs)
+        ]
     lines += [f"state->x[{i}] = {value};" for i, value in enumerate(sums or ["0"])]
     if actuator.step is not None:
         lines += [f"state->before[{i}] = u[{i}];" for i in range(K.noutputs)]
-    lines += _unused_line(lines, y)
+    if actuator.approach is None:
+        lines += _unused_line(lines, y)
     if not any("u[" in line for line in lines):
         lines.append("(void)u;")
     return "".join(f"    {line}\n" for line in lines)
@@ -75,12 +92,20 @@ def _inputs(K: StateSpace, actuator: Actuator) -> list[str]:
 
 
 def _errors(K: StateSpace, name: str, actuator: Actuator) -> list[str]:
-    """The line that computes errors from set-points and measurements."""
+    """The lines that compute errors from set-points, perhaps filtered, and measurements."""
     if actuator.point is None:
         return []
     one = "r[{0}] - y[{0}]" if actuator.sign < 0 else "y[{0}] - r[{0}]"
-    apart = ", ".join(one.format(j) for j in range(K.ninputs))
-    return [f"const {name}_real e[{K.ninputs}] = {{{apart}}};"]
+    lines = []
+    if actuator.approach is not None:
+        one += " + state->apart[{0}]" if actuator.sign < 0 else " - state->apart[{0}]"
+        for j in range(K.ninputs):
+            lines += [
+                f"state->apart[{j}] += state->setpoint[{j}] - r[{j}];",
+                f"state->setpoint[{j}] = r[{j}];",
+            ]
+    errors = ", ".join(one.format(j) for j in range(K.ninputs))
+    return [*lines, f"const {name}_real e[{K.ninputs}] = {{{errors}}};"]
 
 
 def _limit_lines(i: int, name: str, actuator: Actuator) -> list[str]:

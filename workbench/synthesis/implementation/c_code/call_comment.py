@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.synthesis.implementation.working_point.point import told
 
@@ -29,6 +31,9 @@ CALLED = {
  *     read y; {name}_step(&state, r, y, u); give u to the actuator
  *
  * In manual call {name}_start in place of {name}_step, with the u of the operator.
+""",
+    "filter": """\
+ * Set-points pass a filter of first order, with {times}, which begins at y.
 """,
     "counts": """\
  *
@@ -58,13 +63,33 @@ def how_called(actuator: Actuator, places: Mapping[str, Any]) -> dict[str, str]:
     if actuator.step is not None:
         memory = f"    {name}_real before[{outputs}];\n"
         init = f"    for (int i = 0; i < {outputs}; i++)\n        state->before[i] = {rest};\n"
+    if actuator.approach is not None:
+        memory += f"    {name}_real setpoint[{inputs}], apart[{inputs}];\n"
+        init += filter_init(inputs, f"{name}_rest_y[j]")
     return {
-        "called": called,
+        "called": called + filter_words(actuator, float(places["time"])),
         "signals": signals,
         "the_signals": the_signals,
         "memory": memory,
         "rest": init,
     }
+
+
+def filter_init(inputs: int, rest: str) -> str:
+    """Lines that let filtered set-points begin where the plant rests."""
+    return (
+        f"    for (int j = 0; j < {inputs}; j++) {{\n"
+        f"        state->setpoint[j] = {rest};\n        state->apart[j] = 0;\n    }}\n"
+    )
+
+
+def filter_words(actuator: Actuator, period: float) -> str:
+    """The line of the comment on the filter of the set-points; "" without one."""
+    if actuator.approach is None:
+        return ""
+    times = ", ".join(f"{-period / np.log1p(-share):.6g} s" for share in actuator.approach)
+    what = "a time constant of" if len(actuator.approach) == 1 else "time constants of"
+    return CALLED["filter"].format(times=f"{what} {times}")
 
 
 def ascii_of(text: str) -> str:

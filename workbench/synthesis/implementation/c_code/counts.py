@@ -9,9 +9,19 @@ from functools import cached_property
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.synthesis.implementation.c_code.call_comment import CALLED, ascii_of
+from workbench.synthesis.implementation.c_code.call_comment import (
+    CALLED,
+    ascii_of,
+    filter_init,
+    filter_words,
+)
 from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.synthesis.implementation.working_point.point import told
+
+FILTER_BITS = 30
+"""Bits of filtered set-points below a count. A difference of two counts of 32 bits, with these bits
+below it, needs less than 64 bits.
+"""
 
 _CONVERTERS = """
 /* Signals of the plant as integers, counted from the working point, and controls back. */
@@ -85,6 +95,7 @@ class Counts:
     signal_bits: int
     name: str
     sizes: tuple[int, int]
+    period: float
 
     @property
     def full(self) -> int:
@@ -137,8 +148,31 @@ class Counts:
         if self.actuator.point is None:
             return []
         one = "r[{0}] - (int64_t)y[{0}]" if self.actuator.sign < 0 else "y[{0}] - (int64_t)r[{0}]"
-        apart = [f"{self.name}_limited({one.format(j)})" for j in range(self.sizes[0])]
-        return [f"const int64_t e[{self.sizes[0]}] = {{{', '.join(apart)}}};"]
+        inputs = self.sizes[0]
+        lines: list[str] = []
+        if self.actuator.approach is not None:
+            one += " + apart[{0}]" if self.actuator.sign < 0 else " - apart[{0}]"
+            rounded = []
+            for j in range(inputs):
+                change = f"((int64_t)state->setpoint[{j}] - r[{j}]) * {2**FILTER_BITS}"
+                lines += [f"state->apart[{j}] += {change};", f"state->setpoint[{j}] = r[{j}];"]
+                rounded.append(f"(state->apart[{j}] + {2 ** (FILTER_BITS - 1)}) >> {FILTER_BITS}")
+            lines.append(f"const int64_t apart[{inputs}] = {{{', '.join(rounded)}}};")
+        errors = [f"{self.name}_limited({one.format(j)})" for j in range(inputs)]
+        return [*lines, f"const int64_t e[{inputs}] = {{{', '.join(errors)}}};"]
+
+    @property
+    def start(self) -> list[str]:
+        """The lines that compute the errors of a start; filtered set-points begin at the
+        measurements, so there are none.
+        """
+        if self.actuator.approach is None:
+            return self.errors
+        lines = []
+        for j in range(self.sizes[0]):
+            apart = f"((int64_t)y[{j}] - r[{j}]) * {2**FILTER_BITS}"
+            lines += [f"state->setpoint[{j}] = r[{j}];", f"state->apart[{j}] = {apart};"]
+        return [*lines, f"const int64_t e[{self.sizes[0]}] = {{0}};"]
 
     @property
     def bounds(self) -> list[str]:
@@ -150,6 +184,15 @@ class Counts:
         """The lines that keep the controls for the next sample."""
         count = self.sizes[1] if self.change is not None else 0
         return [f"state->before[{i}] = u[{i}];" for i in range(count)]
+
+    @property
+    def approached(self) -> list[str]:
+        """The lines by which filtered set-points approach the set-points."""
+        shares = () if self.actuator.approach is None else self.actuator.approach
+        return [
+            f"state->apart[{j}] -= {round(share * 2**FILTER_BITS)} * apart[{j}];"
+            for j, share in enumerate(shares)
+        ]
 
     def limited(self, i: int) -> Limited:
         """The expressions that limit values of output i."""
@@ -176,6 +219,9 @@ class Counts:
         if self.change is not None:
             memory = f"    int32_t before[{outputs}];\n"
             rest = f"    for (int i = 0; i < {outputs}; i++)\n        state->before[i] = 0;\n"
+        if self.actuator.approach is not None:
+            memory += f"    int32_t setpoint[{inputs}];\n    int64_t apart[{inputs}];\n"
+            rest += filter_init(inputs, "0")
         if point is not None:
             full = 2.0 ** (self.signal_bits - 1)
             y_counts, u_counts = (f"{full / scale!r}" for scale in self.scales)
@@ -188,6 +234,7 @@ class Counts:
                 "y": ascii_of(told(point.y, point.y_unit)),
             }
             called = CALLED["counts"].format(name=name, **words)
+            called += filter_words(self.actuator, self.period)
         within = "them" if self.limits is None else self._words()
         return {
             "signals": signals, "helpers": helpers, "memory": memory, "rest": rest,

@@ -175,13 +175,14 @@ def header(
 
 
 def _actuator_tables(actuator: Actuator) -> dict[str, Any]:
-    """Tables of limits, of the largest change in a sample, and of the controls at rest."""
-    point = actuator.point
+    """Tables of limits, of the largest change in a sample, and of the signals at rest."""
+    point, filtered = actuator.point, actuator.approach is not None
     found = {
         "lowest": actuator.lowest,
         "highest": actuator.highest,
         "change": actuator.step,
         "rest": None if point is None else np.array(point.u),
+        "rest_y": np.array(point.y) if point is not None and filtered else None,
     }
     return {key: values for key, values in found.items() if values is not None}
 

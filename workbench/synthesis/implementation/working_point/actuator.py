@@ -1,4 +1,4 @@
-"""Limits of an actuator: absolute limits and rates of the controls, and the working point."""
+"""Limits of an actuator: absolute limits and rates of the controls; working point, set-points."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from workbench.synthesis.implementation.working_point.point import WorkingPoint,
 
 Limits = tuple[ArrayLike, ArrayLike]
 """Lowest and highest value of each output; two numbers for a single output."""
+SLOWEST_FILTER = 1e5
+"""Largest time constant of a set-point filter [samples]. Its steps are then still far larger than
+the rounding of single precision.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +27,9 @@ class Actuator:
 
     ``lowest`` and ``highest`` (p,) are absolute limits, None without limits. ``step`` (p,) is the
     largest change from one sample to the next. ``point`` is the working point; the controller works
-    with deviations from it. With ``sign`` the controller's input is sign (y - r).
+    with deviations from it. With ``sign`` the controller's input is sign (y - r). ``approach`` (m,)
+    is the share of their distance from the set-points by which filtered set-points approach them in
+    a sample; None without a filter.
     """
 
     lowest: RealArray | None = None
@@ -31,6 +37,7 @@ class Actuator:
     step: RealArray | None = None
     point: WorkingPoint | None = None
     sign: int = -1
+    approach: RealArray | None = None
 
     @property
     def bounded(self) -> bool:
@@ -44,6 +51,18 @@ class Actuator:
             return None
         rest = np.zeros_like(self.lowest) if self.point is None else np.array(self.point.u)
         return self.lowest - rest, self.highest - rest
+
+    def filtered(self, setpoint: RealArray, first: float) -> RealArray:
+        """The filtered set-point (samples,) of a loop with one measurement, which is `first` at the
+        start; without a filter the set-point itself.
+        """
+        if self.approach is None:
+            return setpoint
+        from scipy.signal import lfilter
+
+        moves = -np.diff(setpoint, prepend=first)
+        apart: RealArray = lfilter([1.0], [1.0, self.approach[0] - 1.0], moves)
+        return setpoint + apart
 
     def within(self, wanted: RealArray, before: RealArray) -> RealArray:
         """The limited controls, from the wanted ones and those of the sample before."""
@@ -59,13 +78,18 @@ def actuator(
     sizes: tuple[int, int],
     period: float,
     sign: int = -1,
+    setpoint_filter: Any = None,
 ) -> Actuator | None:
     """The actuator for a controller with ``sizes`` (inputs, outputs); None if there is neither
     limit nor point.
 
     Raises InputError if the limits are in the wrong order, if the working point is outside them or
-    has other sizes, or if a rate is not positive.
+    has other sizes, if a rate is not positive, or if time constants of a set-point filter are
+    shorter than a sample or extremely long, or if there is no working point for it.
     """
+    approach = None
+    if setpoint_filter is not None:
+        approach = _approach(setpoint_filter, point, sizes[0], period)
     if limits is None and rate_limit is None and point is None:
         return None
     inputs, outputs = sizes
@@ -92,7 +116,27 @@ def actuator(
                 f"{told(tuple(low), point.u_unit)} and {told(tuple(high), point.u_unit)}: limits "
                 "are absolute, in the units of u, not deviations from the working point"
             )
-    return Actuator(low, high, step, point, sign)
+    return Actuator(low, high, step, point, sign, approach)
+
+
+def _approach(setpoint_filter: Any, point: Any, inputs: int, period: float) -> RealArray:
+    """Shares (m,) of a filter's distance that it covers in a sample, from its time constants."""
+    if point is None:
+        raise InputError(
+            "setpoint_filter needs a working_point: only then does the code take set-points"
+        )
+    times = np.atleast_1d(as_array(setpoint_filter, "setpoint_filter"))
+    if (
+        times.shape not in ((1,), (inputs,))
+        or not ((times >= period) & (times <= SLOWEST_FILTER * period)).all()
+    ):
+        raise InputError(
+            f"setpoint_filter is {setpoint_filter!r}; it must be the time constant [s] of all "
+            f"set-points, or one of each of {inputs}, from {period:g}, the sampling time, to "
+            f"{SLOWEST_FILTER * period:g}"
+        )
+    found: RealArray = np.broadcast_to(-np.expm1(-period / times), (inputs,)).astype(float)
+    return found
 
 
 def limits_of(limits: Limits, outputs: int) -> tuple[RealArray, RealArray]:
