@@ -29,7 +29,6 @@ LEFT = {
         executor/cluster.py: ANSWER
         executor/local_cluster.py: START
         executor/workers.py: LOOK
-        starter/kept_weights.py: SECONDS
         synthesis/mu/finish.py: LEAST_SECONDS
         synthesis/mu/structured/starts/search.py: SHORTEST""",
     "width of a figure on paper": """
