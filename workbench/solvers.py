@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
-from functools import cache
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import cache, wraps
+from threading import RLock
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar
 
 from workbench._core.on_demand import no_more_names
 from workbench.errors import InputError, SolverError
@@ -360,10 +361,45 @@ _CVXPY_STATUS = {
 }
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+_CASADI = RLock()
+
+
+def in_one_thread(function: Callable[P, T]) -> Callable[P, T]:
+    """The function for which threads wait, so that only one of them uses CasADi at a time.
+
+    CasADi crashes the process where threads meet, even if each has expressions of its own. Mark
+    functions outside of which nothing of CasADi lives on; they may call each other.
+
+    Examples
+    --------
+    >>> import casadi
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from workbench.solvers import in_one_thread
+    >>> @in_one_thread
+    ... def slope(at):
+    ...     x = casadi.SX.sym("x")
+    ...     return float(casadi.Function("f", [x], [casadi.gradient(x**2, x)])(at))
+    ...
+    >>> with ThreadPoolExecutor() as threads:
+    ...     print(list(threads.map(slope, [1.0, 2.0])))
+    [2.0, 4.0]
+    """
+
+    @wraps(function)
+    def waiting(*arguments: P.args, **keywords: P.kwargs) -> T:
+        with _CASADI:
+            return function(*arguments, **keywords)
+
+    return waiting
+
+
 def ipopt(name: str, statement: Mapping[str, Any], options: Options, **more: Any) -> Any:
     """A CasADi function that solves the nonlinear program ``{x, f, g, p}`` with IPOPT.
 
-    ``more`` are further options of IPOPT, under IPOPT's own names.
+    ``more`` are further options of IPOPT, under IPOPT's own names. Functions that call this in
+    threads need `in_one_thread`.
 
     Examples
     --------

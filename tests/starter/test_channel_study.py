@@ -66,6 +66,12 @@ def test_limits_belong_to_every_input(tmp_path):
         write_channel_study(tmp_path / "pair", str(tmp_path / "*.csv"), **asked)
 
 
+def test_a_delay_is_a_number_of_samples(tmp_path):
+    write_pair(tmp_path, samples=400)
+    with pytest.raises(InputError, match="delay_samples is 'x'; it must be a number of samples"):
+        write_channel_study(tmp_path / "pair", str(tmp_path / "*.csv"), delay_samples="x", **NAMES)
+
+
 ASKED = [
     *("init", "pair", "--data", "plant*.csv", "--input", "hot", "--input", "cold"),
     *("--output", "level", "--output", "warmth"),

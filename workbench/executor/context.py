@@ -127,9 +127,8 @@ class Context:
     def spread(self, function: Callable[[T], S], items: Sequence[T], description: str) -> list[S]:
         """Results of a function of many items, computed by the executor or in threads.
 
-        Threads help if the compiled code lets others run. The function must not use CasADi, which
-        crashes in several threads at once. Progress is shown, and `TimeLimitError` is raised once
-        the time limit has passed.
+        Threads help if the compiled code lets others run. Progress is shown, and `TimeLimitError`
+        is raised once the time limit has passed.
         """
 
         def in_time(item: T) -> S:

@@ -17,7 +17,7 @@ from workbench.geometry.each_set import RefusedError, UnitFrame, accept, each_se
 from workbench.geometry.enclosing_stadium import Stadium
 from workbench.geometry.stadium import NarrowestStadium
 from workbench.program import Claim, method
-from workbench.solvers import Outcome, ipopt, ipopt_outcome
+from workbench.solvers import Outcome, in_one_thread, ipopt, ipopt_outcome
 
 STARTING_ANGLES = 12
 """Number of starting angles; the width of twelve points has about as many local minima."""
@@ -26,6 +26,7 @@ MIN_STRIP_UNIT = 1e-12
 
 
 @method(SmallestCircle, "ipopt", optimal=True)
+@in_one_thread
 def _circle(program: SmallestCircle, context: Context) -> Claim:
     """Nonlinear program: least r with |p - c|^2 <= r^2 for every point."""
     import casadi as ca
@@ -51,6 +52,7 @@ def _circle(program: SmallestCircle, context: Context) -> Claim:
 
 
 @method(NarrowestStadium, "ipopt", optimal=False, by_name=True)
+@in_one_thread
 def _stadium(program: NarrowestStadium, context: Context) -> Claim:
     """Nonlinear programs: least radius from many starting angles, then least half-length."""
     centers = None if program.center is None else program.center.ravel()

@@ -10,16 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
 from workbench.bench.problem import import_file
 from workbench.errors import InputError, SolverError
-from workbench.identification.files.variables import read_table
-from workbench.input_checks import as_list, need_positive
 from workbench.solution import solve
-from workbench.solvers import Options
-from workbench.starter.columns import record_columns
-from workbench.starter.first_choices import BENT, CONFIDENCE, EFFORT, FirstChoices, first_choices
-from workbench.starter.first_look import FirstLook, first_look
+from workbench.starter.channel_records import ChannelRecords
+from workbench.starter.first_choices import EFFORT, FirstChoices, first_choices
 from workbench.starter.kept_weights import (
     KEPT,
     STEP,
@@ -28,12 +23,11 @@ from workbench.starter.kept_weights import (
     bandwidth_reason,
     halved_gap,
 )
+from workbench.starter.request import Request
 from workbench.starter.study_files import TEMPLATES, write_files
-from workbench.starter.study_folder import distinct_files, new_folder, usable_responses
-from workbench.synthesis import MuSynthesis, WorkingPoint
+from workbench.starter.study_folder import usable_responses
+from workbench.synthesis import MuSynthesis
 from workbench.synthesis.demands.channels import sized_response
-from workbench.synthesis.demands.demands import Demands
-from workbench.synthesis.implementation.working_point.actuator import actuator
 
 CHANNEL_TEMPLATES = TEMPLATES | {
     "README.md": "channels_README.md.jinja",
@@ -42,8 +36,6 @@ CHANNEL_TEMPLATES = TEMPLATES | {
     "notebooks/{package}.ipynb": "channels_notebook.py.jinja",
 }
 """Files of a study of several channels, and the template of each file."""
-MOVED = 0.05
-"""An input that moves by less than this fraction of its largest movement counts as at rest."""
 GRID = 50
 """Number of frequencies below the bandwidth at which the gains are compared."""
 
@@ -150,84 +142,36 @@ def write_channel_study(
     >>> sorted(choices.channels), choices.peak < 1
     (['1-1', '1-2', '2-1', '2-2'], True)
     """
-    demanded: dict[str, Any] = {"overshoot": overshoot, "settling_time": settling_time}
-    Demands(**demanded)  # raises for invalid numbers
-    for name, number in (
-        {"bandwidth_hz": bandwidth_hz, "effort": effort, "dt": dt, "record_dt": record_dt}
-    ).items():
-        need_positive(number, name, or_none=True)
-    target, paths = new_folder(folder), distinct_files(data)
-    inputs, outputs = (as_list(names, "names of columns") for names in (inputs, outputs))
-    if len(outputs) > len(inputs):
-        raise InputError(
-            f"{len(outputs)} outputs cannot follow set-points of their own by {len(inputs)} "
-            f"input{'s' if len(inputs) > 1 else ''}: name as many inputs as outputs, or more"
-        )
-    named = {
-        (u, y): record_columns(paths[0], u, y, time, record_dt) for u in inputs for y in outputs
-    }
-    files = _files_by_input(paths, [named[u, outputs[0]][0] for u in inputs])
-    looks = {
-        (u, y): first_look(group, *named[u, y], record_dt)
-        for u, group in zip(inputs, files.values(), strict=True)
-        for y in outputs
-    }
-    period = looks[inputs[0], outputs[0]].period if dt is None else dt
-    point, held = _rest(looks, inputs, outputs), _limits(looks, inputs, outputs, limits)
-    actuator(held, None, point, (len(outputs), len(inputs)), period)  # raises for invalid limits
-    channels, notes, tested = {}, dict[str, None](), dict[str, None]()
-    for j, (u, group) in enumerate(zip(inputs, files.values(), strict=True)):
-        for i, y in enumerate(outputs):
-            responses, said = usable_responses(
-                group, named[u, y], looks[u, y], record_dt, None, (), {}
-            )
-            channel = first_choices(responses, period, delay_samples=delay_samples)
-            if channel.unstable_poles:
-                raise InputError(
-                    f"the channel from {u!r} to {y!r} is unstable; several channels are designed "
-                    "for stable plants only"
-                )
-            channels[f"{i + 1}-{j + 1}"] = channel
-            notes |= dict.fromkeys(f"{u} to {y}: {one}" for one in said)
-            tested |= dict.fromkeys(responses.tested)
-    slowest = min(channels.values(), key=lambda one: one.bandwidth_hz)
-    chosen = ChannelChoices(
-        bandwidth_hz or slowest.bandwidth_hz,
-        effort or 1.0,  # until the covers are known
-        channels,
-        (tuple((0.5 * (held[1] - held[0])).tolist()), (1.0,) * len(outputs)),
-        {
-            "bandwidth_hz": "as given" if bandwidth_hz else slowest.reasons["bandwidth_hz"],
-            "effort": "as given"
-            if effort
-            else f"{EFFORT:g} times the least gain of the plants below the bandwidth, in the "
-            "direction in which it is smallest",
-        },
-        columns="; ".join(dict.fromkeys(look.columns for look in looks.values())),
-        notes=tuple(notes),
-        tested=tuple(tested),
+    demands = {"overshoot": overshoot, "settling_time": settling_time}
+    request = Request.checked(
+        folder,
+        data,
+        demands,
+        record_dt=record_dt,
+        dt=dt,
+        delay_samples=delay_samples,
+        limits=limits,
+        bandwidth_hz=bandwidth_hz,
+        effort=effort,
     )
-    u_names = [named[u, outputs[0]][0] for u in inputs]
-    told: dict[str, Any] = {
-        "plant": target.name,
-        "package": target.name.lower().replace("-", "_"),
-        "groups": {u: [one.name for one in files[u]] for u in u_names},
-        "outputs": [named[inputs[0], y][1] for y in outputs],
-        "time": named[inputs[0], outputs[0]][2],
-        "record_dt": record_dt,
-        "point": point,
-        "period": period,
-        "delay_samples": delay_samples,
-        "limits": tuple(tuple(map(float, side)) for side in held),
-        "limits_from": "of the records" if limits is None else "as given",
-        "demands": demanded,
-        "confidence": CONFIDENCE,
-        "bent": BENT,
+    records = ChannelRecords.read(request.paths, inputs, outputs, time, record_dt)
+    held = records.limits(limits)
+    told = request.words(records.period, records.point, held) | {
+        "groups": {
+            name: [one.name for one in group]
+            for name, group in zip(records.u_names, records.files.values(), strict=True)
+        },
+        "outputs": records.y_names,
+        "time": records.time,
+        "demands": demands,
         "target": TARGET,
     }
+    sizes = tuple((0.5 * (held[1] - held[0])).tolist()), (1.0,) * len(records.outputs)
+    chosen = _first_choices(records, record_dt, told["period"], delay_samples, sizes)
+    chosen = _with_given(chosen, bandwidth_hz, effort)
     return write_files(
-        target,
-        paths,
+        request.target,
+        request.paths,
         told,
         chosen,
         lambda design: _kept(design, chosen, search=bandwidth_hz is None, given_effort=effort),
@@ -235,57 +179,55 @@ def write_channel_study(
     )
 
 
-def _files_by_input(paths: Sequence[Path], inputs: Sequence[str]) -> dict[str, list[Path]]:
-    """The records that move each input. Raises InputError if one moves none or several."""
-    moves = np.array(
-        [[float(np.ptp(read_table(path).variables[name])) for name in inputs] for path in paths]
+def _first_choices(
+    records: ChannelRecords,
+    record_dt: float | None,
+    period: float,
+    delay_samples: float,
+    sizes: tuple[tuple[float, ...], tuple[float, ...]],
+) -> ChannelChoices:
+    """The choices of every channel, and the bandwidth of the slowest one.
+
+    The effort is 1 until the covers are known. Raises InputError for an unstable channel.
+    """
+    channels, notes, tested = {}, dict[str, None](), dict[str, None]()
+    for name, u, y in records.channels():
+        responses, said = usable_responses(
+            records.files[u], records.columns[u, y], records.looks[u, y], record_dt, None, (), {}
+        )
+        channels[name] = first_choices(responses, period, delay_samples=delay_samples)
+        if channels[name].unstable_poles:
+            raise InputError(
+                f"the channel from {u!r} to {y!r} is unstable; several channels are designed "
+                "for stable plants only"
+            )
+        notes |= dict.fromkeys(f"{u} to {y}: {one}" for one in said)
+        tested |= dict.fromkeys(responses.tested)
+    slowest = min(channels.values(), key=lambda one: one.bandwidth_hz)
+    return ChannelChoices(
+        slowest.bandwidth_hz,
+        1.0,
+        channels,
+        sizes,
+        {
+            "bandwidth_hz": slowest.reasons["bandwidth_hz"],
+            "effort": f"{EFFORT:g} times the least gain of the plants below the bandwidth, in the "
+            "direction in which it is smallest",
+        },
+        columns="; ".join(dict.fromkeys(look.columns for look in records.looks.values())),
+        notes=tuple(notes),
+        tested=tuple(tested),
     )
-    moved = moves > MOVED * moves.max(axis=0)
-    for path, row in zip(paths, moved, strict=True):
-        if row.sum() != 1:
-            names = ", ".join(repr(name) for name, one in zip(inputs, row, strict=True) if one)
-            raise InputError(
-                f"{path} moves {names or 'no input'}; a record must move one of the inputs "
-                f"{', '.join(map(repr, inputs))}, while the others rest"
-            )
-    found = {
-        name: [path for path, row in zip(paths, moved, strict=True) if row[j]]
-        for j, name in enumerate(inputs)
-    }
-    for name, group in found.items():
-        if len(group) < 2:
-            raise InputError(
-                f"{len(group)} record moves {name!r}; two plants or more are needed for every input"
-            )
-    return found
 
 
-def _rest(
-    looks: dict[tuple[str, str], FirstLook], inputs: Sequence[str], outputs: Sequence[str]
-) -> WorkingPoint:
-    """The means of all signals in their records."""
-    first, last = looks[inputs[0], outputs[0]].point, looks[inputs[-1], outputs[-1]].point
-    u = [looks[name, outputs[0]].point.u[0] for name in inputs]
-    y = [float(np.mean([looks[u, name].point.y[0] for u in inputs])) for name in outputs]
-    units = {
-        side: getattr(first, side) if getattr(first, side) == getattr(last, side) else "1"
-        for side in ("u_unit", "y_unit")
-    }
-    return WorkingPoint(u, [float(f"{one:.5g}") for one in y], **units)
-
-
-def _limits(
-    looks: dict[tuple[str, str], FirstLook],
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    limits: Sequence[tuple[float, float]] | None,
-) -> tuple[RealArray, RealArray]:
-    """Lowest and highest values of the inputs."""
-    pairs = [looks[u, outputs[0]].limits for u in inputs] if limits is None else list(limits)
-    if len(pairs) != len(inputs):
-        raise InputError(f"{len(pairs)} limits are given for {len(inputs)} inputs: one pair each")
-    low, high = np.array(pairs, dtype=float).T
-    return low, high
+def _with_given(
+    chosen: ChannelChoices, bandwidth_hz: float | None, effort: float | None
+) -> ChannelChoices:
+    """The choices with the numbers that are given in the place of those that were found."""
+    given: dict[str, Any] = {"bandwidth_hz": bandwidth_hz, "effort": effort}
+    present = {name: number for name, number in given.items() if number is not None}
+    reasons = chosen.reasons | dict.fromkeys(present, "as given")
+    return replace(chosen, reasons=reasons, **present)
 
 
 def _kept(
@@ -306,7 +248,7 @@ def _kept(
         effort = given_effort or float(f"{EFFORT * gains[:, -1].min():.3g}")
         plant = study.weighted(models, bandwidth, effort, sizes)
         task = MuSynthesis(plant, target=TARGET, integral=True)
-        found = solve(task, method="dk", options=Options()).answer
+        found = solve(task, method="dk").answer
         return replace(
             chosen,
             bandwidth_hz=bandwidth,
@@ -329,7 +271,7 @@ def _kept(
 
 def _model(study: Any, channel: str) -> Any:
     """The model of a certified cover of a channel."""
-    covered = solve(study.cover(channel), options=Options())
+    covered = solve(study.cover(channel))
     if covered.certificate is None or not covered.certificate.valid:
         raise SolverError(f"channel {channel} has no certified cover: {covered.message}")
     return covered.answer.model

@@ -12,7 +12,6 @@ from workbench.bench.problem import import_file
 from workbench.certificate import distinct_texts
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
-from workbench.solvers import Options
 from workbench.starter.first_choices import FirstChoices, Shape
 from workbench.synthesis import MuController, MuSynthesis
 from workbench.synthesis.mu.finish import with_few_states
@@ -190,7 +189,7 @@ def _covers(study: Any) -> dict[Cover, tuple[int, Any]]:
                 if (shape, form) not in models:
                     raise
                 break  # few frequencies determine no weight of higher order
-            covered = solve(task, options=Options())
+            covered = solve(task)
             if covered.certificate is None or not covered.certificate.valid:
                 said = covered.message
                 continue
@@ -209,7 +208,7 @@ def _tried(
     plant = study.weighted(model, chosen.bandwidth_hz, chosen.effort)
     wanted = {} if structure == "free" else {"family": study.FAMILIES[structure]}
     task = MuSynthesis(plant, target=TARGET, integral=True, **wanted)
-    found = solve(task, options=Options()).answer
+    found = solve(task).answer
     peak = math.inf if found is None else float(found.upper)
     shape, form = cover
     told = replace(chosen, shape=shape, form=form, weight_order=order, peak=peak)
@@ -234,7 +233,7 @@ def fewest_states(best: FirstChoices, plant: Any, found: MuController) -> FirstC
     tried: list[FirstChoices] = []
     for states in range(1, last + 1):
         task = MuSynthesis(plant, order=states, integral=True)
-        done = solve(task, method="fixed", options=Options())
+        done = solve(task, method="fixed")
         if done.answer is not None:
             tried.append(replace(best, states=states, peak=float(done.answer.upper)))
             if tried[-1].peak < 1:

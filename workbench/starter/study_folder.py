@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,17 +12,15 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.identification.record_tests.report import as_names
-from workbench.input_checks import is_real, need_choice, need_positive
+from workbench.input_checks import need_choice
 from workbench.starter.columns import record_columns
-from workbench.starter.first_choices import BENT, CONFIDENCE, FirstChoices, first_choices
+from workbench.starter.first_choices import BENT, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, FirstLook, first_look, oddities
 from workbench.starter.kept_weights import Structure, kept_weights
+from workbench.starter.request import Request
 from workbench.starter.rest import refuse_opposite_gains
 from workbench.starter.study_files import write_files
-from workbench.synthesis.demands.demands import Demands
-from workbench.synthesis.implementation.working_point.actuator import actuator
 from workbench.uncertainty import Responses
-from workbench.uncertainty.responses.measured import found_files
 
 
 def write_study(
@@ -125,55 +121,55 @@ def write_study(
     >>> choices.unstable_poles, choices.peak < 1
     (0, True)
     """
-    demands: dict[str, Any] = {
+    demands = {
         "overshoot": overshoot,
         "settling_time": settling_time,
         "recovery_time": recovery_time,
         "control_rms": control_rms,
     }
-    Demands(**demands, noise=1.0)  # raises for invalid numbers
     need_choice(structure, Structure, "structure")
     given: dict[str, Any] = {"bandwidth_hz": bandwidth_hz, "effort": effort}
-    for name, number in (given | {"step": step, "dt": dt, "record_dt": record_dt}).items():
-        need_positive(number, name, or_none=True)
-    if not (is_real(delay_samples) and 0.0 <= delay_samples < math.inf):
-        raise InputError(
-            f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
-        )
-    target, paths = new_folder(folder), distinct_files(data)
+    request = Request.checked(
+        folder,
+        data,
+        demands,
+        record_dt=record_dt,
+        dt=dt,
+        delay_samples=delay_samples,
+        limits=limits,
+        step=step,
+        **given,
+    )
+    paths = request.paths
     columns = record_columns(paths[0], input, output, time, record_dt)
     look = first_look(paths, *columns, record_dt)
     if control_rms is not None and not look.noise:
         raise InputError("control_rms is demanded, but the records show no noise: leave it out")
-    period = look.period if dt is None else dt
-    held = look.limits if limits is None else limits
-    actuator(held, None, look.point, (1, 1), period)  # raises for invalid limits
+    told = request.words(look.period, look.point, look.limits if limits is None else limits)
     stated = _present({"spread": spread, "resonance_shift": resonance_shift})
     responses, notes = usable_responses(paths, columns, look, record_dt, excitation, assume, stated)
-    given["overshoot"] = overshoot
-    numbers = _Numbers(responses, period, delay_samples, look.columns, notes, _present(given))
+    stated_numbers = _present(given | {"overshoot": overshoot})
+    numbers = _Numbers(
+        responses, told["period"], delay_samples, look.columns, notes, stated_numbers
+    )
     chosen = numbers.at_most(bandwidth_hz or np.inf)
     chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
-    told: dict[str, Any] = {
-        **_plant_words(target.name, paths, columns, look),
-        "record_dt": record_dt,
+    told |= _record_words(paths, columns, look) | {
         "named": _present(
             {"excitation": excitation, "assume": as_names(assume) if assume else None}
         ),
         "stated": stated,
-        "period": period,
-        "delay_samples": delay_samples,
-        "limits": tuple(map(float, held)),
-        "limits_from": "of the records" if limits is None else "as given",
         "demands": {**demands, "setpoint_step": step},
         "structure": structure,
-        "confidence": CONFIDENCE,
-        "bent": BENT,
         "read": responses.read,
     }
     lower = None if bandwidth_hz else partial(numbers.lower, chosen)
     return write_files(
-        target, paths, told, chosen, lambda design: kept_weights(design, chosen, lower, structure)
+        request.target,
+        paths,
+        told,
+        chosen,
+        lambda design: kept_weights(design, chosen, lower, structure),
     )
 
 
@@ -211,27 +207,6 @@ def _present(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def new_folder(folder: str | Path) -> Path:
-    """The folder, which must not exist yet, and whose name must be one of a plant."""
-    target = Path(folder)
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", target.name):
-        raise InputError(
-            f"{target.name!r} names the plant and its problems: letters, digits, - and _, a letter "
-            "first"
-        )
-    if target.exists():
-        raise InputError(f"{target} exists already; name a new folder, or move it away")
-    return target
-
-
-def distinct_files(data: str | Sequence[str]) -> list[Path]:
-    """The files of the records, which go into one folder."""
-    paths = found_files(data)
-    if len({path.name for path in paths}) < len(paths):
-        raise InputError("two files have one name; they would take each other's place: rename one")
-    return paths
-
-
 def usable_responses(
     paths: list[Path],
     columns: tuple[str, str, str | None],
@@ -266,19 +241,16 @@ def usable_responses(
     return responses, notes
 
 
-def _plant_words(
-    plant: str, paths: list[Path], columns: tuple[str, str, str | None], look: FirstLook
+def _record_words(
+    paths: list[Path], columns: tuple[str, str, str | None], look: FirstLook
 ) -> dict[str, Any]:
-    """What the templates say of the plant and its records."""
+    """What the templates say of the records and their signals."""
     u, y, t = columns
     return {
-        "plant": plant,
-        "package": plant.lower().replace("-", "_"),
         "names": [path.name for path in paths],
         "input": u,
         "output": y,
         "time": t,
-        "point": look.point,
         "noise": look.noise,
         "unit_of_u": bracketed(look.point.u_unit),
         "unit_of_y": bracketed(look.point.y_unit),

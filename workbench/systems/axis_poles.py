@@ -73,7 +73,7 @@ def shown_apart(A: RealArray, poles: ComplexArray, points: ComplexArray) -> Bool
     """
     if not len(poles):
         return np.zeros(0, bool)
-    blocks = [A[np.ix_(part, part)] for part in _irreducible_parts(A)]
+    blocks = [A[np.ix_(part, part)] for part in irreducible_parts(A)]
     modes = [np.linalg.eigvals(block) for block in blocks]
     marks = []
     for pole, point in zip(poles, points, strict=True):
@@ -153,7 +153,7 @@ def _deciding_parts(
     There is one set if no entries show that a pole nearer to a point than `small` is not there.
     """
     decided = []
-    for part in _irreducible_parts(A):
+    for part in irreducible_parts(A):
         block = A[np.ix_(part, part)]
         away = np.abs(np.linalg.eigvals(block)[:, None] - np.array(points)).min(axis=0)
         beside = [
@@ -166,7 +166,7 @@ def _deciding_parts(
     return decided if shown else [(np.arange(len(A)), list(points))]
 
 
-def _irreducible_parts(A: RealArray) -> list[IntegerArray]:
+def irreducible_parts(A: RealArray) -> list[IntegerArray]:
     """Sets of states that influence each other in a circle; in this order A is block triangular."""
     count, member = connected_components(A != 0.0, connection="strong")
     before: dict[int, set[int]] = {k: set() for k in range(count)}

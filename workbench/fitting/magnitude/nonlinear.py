@@ -13,7 +13,7 @@ from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.magnitude.sanathanan_koerner import sanathanan_koerner
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.program import Claim, method
-from workbench.solvers import ipopt, ipopt_outcome
+from workbench.solvers import in_one_thread, ipopt, ipopt_outcome
 
 MIN_STARTING_DAMPING = 0.05
 """Smallest damping ratio at the start: IPOPT rarely leaves resonances that are sharper than the
@@ -22,6 +22,7 @@ data's.
 
 
 @method(MagnitudeFit, "ipopt", optimal=False)
+@in_one_thread
 def _ipopt(program: MagnitudeFit, context: Context) -> Claim:
     """Nonlinear program: least worst error over log a and log b of factors s^2 + a s + b."""
     import casadi as ca

@@ -15,7 +15,7 @@ from workbench.fitting.response.least_peak import EXACT_ERROR, factored, worst_e
 from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.program import Claim, method
-from workbench.solvers import Outcome, ipopt, ipopt_outcome
+from workbench.solvers import Outcome, in_one_thread, ipopt, ipopt_outcome
 
 IPOPT_ACCURACY = 1e-4
 """Smallest accuracy asked of IPOPT: the last digits of a local minimum take the longest time."""
@@ -33,6 +33,7 @@ def _ipopt(program: ResponseFit, context: Context) -> Claim:
     return refined_fit(program, vector_fits(program, context)[0], context)
 
 
+@in_one_thread
 def refined_fit(program: ResponseFit, start: Rational, context: Context) -> Claim:
     """The fit that IPOPT finds within bounds around ``start``, or ``start`` if that is better.
 

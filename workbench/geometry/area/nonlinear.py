@@ -15,7 +15,7 @@ from workbench.geometry.area.program import SmallestAreaStadium
 from workbench.geometry.each_set import RefusedError, UnitFrame, accept, each_set
 from workbench.geometry.enclosing_stadium import Stadium
 from workbench.program import Claim, method
-from workbench.solvers import ipopt, ipopt_outcome
+from workbench.solvers import in_one_thread, ipopt, ipopt_outcome
 
 STARTING_ANGLES = 6
 """Number of starting angles if the angle is free."""
@@ -24,6 +24,7 @@ STARTING_WIDTHS = (1.0, 1.5)
 
 
 @method(SmallestAreaStadium, "ipopt", optimal=False, by_name=True)
+@in_one_thread
 def _stadium(program: SmallestAreaStadium, context: Context) -> Claim:
     """Nonlinear program from many starting angles: every point is near a point of the segment."""
     centers = None if program.center is None else program.center.ravel()

@@ -8,7 +8,7 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
 from workbench.program import Claim, method
-from workbench.solvers import Outcome, ipopt, ipopt_outcome
+from workbench.solvers import Outcome, in_one_thread, ipopt, ipopt_outcome
 
 CLIPPINGS = 400
 """Number of clippings; the crest factor hardly changes after them."""
@@ -49,6 +49,7 @@ def clipped_phases(program: CrestFactor, context: Context) -> np.ndarray:
 
 
 @method(CrestFactor, "ipopt", optimal=False)
+@in_one_thread
 def _ipopt(program: CrestFactor, context: Context) -> Claim:
     """Nonlinear programs: least p-norm for p doubled each time, from the clipped phases.
 

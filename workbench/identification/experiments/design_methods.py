@@ -8,7 +8,7 @@ from workbench.accuracy import AccuracyRange
 from workbench.executor import Context
 from workbench.identification.experiments.design import ExperimentDesign
 from workbench.program import Claim, conic_method, method
-from workbench.solvers import ConicSolver, ipopt, ipopt_outcome, solve_conic
+from workbench.solvers import ConicSolver, in_one_thread, ipopt, ipopt_outcome, solve_conic
 
 FINEST_ACCURACY = 1e-8
 """Finest tolerance that the solvers are given."""
@@ -41,6 +41,7 @@ def _conic(program: ExperimentDesign, context: Context, solver: ConicSolver) -> 
 
 
 @method(ExperimentDesign, "ipopt", optimal=False, accuracy=DESIGN_ACCURACY)
+@in_one_thread
 def _ipopt(program: ExperimentDesign, context: Context) -> Claim:
     """IPOPT on the powers; the eigenvalues of each plane come from trace and determinant."""
     import casadi

@@ -10,7 +10,7 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.identification.parameters.program import ParameterFit
 from workbench.program import Claim, method
-from workbench.solvers import Outcome, ipopt, ipopt_outcome
+from workbench.solvers import Outcome, in_one_thread, ipopt, ipopt_outcome
 
 MAX_PASSES = 6
 """Largest number of runs of IPOPT from one start; each continues with the standard deviations as
@@ -24,6 +24,7 @@ Local = Callable[[np.ndarray], tuple[np.ndarray, float, Outcome, str]]
 
 
 @method(ParameterFit, "ipopt", optimal=False)
+@in_one_thread
 def _ipopt(program: ParameterFit, context: Context) -> Claim:
     """Nonlinear program with exact first and second derivatives."""
     import casadi as ca

@@ -17,7 +17,7 @@ from workbench.fitting.factored import FactoredRational, Pair, complex_product
 from workbench.fitting.rational import Rational
 from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.structure import LEAST_DAMPING, LEAST_RATE
-from workbench.solvers import ipopt
+from workbench.solvers import in_one_thread, ipopt
 
 PASSES = 4
 """Largest number of runs of IPOPT; each continues with the standard deviations as units."""
@@ -27,6 +27,7 @@ PROXIMAL_CURVATURE = 1e-6
 """Curvature added to the cost in those units, for directions that the data do not determine."""
 
 
+@in_one_thread
 def section_descent(point: FitPoint, context: Context) -> FitPoint:
     """The minimum of the cost that IPOPT reaches from a point; the point itself if it fails."""
     if not point.poles.size:

@@ -23,7 +23,7 @@ from workbench.mu.lower.real_blocks import (
 from workbench.mu.lower.scaling import scaled_matrices, unscaled
 from workbench.mu.lower.search import search_batch
 from workbench.program import Claim, method
-from workbench.solvers import Options, Outcome
+from workbench.solvers import Options, Outcome, in_one_thread
 from workbench.structure import Real, Structure
 
 FEW_STARTS, MANY_STARTS = 8, 32
@@ -99,6 +99,7 @@ def _gain(program: MuLowerBound, context: Context) -> Claim:
 
 
 @method(MuLowerBound, "ipopt", optimal=False)
+@in_one_thread
 def _ipopt(program: MuLowerBound, context: Context) -> Claim:
     """A nonlinear program in Delta and the singular vector, solved from random starts."""
     search = _Search(program, context)

@@ -16,6 +16,7 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.input_checks import as_array
+from workbench.solvers import in_one_thread
 from workbench.synthesis.families.family import Family, need_size
 from workbench.synthesis.families.least_squares import fitted_parameters
 from workbench.synthesis.families.matrices import matrix_slopes
@@ -158,11 +159,13 @@ class Parametrised(Family):
         A, B, C, D = self._values(x)[:4]
         return A, B, C, D
 
+    @in_one_thread
     def _values(self, x: RealArray) -> list[RealArray]:
         """Entries of A, B, C and D, column by column, and their derivatives (entries, k)."""
         return [np.asarray(part.full(), dtype=float) for part in self._of(np.asarray(x))]
 
 
+@in_one_thread
 def _compiled_function(matrices: Callable[[Any], Sequence[Any]], count: int) -> Any:
     """The CasADi function of A, B, C and D and their derivatives. Raises InputError if `matrices`
     fails.

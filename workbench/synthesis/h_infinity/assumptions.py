@@ -16,13 +16,13 @@ import numpy as np
 
 from workbench._core.arrays import EPS, RealArray
 from workbench.errors import InputError
-from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
+from workbench.synthesis.h_infinity.axis_zeros import REFINEMENTS, axis_zeros
 from workbench.synthesis.h_infinity.normalised import (
     Scaled,
     SingularPlantError,
     normalised_plant,
 )
-from workbench.systems.balancing import balanced, speed
+from workbench.systems.balancing import balanced, balancing, speed
 from workbench.systems.bilinear import continuous
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import ZERO_ROUNDING, unstable_modes
@@ -109,13 +109,13 @@ def need_stabilisable(plant: StandardPlant) -> None:
 def _need_stabilisable(scaled: StandardPlant, rate: float, dt: float) -> None:
     """As `need_stabilisable`, for a plant in balanced units; `rate` and `dt` are for messages."""
     advice = "weights must be stable, their integrators moved a little to the left"
-    hidden = _unreached_mode(scaled.A, scaled.B2)
+    hidden = unreached_mode(scaled.A, scaled.B2)
     if hidden is not None:
         where = _point_text(hidden * rate, dt)
         raise HiddenModeError(
             f"(A, B2) is not stabilisable: no control reaches the mode {where}; {advice}"
         )
-    hidden = _unreached_mode(scaled.A.T, scaled.C2.T)
+    hidden = unreached_mode(scaled.A.T, scaled.C2.T)
     if hidden is not None:
         where = _point_text(hidden * rate, dt)
         raise HiddenModeError(
@@ -128,14 +128,47 @@ def _point_text(s: complex, dt: float) -> str:
     return f"z = {(1 + s) / (1 - s):.6g}" if dt else f"{s:.6g} rad/s"
 
 
-def _unreached_mode(A: RealArray, B: RealArray) -> complex | None:
+def unreached_mode(A: RealArray, B: RealArray) -> complex | None:
     """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None if there is
     none.
+
+    The states may have been mixed, so rounding is as large as the whole matrix makes it. A mode
+    that is much slower than others is still reached if the entries show it.
     """
     size = float(np.linalg.norm(A) or np.linalg.norm(B))  # integrators alone give no size
-    rounding = ZERO_ROUNDING * EPS * len(A) * size
+    rounding = ZERO_ROUNDING * EPS * len(A)
     for mode in unstable_modes(A, 0.0):
         pencil = np.hstack([A - mode * np.eye(len(A)), B])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding:
+        near = np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding * size
+        if near and not _shown_reached(A, B, mode, rounding):
             return complex(mode)
     return None
+
+
+def _shown_reached(A: RealArray, B: RealArray, mode: complex, rounding: float) -> bool:
+    """Whether the entries of A and B show that inputs reach the modes next to a computed one.
+
+    Rounding changes entry (i, j) of P = [A - mode, B] by at most ``rounding`` sqrt(r_i c_j), where
+    r_i and c_j are the largest entries of its row and column. If P X = 1, no such change D lowers
+    the rank of P while ``rounding`` sqrt(c)^T |X| sqrt(r) < 1: this bounds the spectral radius
+    of |D| |X|. The computed mode is first taken as it is, then at the nearest place where P loses
+    rank, unless that is farther away than rounding can have moved the mode.
+    """
+    n = len(A)
+    farthest = rounding * float(np.linalg.norm(A))
+    for _ in range(1 + REFINEMENTS):
+        pencil = np.hstack([A - mode * np.eye(n), B])
+        sizes = np.abs(np.hstack([A, B]))
+        sizes[range(n), range(n)] += abs(mode)
+        rows, columns = balancing(pencil, 0)
+        U, values, Vh = np.linalg.svd(rows[:, None] * pencil * columns, full_matrices=False)
+        if not values[-1] > 0.0:
+            return False
+        inverse = np.abs(columns[:, None] * ((Vh.conj().T / values) @ U.conj().T) * rows)
+        if not rounding * np.sqrt(sizes.max(0)) @ inverse @ np.sqrt(sizes.max(1)) < 1.0:
+            return False
+        turn = np.vdot(U[:, -1] * rows, Vh[-1, :n].conj() * columns[:n])
+        if not abs(turn) * farthest > values[-1]:
+            break
+        mode = mode + values[-1] / turn
+    return True

@@ -28,6 +28,7 @@ from workbench.synthesis.h_infinity.singular_plants.absorbed import (
     loop_gains,
     tested,
 )
+from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
@@ -179,11 +180,7 @@ class HinfSynthesis(ControllerSynthesis):
     headline: ClassVar[str] = "norm"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.plant, GeneralisedPlant):
-            raise InputError(
-                f"plant must be a GeneralisedPlant, not {type(self.plant).__name__}; hinf() takes "
-                "a StateSpace with the numbers of measurements and controls"
-            )
+        need_plant(self.plant)
         need_positive(self.gamma, "gamma", or_none=True)
         if self.gamma is not None and self.gamma < LEAST_GAMMA:
             raise InputError(

@@ -136,13 +136,13 @@ class ResponseMethods(Study):
     @part
     def every(self, seed: DataArray, truth: DataArray, context: Context) -> dict[str, RealArray]:
         """Fields of `Draw` by name, each over (noise, draw, ...)."""
+        self.excited.played["step"]  # computed once, before parallel threads need it
 
         def one(place: tuple[int, ...]) -> Draw:
             return self.estimated(list(NOISES.values())[place[0]], int(seed[place]), truth.values)
 
         places = list(np.ndindex(seed.shape))
-        # The fits use CasADi, which must not be used in several threads at once.
-        found = [one(place) for place in context.track(places, "draws")]
+        found = context.spread(one, places, "draws")
         stacked = zip(*found, strict=True)
         return {
             name: np.reshape(each, (*seed.shape, *np.shape(each)[1:]))

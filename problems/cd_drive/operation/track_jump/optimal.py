@@ -20,7 +20,7 @@ import numpy as np
 from workbench import Options
 from workbench.errors import SolverError
 from workbench.simulation import held_input_matrices
-from workbench.solvers import ipopt
+from workbench.solvers import in_one_thread, ipopt
 from workbench.types import RealArray
 
 from ...drive.actuator import specific_model
@@ -81,6 +81,7 @@ class FastestJump:
         wanted = float(direction @ self.target[0])
         return 1.0 - self.reach(direction, samples) / wanted if wanted > 0.0 else -1.0
 
+    @in_one_thread
     def nearest(self, samples: int) -> RealArray:
         """Pulse (N,) [V] whose end is nearest to the target."""
         import casadi as ca

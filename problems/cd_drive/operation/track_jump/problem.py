@@ -107,8 +107,7 @@ class TrackJump(Study):
     def solved(self, context: Context) -> list[tuple[RealArray, RealArray]]:
         """Pulse and proof of the fastest jump, by voltage and number of tracks."""
         cases = [FastestJump("nominal", n, volts) for volts in VOLTS for n in TRACKS]
-        # CasADi must not be used in several threads at once.
-        return [one.fastest() for one in context.track(cases, "fastest jumps")]
+        return context.spread(lambda one: one.fastest(), cases, "fastest jumps")
 
     samples = array(
         dims=(volts, tracks),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench._core.arrays import RealArray
+from workbench.solvers import in_one_thread
 from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued
 
 QUIET: dict[str, Any] = {"print_time": False, "show_eval_warnings": False}
@@ -21,6 +22,7 @@ IPOPT: dict[str, Any] = {
 """Options of IPOPT: no output, and Hessians approximated from gradients."""
 
 
+@in_one_thread
 def ipopt_minimum(valued: Valued, y: RealArray, most_steps: int, radius: float) -> RealArray:
     """The best point that IPOPT evaluates, starting at y (k,), in a box of this radius around y.
 
