@@ -80,7 +80,7 @@ def _runs(item: Item, found: Lookup, runs: Runs) -> str:
         if number.decides
         for own in assignments([*settable(number.run), *number.quantity.variables])
     ]
-    rows = {}
+    rows: dict[tuple[str, ...], None] = {}
     for number, own in tried:
         reading = natural() | own
         run = runs(number, reading)
