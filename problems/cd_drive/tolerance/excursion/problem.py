@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.study import (
     CLAIM_SHARE,
@@ -108,7 +109,11 @@ def excursion(
     margins of figure 8.10, or the one "with margins" of `cd/<axis>/designed-filter`.
     """
     K_prime = discretise(slower.answer.K, PERIOD)
-    F = stand_in_filter() if designed is None else restored_system(designed.data, "designed")
+    F = stand_in_filter()
+    if fault_filter == "with margins":
+        if designed is None:
+            raise InputError("the designed fault filter is asked for, and no run of it is given")
+        F = restored_system(designed.data, "designed")
     crossing = Crossing(axis, K_prime, F, drive, rotation, depth, swing)
     return Excursion(crossing, angles, lengths, draws)
 
