@@ -75,9 +75,9 @@ def ledger() -> list[dict[str, str]]:
     rows = table_rows(ROOT / "docs" / "thesis.md")
     found = []
     for start in CLAIMS:
-        some = [row for row in rows if row[1].startswith(start)]
+        some = [row for row in rows if row[2].startswith(start)]
         if some:
-            place, says, became, verdict = some[0]
+            _, place, says, became, verdict = some[0]
             first = re.split(r"(?<=[.])\s", became)[0]
             found.append({"place": place, "says": says, "found": first, "verdict": verdict})
     return found

@@ -50,6 +50,7 @@ class Settings:
     needs: Needs | Callable[..., Needs]
     data: tuple[str, ...]
     method: str | None
+    added: tuple[str, ...] = ()
 
 
 def problem(
@@ -59,6 +60,7 @@ def problem(
     data: str | tuple[str, ...] = (),
     slow: bool = False,
     method: str | None = None,
+    added: tuple[str, ...] = (),
     **axes: tuple[str, ...] | str | Callable[[], Iterable[str]],
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register a function as a named problem.
@@ -78,6 +80,9 @@ def problem(
         The problem is left out of ``make reproduce``.
     method
         The method that answers if the user names none; None: the default one of its Program.
+    added
+        Parameters that the problem has got since results were stored. At its default such a
+        parameter is left out of the problem's key, so that these results stay valid.
     axes
         The values of each axis in the name; they are passed as parameters. They may be given as a
         tuple, or by the name of a tuple in the same file. A file pattern with one star, such as
@@ -87,7 +92,7 @@ def problem(
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         files = (data,) if isinstance(data, str) else data
-        setattr(function, PLACEMENT, Settings(needs or {}, files, method))
+        setattr(function, PLACEMENT, Settings(needs or {}, files, method, added))
         return function
 
     return register

@@ -17,7 +17,7 @@ from typing import Any
 from workbench.errors import RegistryError
 
 DECORATOR = "problem"
-SETTINGS = frozenset({"needs", "data", "slow", "method"})
+SETTINGS = frozenset({"needs", "data", "slow", "method", "added"})
 """Keywords of the decorator that are not axes of the name."""
 
 

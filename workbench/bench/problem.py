@@ -49,6 +49,12 @@ class Problem:
                 "argument of workbench.run or workbench.compare is"
             )
 
+        for name in self.settings.added:
+            if name not in self.defaults:
+                raise RegistryError(
+                    f"{entry.place}: added={name!r}; a parameter with a default is needed"
+                )
+
     @cached_property
     def parameters(self) -> dict[str, inspect.Parameter]:
         """The parameters that a user may set: all except axes of the name and needs."""
@@ -185,6 +191,17 @@ class Problem:
         the same question.
         """
         return {name: self._carried(name, value) for name, value in bound.items()}
+
+    def asked(self, bound: Mapping[str, Any]) -> dict[str, Any]:
+        """The plain JSON values that enter the question: all except defaults of added parameters.
+
+        Raises InputError as `to_json`.
+        """
+        return {
+            name: value
+            for name, value in self.to_json(bound).items()
+            if not (name in self.settings.added and bound[name] == self.defaults[name])
+        }
 
     def _carried(self, name: str, value: Any) -> Any:
         """A value as plain JSON, from which it is read back unchanged."""

@@ -383,9 +383,9 @@ def rebuilt(run: Run, problems: Registry) -> Rebuilt:
         )
     problem = problems.find(run.problem)
     parameters = problem.bind(given(run, problem))
-    if plain(problem.to_json(parameters)) != info["parameters"]:
+    if plain(problem.asked(parameters)) != info["parameters"]:
         raise ResultError(
-            f"the problem takes other parameters now: {problem.to_json(parameters)} "
+            f"the problem takes other parameters now: {problem.asked(parameters)} "
             f"instead of {info['parameters']}"
         )
     stores = Store(root_of(run)).searched

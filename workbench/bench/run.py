@@ -324,7 +324,7 @@ def _bound(problem: Problem, parameters: dict[str, Any], fed: dict[str, Run | li
     """The problem with its data bound."""
     problem.data_hashes()  # a missing file is reported before the function opens it
     task = problem.task(parameters, fed)
-    return Bound(problem, problem.to_json(parameters), fed, task)
+    return Bound(problem, problem.asked(parameters), fed, task)
 
 
 def answer_arrays(bound: Bound, solution: Solution) -> Dataset | None:

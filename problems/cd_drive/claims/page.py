@@ -1,20 +1,18 @@
-"""The pages about the thesis: docs/thesis.md, and docs/thesis-numbers.md with every number."""
+"""The page docs/thesis.md: the verdicts on the statements of the thesis."""
 
 from __future__ import annotations
 
-import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from itertools import islice
 
 from workbench.study import markdown_table
 
 from .assignments import TABLES, natural, variables
-from .items import Found, Item, Number
+from .items import Item
+from .numbers_page import Judged, link, numbered, value
 from .readings import Together, together
 from .verdicts import Lookup, Verdict
 
-Judged = Mapping[str, Sequence[tuple[Item, Verdict]]]
-"""The items of each chapter, with their verdicts."""
 INTRODUCTION = """\
 This page lists the statements of E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
 (2003), item by item, in our words, and says of each whether it holds. The numbers come from the
@@ -38,11 +36,6 @@ The text of the thesis leaves some questions open. A reading is one choice for e
 questions, and it holds for all items. The choices were fixed before the runs, with one exception:
 the signal without delay was added after the runs had shown that its delay decides. The natural
 choice stands first."""
-NUMBERS = """\
-These are all numbers of the page [what the thesis says, and what became of it](thesis.md), in the
-order of that page. A number with limits decides about its item: the statement is true if the number
-lies within the limits. Brackets contain the 99 % interval of a simulated number. The last column
-names the problem of `workbench run`."""
 
 
 def thesis(judged: Judged, found: Lookup) -> str:
@@ -59,30 +52,14 @@ def thesis(judged: Judged, found: Lookup) -> str:
         _questions(),
         *_together(judged, found),
     ]
-    for chapter, every in judged.items():
-        rows = [[item.place, item.says, _words(item, found), str(one)] for item, one in every]
-        anchor = chapter.lower().replace(" ", "-")
-        parts += [
-            f"## {chapter}",
-            markdown_table(["place", "the thesis says", "found", "verdict"], rows).rstrip(),
-            f"[The numbers of this chapter, and their runs](thesis-numbers.md#{anchor})",
-        ]
-    return "\n\n".join(parts) + "\n"
-
-
-def every_number(judged: Judged, found: Lookup) -> str:
-    """The page with every number."""
-    parts = ["# The numbers about the thesis", " ".join(NUMBERS.split("\n"))]
+    heads = ["numbers", "place", "the thesis says", "found", "verdict"]
+    named = numbered(judged)
     for chapter, every in judged.items():
         rows = [
-            [item.place, number.what, _value(number, found), _limits(number), f"`{number.run}`"]
-            for item, _ in every
-            for number in item.numbers
+            [link(name), item.place, item.says, _words(item, found), str(one)]
+            for name, item, one in islice(named, len(every))
         ]
-        parts += [
-            f"## {chapter}",
-            markdown_table(["place", "number", "found", "limits", "run"], rows).rstrip(),
-        ]
+        parts += [f"## {chapter}", markdown_table(heads, rows).rstrip()]
     return "\n\n".join(parts) + "\n"
 
 
@@ -96,13 +73,14 @@ def _headline(judged: Judged) -> str:
 def _findings(judged: Judged) -> list[str]:
     """The findings in plain words, each with the items on which it is based, and their verdicts."""
     rows = tomllib.loads((TABLES / "findings.toml").read_text(encoding="utf-8"))["finding"]
-    found = {(item.place, item.says): one for every in judged.values() for item, one in every}
+    found = {(item.place, item.says): (name, one) for name, item, one in numbered(judged)}
     lines = []
     for n, row in enumerate(rows, 1):
         rests = []
         for place, start in row["items"]:
             (key,) = (own for own in found if own[0] == place and own[1].startswith(start))
-            rests.append(f"{place}: {found[key]}")
+            name, verdict = found[key]
+            rests.append(f"{link(name, place)}: {verdict}")
         lines.append(f"{n}. {row['words']} ({'; '.join(rests)})")
     return ["\n".join(lines)]
 
@@ -146,32 +124,5 @@ def _words(item: Item, found: Lookup) -> str:
     ]
     if not words:
         number = next(one for one in item.numbers if one.decides)
-        words = [f"{number.what}: {_value(number, found)}"]
+        words = [f"{number.what}: {value(number, found)}"]
     return ". ".join(words)
-
-
-def _value(number: Number, found: Lookup) -> str:
-    """A number under the natural reading."""
-    one = found(number, natural())
-    if one is None:
-        return "not run"
-    told = f"{one.value:.4g}"
-    if _random(one):
-        told += f" [{one.low:.3g}, {one.high:.3g}]"
-    return told if number.printed is None else f"{told} (printed {number.printed:.4g})"
-
-
-def _random(found: Found) -> bool:
-    """Whether a number has an interval that can be computed."""
-    return found.low < found.high and math.isfinite(found.low)
-
-
-def _limits(number: Number) -> str:
-    """Description of a number's limits."""
-    if not number.decides:
-        return "told beside"
-    if number.low == number.high:
-        return f"{number.low:.4g}"
-    low = "" if number.low == -math.inf else f"at least {number.low:.4g}"
-    high = "" if number.high == math.inf else f"at most {number.high:.4g}"
-    return ", ".join(filter(None, [low, high]))

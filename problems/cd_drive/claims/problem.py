@@ -22,6 +22,7 @@ from .assignments import Assignment, asked, assignments, natural, settable
 from .chapters import NAMES, chapters, file_of, numbers, sources
 from .intervals import Measured
 from .items import Found, Item, Number, Quantity
+from .numbers_page import every_number
 from .verdicts import Verdict, verdict
 
 COLOURS = {
@@ -63,12 +64,12 @@ def needs(draws: int = 50, **_: Any) -> dict[str, list[Any]]:
     """References to every run from which a number comes, with this number of draws for random
     experiments.
     """
-    return {
-        "runs": [
-            ref(name, draws=draws) if name.rpartition("/")[2] in REPEATED else ref(name)
-            for name in sources()
-        ]
-    }
+    return {"runs": [ref(name, **_repeated(name, draws)) for name in sources()]}
+
+
+def _repeated(name: str, draws: int) -> dict[str, Any]:
+    """The parameter that gives a problem its number of draws; none where nothing is drawn."""
+    return {"draws": draws} if name.rpartition("/")[2] in REPEATED else {}
 
 
 @problem(
@@ -151,6 +152,17 @@ class Ledger(Study):
 
         return found
 
+    def run_of(self, number: Number, reading: Assignment) -> summaries.Made | None:
+        """The run that shows a number under a reading; None if none is stored."""
+        parameters = asked(number.run, reading, number.told)
+        if parameters is None:
+            return None
+        if parameters:
+            return summaries.runs().get((number.run, summaries.words(parameters)))
+        run = self.runs[number.run]
+        given = _repeated(number.run, run.info["parameters"].get("draws", 0))
+        return summaries.Made(number.run, tuple(given.items()), run.key)
+
     def judged(self, answer: Dataset) -> dict[str, list[tuple[Item, Verdict]]]:
         """The items of each chapter with their verdicts."""
         found = self.lookup(answer)
@@ -182,7 +194,7 @@ class Ledger(Study):
 
     def numbers_page(self, answer: Dataset) -> str:
         """All numbers of the ledger as a page in Markdown."""
-        return page.every_number(self.judged(answer), self.lookup(answer))
+        return every_number(self.judged(answer), self.lookup(answer), self.run_of)
 
     @figure
     def verdicts(self, answer: Dataset) -> Figure:

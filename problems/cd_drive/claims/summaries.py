@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from workbench import Run
 
@@ -50,6 +50,14 @@ class Summary:
     high: float
 
 
+class Made(NamedTuple):
+    """A stored run: the parameters with which its problem is run, and its key."""
+
+    problem: str
+    parameters: tuple[tuple[str, Any], ...]
+    key: str
+
+
 def words(parameters: Mapping[str, Any]) -> str:
     """Parameters of a run, as one text."""
     return json.dumps(dict(parameters), sort_keys=True)
@@ -60,6 +68,19 @@ def stored() -> dict[Key, Found]:
     """Numbers of the table."""
     return {
         (one.problem, one.parameters, one.quantity): Found(one.value, one.low, one.high)
+        for one in read()
+    }
+
+
+@cache
+def runs() -> dict[tuple[str, str], Made]:
+    """Runs of the table, by the problem and its parameters as JSON."""
+    return {
+        (one.problem, one.parameters): Made(
+            one.problem,
+            tuple({**json.loads(one.parameters), **shorter(one.problem)}.items()),
+            one.key,
+        )
         for one in read()
     }
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +44,9 @@ PITS = (0.5e-6, 6, 0.3)
 """Width [m], length [channel bits] and stagger of the pits; the contrast hardly depends on them."""
 STEP, STEPS = 0.25e-6, 49
 """Focus errors [m] at which the tracks' contrast is tabulated: from 0 to 12 um."""
+
+LEAST_DIVISOR = Converter(INPUT_LIMIT).step / DIODE_GAIN
+"""Least voltage [V] by which an error is divided: one step of the converter."""
 
 
 class TwoAxisRecord(NamedTuple):
@@ -144,25 +147,30 @@ def _loop(bench: TwoAxisBench) -> SampledLoop:
     axes, light = bench.two.axes, track_light()
     own = [diode_parameters(one) for one in axes]
     shared = [bench.coupling.optical, light.depth, STEP]
-    floor = Converter(INPUT_LIMIT).step / DIODE_GAIN
     return SampledLoop(
-        plant=bench.two.actuator,
-        positions=2,
         sense=two_axis_diodes,
         sense_parameters=np.concatenate([*own, shared, light.contrast]),
-        signals=4,
-        corner=ANTIALIASING,
         read=read_both,
-        read_parameters=np.array([floor]),
+        read_parameters=np.array([LEAST_DIVISOR]),
         measurements=len(MEASUREMENTS),
-        channel_levels=np.tile(
-            Converter(INPUT_LIMIT, bits=bench.bits).levels(gain=DIODE_GAIN), (4, 1)
-        ),
-        output_levels=np.tile(Converter(OUTPUT_LIMIT, bits=bench.bits).levels(), (2, 1)),
-        dt=PERIOD,
-        delay_samples=1.0,
+        **electronics(bench.two, 4, bench.bits),
         refine=bench.refine,
     )
+
+
+def electronics(two: TwoAxes, signals: int, bits: int | None) -> dict[str, Any]:
+    """Actuators, filters, converters and clock of both loops with a number of diodes."""
+    levels = Converter(INPUT_LIMIT, bits=bits).levels(gain=DIODE_GAIN)
+    return {
+        "plant": two.actuator,
+        "positions": 2,
+        "signals": signals,
+        "corner": ANTIALIASING,
+        "channel_levels": np.tile(levels, (signals, 1)),
+        "output_levels": np.tile(Converter(OUTPUT_LIMIT, bits=bits).levels(), (2, 1)),
+        "dt": PERIOD,
+        "delay_samples": 1.0,
+    }
 
 
 @kernel

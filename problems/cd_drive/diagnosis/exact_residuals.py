@@ -30,7 +30,7 @@ from ..drive.actuator import transfer_coefficients
 from ..drive.disc import VELOCITY
 from ..drive.plants import nominal_parameters, plant, responses, total_gain
 from ..drive.shared_parameters import TABLES
-from ..drive.tables import Axis, drives
+from ..drive.tables import Axis, Values, drives
 from ..laboratory.bench_setup import PERIOD
 from .defect_runs import ROTATION
 
@@ -54,9 +54,11 @@ SCRATCH = 0.13, 1.2e-3, 5e-6
 """Start [s], length along the track [m] and false displacement [m] of the fault in the figure."""
 
 
-@problem("cd/{axis}/exact-residuals", axis=("focus", "radial"), data=TABLES)
+@problem("cd/{axis}/exact-residuals", axis=("focus", "radial"), data=TABLES, added=("values",))
 def exact_residuals(
-    axis: Axis, pole_hz: Annotated[float, Field(gt=0, le=1e5)] = 1000.0
+    axis: Axis,
+    pole_hz: Annotated[float, Field(gt=0, le=1e5)] = 1000.0,
+    values: Values = "printed",
 ) -> ExactResiduals:
     """Residuals of the drive that are zero without a fault (eq. 7.6 to 7.8, figure 7.3).
 
@@ -65,9 +67,10 @@ def exact_residuals(
     residual zero and with the other sign. The part of u that remains in the residual is computed
     for each of twelve drives, too.
 
-    pole_hz: pole of the second generator [Hz]; the first one has the drive's own poles.
+    pole_hz: pole of the second generator [Hz]; the first one has the drive's own poles. values: of
+    the drives, "printed" or "corrected".
     """
-    return ExactResiduals(axis, pole_hz)
+    return ExactResiduals(axis, pole_hz, values)
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class ExactResiduals(Study):
 
     axis: Axis
     pole_hz: float
+    values: Values
 
     headline: ClassVar[str] = "leak_plus_equation_7_6"
 
@@ -123,7 +127,7 @@ class ExactResiduals(Study):
     )
     def leak_of_drives(self) -> RealArray:
         """With the generator of the nominal drive; the same for every H_photo."""
-        every = responses(self.axis, FREQUENCY, antialiasing=False)
+        every = responses(self.axis, FREQUENCY, values=self.values, antialiasing=False)
         return np.abs(every / nominal_response(self.axis) - 1.0)
 
     @array(dims=(condition, time), unit="m", meaning="residual of the model beside, equation 7.6")

@@ -44,6 +44,7 @@ from .figures import closed_loop_bode
 from .in_the_loop import RECORDED, LoopExperiment, LoopRecord
 from .known_values import CONFIDENCE, Lumped
 from .loop_fit import NUMBERS, LoopFit, fit_of_draw
+from .printed_noise import Amplitude, Fixed, position_noise
 from .unknowns import Told, experiment_seeds
 
 LIMITS = {"m1": 0.008, "m2": 0.12, "k1": 0.015, "k2": 0.12, "b1": 0.06, "b2": 6.0}
@@ -68,6 +69,7 @@ def experiment(axis: str, drive: str, draws: int, values: str, **_: Any) -> dict
     axis=("focus", "radial"),
     needs=experiment,
     data=(*TABLES, "data/red_book.csv"),
+    added=("delay", "noise", "noise_fixed"),
 )
 def closed_loop(
     axis: Axis,
@@ -78,6 +80,9 @@ def closed_loop(
     step_hz: Annotated[float, Field(ge=1, le=100)] = FINE_STEP,
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
     values: Values = "printed",
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
 ) -> ClosedLoop:
     """Actuator measured in closed loop, and its two masses on two springs fitted (figure 4.5).
 
@@ -93,9 +98,11 @@ def closed_loop(
     fifth of what the Red Book allows; measurement noise is always present. mismatch: of the arm's
     halves; above 0 there are two parasitic resonances, one more than the model has. step_hz:
     distance between the frequencies [Hz]. draws: number of draws of the noise and of the told
-    values. values: tables "printed" or "corrected".
+    values. values: tables "printed" or "corrected". delay [samples]: of the computer. noise,
+    noise_fixed: reading of the printed amplitude of 0.15 um (`printed_noise`).
     """
-    bench = Laboratory(axis, drive, values, mismatch=mismatch)
+    size = position_noise(axis, drive, noise, noise_fixed)
+    bench = Laboratory(axis, drive, values, delay=delay, mismatch=mismatch, noise=size)
     return after_open_loop(open_loop.answer, bench, disturbances, step_hz)
 
 

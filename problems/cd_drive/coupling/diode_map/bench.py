@@ -14,22 +14,13 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.simulation import Converter, SampledLoop, kernel
+from workbench.simulation import SampledLoop, kernel
 from workbench.types import RealArray
 
 from ...drive.disc import Defect, Disc
-from ...drive.plants import ANTIALIASING
 from ...drive.tables import AXES, Drive
-from ...laboratory.bench_setup import (
-    DIODE_GAIN,
-    INPUT_LIMIT,
-    NOISE,
-    OUTPUT_LIMIT,
-    PERIOD,
-    RATE,
-    optical_noise,
-)
-from ..bench import NOISE_BAND, reference_controllers
+from ...laboratory.bench_setup import NOISE, PERIOD, RATE, optical_noise
+from ..bench import LEAST_DIVISOR, NOISE_BAND, electronics, reference_controllers
 from ..diodes.light import DIODES, Split, five_diodes, sensor_parameters
 from ..paths import TwoAxes
 
@@ -96,22 +87,13 @@ class DefectBench:
 
 @cache
 def _loop(bench: DefectBench) -> SampledLoop:
-    floor, bits = Converter(INPUT_LIMIT).step / DIODE_GAIN, 12
-    levels = Converter(INPUT_LIMIT, bits=bits).levels(gain=DIODE_GAIN)
     return SampledLoop(
-        plant=TwoAxes(bench.drive).actuator,
-        positions=2,
         sense=five_diodes,
         sense_parameters=sensor_parameters(bench.drive, SPLIT),
-        signals=len(DIODES),
-        corner=ANTIALIASING,
         read=read_five,
-        read_parameters=np.array([floor, float(bench.normaliser == "D3")]),
+        read_parameters=np.array([LEAST_DIVISOR, float(bench.normaliser == "D3")]),
         measurements=len(MEASUREMENTS),
-        channel_levels=np.tile(levels, (len(DIODES), 1)),
-        output_levels=np.tile(Converter(OUTPUT_LIMIT, bits=bits).levels(), (2, 1)),
-        dt=PERIOD,
-        delay_samples=1.0,
+        **electronics(TwoAxes(bench.drive), len(DIODES), bits=12),
         refine=bench.refine,
     )
 

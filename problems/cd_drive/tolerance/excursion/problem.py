@@ -7,12 +7,13 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.study import (
     CLAIM_SHARE,
@@ -31,6 +32,7 @@ from workbench.study import (
     table,
 )
 from workbench.synthesis import discretise
+from workbench.systems import restored_system
 from workbench.types import DataArray, Dataset
 
 from ...drive.disc import VELOCITY
@@ -40,7 +42,7 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, red_book
 from ...laboratory.bench_setup import PERIOD
 from ..strategy_looks import titled
-from ..tactics import STRATEGIES
+from ..tactics import STRATEGIES, stand_in_filter
 from .cells import cells_table
 from .checks import disc_difference, flight_difference, half_step_change
 from .figures import against_theory, maps
@@ -60,16 +62,29 @@ LENSES = {
 WORST_CASE = "eq. 8.1 at 500 um, 9 Hz, 1.9 ms"
 
 
+Filter = Literal["high-pass", "with margins"]
+
+
+def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, Any]:
+    """References to K', and to the designed fault filter if it is asked for."""
+    found = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
+    if fault_filter == "with margins":
+        found["designed"] = ref(f"cd/{axis}/designed-filter")
+    return found
+
+
 @problem(
     "cd/{axis}/excursion",
     slow=True,
     axis=("focus", "radial"),
-    needs=lambda axis, **_: {"slower": ref(f"cd/{axis}/lower-bandwidth")},
+    needs=needs,
     data=(*TABLES, "data/red_book.csv"),
+    added=("fault_filter",),
 )
 def excursion(
     axis: Axis,
     slower: Run,
+    designed: Run | None = None,
     drive: str = "nominal",
     rotation: Annotated[float, Field(ge=3, le=20)] = 9.0,
     angles: Annotated[int, Field(ge=2, le=90)] = 6,
@@ -77,6 +92,7 @@ def excursion(
     depth: Annotated[float, Field(gt=0, le=1)] = 0.9,
     swing: Annotated[float, Field(ge=0, le=5)] = 0.5,
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
+    fault_filter: Filter = "high-pass",
 ) -> Excursion:
     """Excursion of the lens in a defect (eq. 8.1), and a map of the defects that are survived.
 
@@ -89,10 +105,16 @@ def excursion(
     drive: "CD1" to "CD12", or "nominal". rotation [Hz]. angles: number of angles from 0 (where the
     disc is fastest) to below 180 degrees. lengths: number of lengths from 0.3 to 2.5 mm. depth:
     share of the light that the defect takes. swing: its false displacement, over the acceptable
-    error. draws: number of draws for each defect.
+    error. draws: number of draws for each defect. fault_filter: of C, the "high-pass" with the
+    margins of figure 8.10, or the one "with margins" of `cd/<axis>/designed-filter`.
     """
     K_prime = discretise(slower.answer.K, PERIOD)
-    crossing = Crossing(axis, K_prime, drive, rotation, depth, swing)
+    F = stand_in_filter()
+    if fault_filter == "with margins":
+        if designed is None:
+            raise InputError("the designed fault filter is asked for, and no run of it is given")
+        F = restored_system(designed.data, "designed")
+    crossing = Crossing(axis, K_prime, F, drive, rotation, depth, swing)
     return Excursion(crossing, angles, lengths, draws)
 
 

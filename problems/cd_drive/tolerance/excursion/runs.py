@@ -48,12 +48,14 @@ class DefectCase(NamedTuple):
 class Crossing:
     """Defects of one depth and false displacement, on one drive at one rotation frequency.
 
-    replacement: discrete K'. rotation: of the disc [Hz]. depth: share of the light that a defect
-    takes. swing: its false displacement, over the acceptable error.
+    replacement: discrete K'. F: discrete fault filter of strategy C. rotation: of the disc [Hz].
+    depth: share of the light that a defect takes. swing: its false displacement, over the
+    acceptable error.
     """
 
     axis: Axis
     replacement: StateSpace
+    F: StateSpace
     drive: str
     rotation: float
     depth: float
@@ -112,7 +114,7 @@ class Crossing:
     def strategies(self) -> dict[str, Cascade]:
         """All strategies, by name."""
         level = clean_level(Laboratory(self.axis, self.drive))
-        made = Strategies(self.axis, level, self.rotation, replacement=self.replacement)
+        made = Strategies(self.axis, level, self.rotation, self.F, self.replacement)
         return {name: made.named(name) for name in STRATEGIES}
 
 

@@ -12,7 +12,16 @@ from workbench.bench.run import Bound
 from workbench.solvers import Options
 
 ROWS = summaries.read()
-WITHOUT_NEEDS = ("drives", "gain-ramp", "position-estimator", "diode-plane", "sensitivity")
+WITHOUT_NEEDS = (
+    "drives",
+    "gain-ramp",
+    "position-estimator",
+    "diode-plane",
+    "sensitivity",
+    "open-loop",
+    "exact-residuals",
+    "circles",
+)
 
 
 def question(problem, parameters):

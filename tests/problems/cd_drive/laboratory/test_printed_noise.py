@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.laboratory.bench_setup import NOISE
+from workbench.plants.cd_drive.laboratory.closed_loop import closed_loop
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
 from workbench.plants.cd_drive.laboratory.printed_noise import position_noise
 
@@ -34,3 +35,11 @@ def test_the_laboratory_takes_it():
     )
     in_metres = record.f_en.std() / Laboratory("focus", "CD1").parameters.K_optn
     assert in_metres == pytest.approx(size, rel=0.15)
+
+
+def test_the_experiment_in_closed_loop_takes_it(reference):
+    told = reference("cd/focus/open-loop")
+    bench = closed_loop("focus", told, delay=0.5, noise="peak", noise_fixed="volts").bench
+    assert bench.noise == position_noise("focus", "CD1", "peak", "volts") != NOISE["focus"] / 3
+    assert bench.delay == 0.5
+    assert closed_loop("focus", told).bench.noise == NOISE["focus"]

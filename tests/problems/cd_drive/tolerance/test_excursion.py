@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from workbench.plants.cd_drive.tolerance.excursion.problem import excursion
+from workbench.plants.cd_drive.tolerance.excursion.runs import DefectCase, excursion_of
 from workbench.plants.cd_drive.tolerance.excursion.theory import BlindLens, standing
 
 import workbench as wb
@@ -100,6 +101,20 @@ def test_figures_and_tables(focus):
 def test_parameters_out_of_range_are_named(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
         wb.load("cd/focus/excursion", **wrong)
+
+
+def test_only_strategy_c_has_the_designed_fault_filter(focus, slower, reference):
+    designed = reference("cd/focus/designed-filter")
+    with_it = excursion("focus", slower["focus"], designed, fault_filter="with margins").crossing
+    usual, case = focus[0].crossing, DefectCase(0.0, 2e-3, 500e-6)
+
+    def error(crossing, strategy):
+        return excursion_of(crossing.run(case, strategy), case.length)[0]
+
+    assert error(with_it, "A") == error(usual, "A")
+    assert error(with_it, "C") != pytest.approx(error(usual, "C"), rel=0.05)
+    with pytest.raises(InputError, match="no run of it is given"):
+        excursion("focus", slower["focus"], fault_filter="with margins")
 
 
 def test_an_unknown_drive_is_named(slower):
