@@ -76,21 +76,20 @@ def held(name, method, seed):
     return np.abs(found - exact) <= 1.96 * program.deviations(answer, at)[:, 0]
 
 
-def driven(name, seed):
-    """Excitation, input and output of a plant in a loop u = r - gain y, with slow noise."""
+def driven(name, seed, size=SIZE):
+    """Excitation, input and output of a plant in a loop u = r - gain y, with slow noise.
+
+    The noise is so large beside the output of the loop without it: that of an open integrator is a
+    ramp, beside which any noise seems small.
+    """
     above, below = PLANTS[name].channels[0].polynomials()
     gain, rng, before = DRIVEN[name][1], np.random.default_rng(seed), 5 * PERIOD
     r = np.tile(rng.choice([-1.0, 1.0], PERIOD // 4).repeat(4), PERIODS + 5)
     v = lfilter([1.0], [1.0, -0.8], rng.standard_normal(len(r)))
-    v *= SIZE * lfilter(above, below, r).std() / v.std()
-    clean, u = np.zeros(len(r)), np.zeros(len(r))
-    for t in range(len(r)):
-        for k in range(1, min(t, len(above) - 1) + 1):
-            clean[t] += above[k] * u[t - k]
-        for k in range(1, min(t, len(below) - 1) + 1):
-            clean[t] -= below[k] * clean[t - k]
-        u[t] = r[t] - gain * (clean[t] + v[t])
-    return r[before:], u[before:], (clean + v)[before:]
+    loop = below + gain * np.pad(above, (0, len(below) - len(above)))
+    clean = lfilter(above, loop, r)
+    y = clean + lfilter(below, loop, size * clean[before:].std() / v.std() * v)
+    return r[before:], (r - gain * y)[before:], y[before:]
 
 
 def held_in_a_loop(name, seed, methods=NOISE_STATES):

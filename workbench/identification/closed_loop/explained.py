@@ -42,25 +42,27 @@ def explained_part(record: Experiments, period: int | None) -> tuple[Experiments
     return _with_signals(record, _driven(model, r, joint)), ended
 
 
-def noise_share(record: Experiments, period: int | None) -> float:
-    """Share of noise in the power of an input's explained part, the largest of all inputs.
+def noise_shares(record: Experiments, period: int | None) -> tuple[float, float]:
+    """Shares of noise in the power of what the excitation explains of inputs and of outputs.
 
-    The explained parts by the two halves of the record have independent noise: their difference
-    shows it. It is zero if the halves are too short to explain anything.
+    Of the inputs the largest share counts, since each is used as if it had no noise; of the outputs
+    the smallest, since one that shows the excitation is enough. The explained parts by the two
+    halves of the record have independent noise: their difference shows it. Shares are zero if the
+    halves are too short to explain anything.
     """
     r, joint = excitation_of(record), np.hstack([record.u, record.y])
     middle, nu = len(r) // 2, record.u.shape[1]
     if period is None:
         models = [impulse_model_that_ends(Experiments(r[a], joint[a]))[0] for a in _halves(middle)]
-        parts = [_driven(model, r, joint)[:, :nu] for model in models if model is not None]
+        parts = [_driven(model, r, joint) for model in models if model is not None]
     else:
         middle -= middle % period
-        parts = [_mean_period(r[a], joint[a, :nu], period)[:period] for a in _halves(middle)]
+        parts = [_mean_period(r[a], joint[a], period)[:period] for a in _halves(middle)]
     if len(parts) < 2:
-        return 0.0
+        return 0.0, 0.0
     apart, mean = np.subtract(*parts) / 2, np.mean(parts, axis=0)
-    power = np.maximum(mean.var(axis=0), np.finfo(float).tiny)
-    return float(np.max(apart.var(axis=0) / power))
+    shares = apart.var(axis=0) / np.maximum(mean.var(axis=0), np.finfo(float).tiny)
+    return float(shares[:nu].max()), float(shares[nu:].min())
 
 
 def _halves(middle: int) -> tuple[slice, slice]:

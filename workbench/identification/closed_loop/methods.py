@@ -28,6 +28,7 @@ from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import refine
 from workbench.identification.state_space.methods import (
+    CONVERGED,
     FitterOfOrder,
     claim,
     identify,
@@ -39,8 +40,8 @@ from workbench.identification.state_space.subspace import best_subspace_of
 from workbench.program import Claim, method
 from workbench.systems.sampling import respond
 
-TRIED, CONVERGED = 2, 0.01
-"""Number of starts for the direct method's search, and gain in log likelihood below which it ends.
+TRIED = 2
+"""Number of starts for the direct method's search, which ends when it has converged.
 
 Without a model that follows the noise, one search in eight ends in a local minimum, and a step that
 gains only 1 is still far from the minimum: estimates would scatter with the points where searches

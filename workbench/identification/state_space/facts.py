@@ -19,7 +19,7 @@ from workbench.identification.innovations.uncertainty import (
     of_magnitudes,
     static_gain,
 )
-from workbench.identification.innovations.whiteness import model_whiteness
+from workbench.identification.innovations.whiteness import Whiteness, model_whiteness
 from workbench.identification.state_space.identified import MODELS, IdentifiedModels
 from workbench.identification.state_space.question import RecordedQuestion
 
@@ -90,12 +90,19 @@ def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list
     return words
 
 
+def whiteness_of(program: RecordedQuestion, model: InnovationsModel) -> Whiteness | None:
+    """The test of a model's one-step errors; None for models that it is not made for."""
+    if model.members or has_finite_response(model) or model.order > MOST_STATES_OF_DEVIATIONS:
+        return None
+    return model_whiteness(model, program.estimation_record, program.direct)
+
+
 def not_white(program: RecordedQuestion, model: InnovationsModel, name: str) -> str:
     """A sentence on one-step errors that are not white; empty if they are, or are not tested."""
-    if model.members or has_finite_response(model) or model.order > MOST_STATES_OF_DEVIATIONS:
+    found = whiteness_of(program, model)
+    if found is None or found.holds:
         return ""
-    found = model_whiteness(model, program.estimation_record, program.direct)
-    return "" if found.holds else f"{name}: one-step errors are not white, {found.words}"
+    return f"{name}: one-step errors are not white, {found.words}"
 
 
 def simulator_deviations(

@@ -14,10 +14,12 @@ from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import (
+    COARSE_SAMPLES,
     MIN_LIKELIHOOD_GAIN,
     refinable,
     refine,
 )
+from workbench.identification.state_space.facts import whiteness_of
 from workbench.identification.state_space.gaps import bridged
 from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
@@ -37,6 +39,8 @@ SIMULATION_WEIGHTS = (0.0, 1.0)
 
 The predictor is the maximum-likelihood estimate; the simulator weights both kinds of errors.
 """
+CONVERGED = 0.01
+"""Gain in log likelihood of an iteration below which a search has converged."""
 FitterOfOrder = Callable[[int], Fitter]
 """Function of an order; it returns a function that fits models of that order."""
 
@@ -174,8 +178,10 @@ def refined_fits(
     """Fitting functions that refine those subspace models with the least criterion.
 
     ``tried`` models are refined and the best is kept; the iterations end when one gains less than
-    ``least_gain`` in log likelihood. For parts that are fitted to choose an order, one start and
-    the usual limit are used.
+    ``least_gain`` in log likelihood. If its errors are not white, the search may have stopped early
+    or in a local minimum: it goes on until it has converged, and from the other models, one by one,
+    until the errors of the best are white. For parts that are fitted to choose an order, one start
+    and the usual limit are used.
     """
 
     def way(order: int) -> Fitter:
@@ -184,19 +190,37 @@ def refined_fits(
                 criterion = Criterion(model, record, simulation_weight, program.direct)
                 return criterion(criterion.start(model))
 
-            usable = [m for m in starts.of(record, order) if refinable(m, program.largest_radius)]
             known, whole = program.known, record is program.estimation_record
-            found = [
-                refine(
+
+            def refined(start: InnovationsModel, gain: float) -> InnovationsModel:
+                return refine(
                     start, record, simulation_weight,
                     direct=program.direct, largest_radius=program.largest_radius, known=known,
-                    entries=None if known is None else known.free_entries(start),
-                    least_gain=least_gain if whole else MIN_LIKELIHOOD_GAIN,
-                )[0]
-                for start in sorted(usable, key=value)[: tried if whole else 1]
-            ]  # fmt: skip
-            return least_of(found, value)
+                    entries=None if known is None else known.free_entries(start), least_gain=gain,
+                )[0]  # fmt: skip
+
+            usable = [m for m in starts.of(record, order) if refinable(m, program.largest_radius)]
+            usable.sort(key=value)
+            if not whole:
+                return least_of([refined(m, MIN_LIKELIHOOD_GAIN) for m in usable[:1]], value)
+            best = least_of([refined(m, least_gain) for m in usable[:tried]], value)
+            for start in (best, *usable[tried:]):
+                if best is None or start is None or not _may_be_local(program, best):
+                    break
+                best = least_of([best, refined(start, CONVERGED)], value)
+            return best
 
         return fit
 
     return way
+
+
+def _may_be_local(program: StateSpaceFit, model: InnovationsModel | None) -> bool:
+    """Whether a search from elsewhere may find a better model: one whose errors are white.
+
+    No model of a long record is so good that its errors seem white.
+    """
+    if model is None or len(program.estimation_record) > COARSE_SAMPLES:
+        return False
+    white = whiteness_of(program, model)
+    return white is not None and not white.holds
