@@ -15,9 +15,9 @@ damping that belongs to the overshoot.
     overshoot       |T| <= M with M = 1 / (2 z sqrt(1 - z^2)), the peak of two poles of damping z,
                     whose overshoot is exp(-pi z / sqrt(1 - z^2)); M is 1 from a damping of 0.71 on,
                     where an overshoot of 4 % is left. Well below the bandwidth T is near 1 in any
-                    case: the weight falls below 0.3 of it. Every loop with an integrator around an
-                    unstable plant overshoots, so this plant gets no such weight: a filter of the
-                    set-point keeps the overshoot (`setpoint_time_constant`).
+                    case: the weight falls below 0.3 of it. Every loop around an unstable plant
+                    overshoots, so this plant gets no such weight: a filter of the set-point limits
+                    the overshoot (`setpoint_time_constant`).
     recovery_time   |G S| <= |G(j w_d)| w / w_d, as a bandwidth on |S| times |G| over |G(j w_d)|: so
                     slow poles of the plant may not stay in its answer to a step at its input, where
                     S does not show them. The answer k t exp(-a t) is down to a tenth of its peak at

@@ -1,11 +1,11 @@
 """The time constant of a set-point filter, from the overshoot that is demanded.
 
-A loop with an integrator around a plant with a pole p > 0 has S(p) = 0: the errors e after a step
-of the set-point have the integral of e(t) exp(-p t) equal to zero, so every such loop overshoots,
-and the more the slower it is (R. H. Middleton, Trade-offs in linear control system design,
-Automatica 27 (1991) 281-292). A filter of the set-point, outside the loop, changes its response to
-set-points alone (K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., Princeton 2021, section
-12.1: two degrees of freedom).
+A stable loop around a plant with a pole p > 0 has S(p) = 0. So after a step of the set-point the
+integral of e(t) exp(-p t) over the error e is zero, e changes its sign, and the loop overshoots,
+the more the slower it is (R. H. Middleton, Trade-offs in linear control system design, Automatica
+27 (1991) 281-292). A filter of the set-point, outside the loop, changes the response to set-points
+alone (K. J. Astrom, R. M. Murray, Feedback Systems, 2nd ed., Princeton 2021, chapter 12: two
+degrees of freedom).
 
 A filter with the time constant T2 > T1 is that with T1 followed by (T1 s + 1) / (T2 s + 1), whose
 impulse response is nowhere negative and has the integral 1. So a longer time constant never raises
