@@ -7,12 +7,12 @@ from scipy.linalg import eigh
 
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.quadratic_forms import (
-    BITS,
     QuadraticForm,
     ball_product,
     ball_quotient,
     power,
 )
+from workbench.certify.rounding import BALL_BITS
 
 A = np.array([[0.5, 1.0, 0.25], [-0.75, 0.5, 0.0], [0.125, -2.0, 0.25]])
 P = np.array([[4.0, 1.0, 0.0], [1.0, 2.0, -0.5], [0.0, -0.5, 0.25]])
@@ -42,7 +42,7 @@ def test_a_ratio_is_no_lower_than_any_state_shows(skew):
     other, M = T.T @ Q @ T, np.linalg.solve(T, A @ T)
     found = QuadraticForm(form).ratio(QuadraticForm(other), real_balls(M))
     states = np.linalg.solve(T, rng.standard_normal((3, 400)))
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         above, below, through = (arb_mat(one.tolist()) for one in (other, form, M))
         for x in states.T:
             column = arb_mat(x[:, None].tolist())

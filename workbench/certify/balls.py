@@ -23,10 +23,13 @@ from workbench.systems.frequency_response import driven_states
 
 FEWEST_REFINED = 30
 """Least number of states for which a response is refined; with fewer states they are eliminated in
-balls.
+balls. Half or double changes the time, and no result.
 """
 LARGEST_DEFECT = 2.0**-10
-"""Largest error of an inverse in doubles that is used to refine a solution."""
+"""Largest error of an inverse in doubles that is used to refine a solution. Each step then gains 10
+bits. With half of it a few more responses are eliminated in balls; with double of it steps gain 9
+bits; the enclosure is proven either way.
+"""
 DOUBLE_BITS = 53
 """Bits of a double. A solution in doubles is refined with twice as many bits, then with more and
 more.

@@ -28,21 +28,29 @@ from workbench.executor.clock import proof_tick
 from workbench.systems.frequency_grid import starting_grid
 
 LARGEST_LOG_CHANGE = 0.2
-"""Largest change of the bound's logarithm between neighbouring frequencies of the grid."""
+"""Largest change of the bound's logarithm between neighbouring frequencies of the grid. With half
+of it the grid has twice as many frequencies; with double of it more peaks are found only while
+intervals are proven, which is slower.
+"""
 
 MAXIMUM_TOLERANCE = 1e-3
-"""A maximum is resolved when its neighbours differ from it by less than this share."""
+"""A maximum is resolved when its neighbours differ from it by less than this share. With half or
+double of it a maximum takes a refinement more or less; the proofs of intervals judge either.
+"""
 
 REFINED_SHARE = 1e-3
 """Only bounds above this share of the largest are refined."""
 
 SETTLING_STEPS = 3
 """Number of refinements in which unsettled gaps are split. Gaps that remain are treated when
-intervals are proven.
+intervals are proven. Each one halves a gap. With half of them more is left to the intervals; with
+twice as many smooth responses are bounded more often than needed.
 """
 
 MOST_GRID_POINTS = 3000
-"""Refinement stops at this number of frequencies."""
+"""Refinement stops at this number of frequencies. It limits memory. Half or double moves work to
+the proofs of intervals or away from them.
+"""
 
 
 @dataclass(frozen=True)
@@ -170,16 +178,24 @@ PEAK_STEPS, PEAK_SHARPNESS = 12, 1e-7
 """Largest number of parabolas, and the change of log omega that ends them."""
 
 NEGLIGIBLE_BOUND = 1e-9
-"""Bounds below this, absolute and as a share of the response, are not resolved further."""
+"""Bounds below this, absolute and as a share of the response, are not resolved further. It is well
+above the rounding of doubles. With half or double of it, bounds of responses that are rounding take
+a little longer or shorter.
+"""
 
 COARSENING_FACTOR, COARSENINGS = 10.0, 10
 """Factor by which the tolerance grows each time the allowed steps are used up, and how often."""
 
 MOST_FAILURES_OF_BALLS = 5
-"""Number of failures after which ball arithmetic, which is slow, is not tried any more."""
+"""Number of failures after which ball arithmetic, which is slow, is not tried any more. Half gives
+up on gaps that balls might prove; double costs more time where rounding hides every proof.
+"""
 
 HOPELESS_RATIO = 1e3
-"""The search stops when the bound has grown by this factor: rounding hides every proof then."""
+"""The search stops when the bound has grown by this factor: rounding hides every proof then. A
+bound 1000 times too large tells a user nothing. Half or double ends the search one step earlier or
+later.
+"""
 
 FIXED_INTERVALS, FIXED_INTERVALS_OF_MANY_STATES = 15, 4
 """Number of steps with fixed multipliers before linear multipliers cover the remaining gaps; for
@@ -192,7 +208,10 @@ frequencies.
 """
 
 NARROW_GAP_RATIO = 1 + 1e-7
-"""Gaps whose ends have a smaller ratio than this are covered by fixed multipliers only."""
+"""Gaps whose ends have a smaller ratio than this are covered by fixed multipliers only. Half or
+double of the distance from 1: narrower or wider gaps are covered without a search; each cover is
+proven.
+"""
 
 SMALLEST_POSITIVE = float(np.finfo(float).tiny)
 """Smallest normal floating-point number; avoids division by a frequency of 0."""

@@ -31,24 +31,34 @@ from workbench.certify.rounding import (
 
 ATTEMPTS = 3
 """Number of times that eigenvectors are computed, each time in the coordinates of those before.
-This helps if entries differ widely.
+This helps if entries differ widely. With fewer, discs of graded matrices may stay wide, and proofs
+take more intervals; every attempt gives valid discs.
 """
 FEWEST_KEPT = 40
 """Least number of states of a matrix whose discs are kept for later calls."""
 SHARP = 1e-7
-"""Attempts end once each disc on the axis has a radius below this share of its centre."""
+"""Attempts end once each disc on the axis has a radius below this share of its centre. A disc a
+thousand times smaller than `NORM_TOLERANCE` hides no peak. With half or double of it, an attempt
+more or less is made.
+"""
 SHARP_ENOUGH = 1e-4
-"""The same for a disc that only ends an interval."""
+"""The same for a disc that only ends an interval. An end may give up as much as `END_MARGIN`
+anyway. Half or double: an attempt more or less.
+"""
 SCALINGS = 8
-"""Number of steps of the search for the scaling of the rows."""
+"""Number of steps of the search for the scaling of the rows. Each step passes the scaling on by one
+coupling of rows. None of the nearest tests feels half or double; every scaling gives valid discs.
+"""
 WANTED_SHARE = 1e-3
 """A row needs no further scaling once its disc has a radius below this share of its distance from
-the real axis.
+the real axis. Half or double: other rows keep more or less of their sharpness; every scaling gives
+valid discs.
 """
-LEAST_DISTANCE = 1e-9
-"""Least distance from the axis, as a share of the eigenvalue's size, for which a row is scaled."""
 LARGEST_SCALE = 1e9
-"""Largest scaling factor of a row."""
+"""Largest scaling factor of a row, and largest ratio of an eigenvalue's size to the distance from
+the axis for which its row is scaled. Rounding leaves discs nearer to the axis than that on it, with
+any factor. Half or double move that border a little; each factor gives valid discs.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +238,7 @@ def _row_scaling(P: Enclosure, E: Enclosure, within: float) -> RealArray:
         distance = np.abs((p * e.conj()).imag) / np.abs(e)
     np.fill_diagonal(beside, 0.0)
     # Where e is 0, use the distance from all s within reach.
-    distance = np.where(np.isfinite(distance), distance, np.abs(p)) + LEAST_DISTANCE * np.abs(p)
+    distance = np.where(np.isfinite(distance), distance, np.abs(p)) + np.abs(p) / LARGEST_SCALE
     if not (np.isfinite(beside).all() and (distance > 0).all()):
         return np.ones(len(p))
     ratio = beside / distance[:, None]

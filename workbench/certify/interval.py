@@ -49,11 +49,14 @@ from workbench.certify.stable_system import StableSystem, stable_system
 
 END_MARGIN = 1e-3
 """Share of the distance to each end that an interval gives up, so that another machine, whose discs
-differ a little, can prove the same interval.
+differ a little, can prove the same interval. Half or double: intervals are longer or shorter by as
+much.
 """
 
 WORTHWHILE = 0.05
-"""Better coordinates are searched for if they may lengthen an interval by at least this share."""
+"""Better coordinates are searched for if they may lengthen an interval by at least this share. Half
+or double changes the time only.
+"""
 
 Multipliers = Sequence[Array]
 """D_left (c, c), D_right (r, r) and G (r, c)."""

@@ -28,7 +28,8 @@ ACCEPTED_ROUNDING = 1e-9
 SAID_ALLOWANCES = 3.0
 """Multiple of the rounding allowance in a bound that is reported, so that each processor can prove
 it. Two ways of rounding differ from the exact value by at most one allowance each; the check takes
-a third.
+a third. With half of it another processor may fail to prove a bound that this one reported; double
+loosens bounds by three more allowances.
 """
 BISECTIONS = 45
 """Largest number of bisections of beta^2 on a logarithmic scale."""

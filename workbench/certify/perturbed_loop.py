@@ -37,7 +37,9 @@ from workbench.certify.stable_system import StableSystem
 from workbench.structure import Structure
 
 GROWTHS = (2.0**-34, 2.0**-24, 2.0**-16)
-"""Shares by which a perturbation on the stability boundary is enlarged, so that it lies beyond."""
+"""Shares by which a perturbation on the stability boundary is enlarged, so that it lies beyond.
+They are tried in turn. Half or double: the perturbation said is larger or smaller by as much.
+"""
 
 
 def proven_at(

@@ -14,12 +14,13 @@ from scipy.linalg import eigh
 
 from workbench._core.arrays import EPS, RealArray
 from workbench.certify.modes.modal_form import real_balls, real_doubles
-from workbench.certify.rounding import Enclosure, exact, positive_definite
+from workbench.certify.rounding import BALL_BITS, Enclosure, exact, positive_definite
 
-BITS = 256
-"""Bits of the balls."""
 EXCESSES = (2.0**-46, 2.0**-40, 2.0**-32, 2.0**-24, 2.0**-16)
-"""Relative distances above the computed ratio that are tried as proven bounds."""
+"""Relative distances above the computed ratio that are tried as proven bounds. The first is 64
+roundings of a double; each next one is tried where the forms are conditioned worse. Half or double:
+bounds are as much nearer or farther; each is proven.
+"""
 LEAST_RATIO = 2.0**-200
 """Least ratio that is searched for."""
 
@@ -50,7 +51,7 @@ class QuadraticForm:
     def seen(self, form: RealArray, through: arb_mat | None = None) -> Enclosure:
         """The form y' F y of y = M x in the basis; M None: the identity."""
         assert self.basis is not None
-        with ctx.workprec(BITS):
+        with ctx.workprec(BALL_BITS):
             y = self.basis if through is None else through * self.basis
             return real_doubles(y.transpose() * (real_balls(form) * y))
 
@@ -70,7 +71,7 @@ class QuadraticForm:
         if not size.any():
             return 0.0
         below, unit = self.seen(self.P), exact(np.eye(len(self.P)))
-        with ctx.workprec(BITS):
+        with ctx.workprec(BALL_BITS):
             y = real_balls(size) * real_balls(np.abs(self.columns))
             above = real_doubles(y.transpose() * (real_balls(np.abs(other.P)) * y))
         largest = float(np.linalg.eigvalsh((above.mid + above.mid.T) / 2)[-1])
@@ -101,7 +102,7 @@ class QuadraticForm:
 
 def power(A: RealArray, exponent: int, rate: float | None = None) -> Any:
     """A^exponent (n, n) in balls; with a rate, rate^(exponent - 1) A instead."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         balls = real_balls(A)
         if rate is None:
             return balls**exponent
@@ -110,11 +111,11 @@ def power(A: RealArray, exponent: int, rate: float | None = None) -> Any:
 
 def ball_product(A: RealArray, B: Any) -> Any:
     """A B for balls B."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         return real_balls(A) * B
 
 
 def ball_quotient(A: RealArray, divisor: float) -> Any:
     """A divided by a number, in balls."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         return real_balls(A) / arb(divisor)

@@ -23,10 +23,19 @@ error.
 """
 TINY = float(np.finfo(float).tiny)
 """Smallest normal number, which bounds the absolute error of a product that underflows."""
+BALL_BITS = 256
+"""Bits of balls in proofs about numbers that are doubles: five times those of a double, so that
+four fifths may cancel, as in polynomials over many decades of frequency. With half of them such
+proofs fail; with twice as many they take longer. No number of bits makes them wrong.
+"""
 SLICES = 5
-"""Number of slices of a matrix for a sharp product: five have 100 bits for 800 inner terms."""
+"""Number of slices of a matrix for a sharp product: five have 100 bits for 800 inner terms. With
+half of them a test finds wrong last bits; with twice as many no test feels a difference.
+"""
 WEIGHTINGS = 6
-"""Number of steps of the search for the weights x of an inverse."""
+"""Number of steps of the search for the weights x of an inverse. With half of them some inverses
+may stay unproven in doubles, and are computed in balls.
+"""
 WANTED_CONTRACTION = 1e-3
 """A row needs no further weighting once its theta is below this."""
 LARGEST_WEIGHT = 1e100

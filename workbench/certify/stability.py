@@ -16,7 +16,8 @@ from workbench.systems.balancing import balancing, with_state_units
 
 SHARP_SHARE = 1e-5
 """The worst pole's disc is small enough if its radius is below this share of its distance from the
-boundary: `verify` compares these distances to a part in 10^4.
+boundary: `verify` compares these distances to a part in 10^4. Half or double: discs of poles take a
+little more or less work; ten times as much is more than `verify` allows.
 """
 
 

@@ -48,7 +48,7 @@ SHARPNESS = 1e-6
 """A realisation is used as given if the radius of each pole's disc is below this share of the
 pole's distance from the imaginary axis. Bounds 0.1 % above a resonance need discs that are smaller
 than its damping by such a factor. Other realisations are transformed to modal coordinates in ball
-arithmetic.
+arithmetic. Half or double: some realisations more or fewer are transformed.
 """
 WELL_DAMPED = 0.1
 """With at least this damping ratio, discs up to a tenth of the distance from the axis are

@@ -15,13 +15,13 @@ from workbench.answer import Answer
 from workbench.certificate import THIS_SYSTEM, Check, Checker, relative_excess
 from workbench.certify.realisations.lyapunov import rounded, stability_proof
 from workbench.certify.realisations.parts import (
-    BITS,
     boundary_projector,
     nearest_doubles,
     split_in_balls,
     sum_errors,
     unit_of_time,
 )
+from workbench.certify.rounding import BALL_BITS
 from workbench.errors import InputError
 from workbench.second_opinion.responses import farthest_sum
 from workbench.systems.axis_poles import stable_last
@@ -136,7 +136,7 @@ def parts_of(system: StateSpace) -> SystemParts:
     given = _units(A, B, C, bool(dt))
     A, B, C = A / rate * given[:, None] / given, B / rate * given[:, None], C / given
     V, (k, antistable), projector = _coordinates(A, B, C, bool(dt))
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         found = split_in_balls((A, B, C), V, k, projector)
     if found is None:
         raise _undecided()

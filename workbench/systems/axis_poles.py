@@ -32,8 +32,10 @@ from workbench.systems.frequency_response import driven_states
 EIGENVECTOR_MARGIN = 10.0
 """Factor that allows for rounding of eigenvalues, eigenvectors and their condition number."""
 POLE_ROUNDINGS = 4
-"""Multiple of the relative rounding error of every entry of a matrix, within which its poles may
-move.
+"""Multiple of the relative rounding error in every entry of a realisation that may have moved its
+poles, or its response to zero. An entry that took a few operations errs by two or three roundings.
+With half of it poles at 0 that such entries move count as slow poles; with twice as much, a slow
+pole that the entries tell counts as one at 0.
 """
 
 

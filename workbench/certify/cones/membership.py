@@ -9,11 +9,10 @@ from typing import Any
 from flint import arb, ctx, fmpq
 
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
+from workbench.certify.rounding import BALL_BITS
 
 Rational = Any
 """A `flint.fmpq`."""
-BALL_BITS = 256
-"""Precision of the balls that decide definiteness where they can."""
 
 
 def fraction(value: Rational) -> Fraction:

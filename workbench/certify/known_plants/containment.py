@@ -36,7 +36,9 @@ from workbench.certify.known_plants.exact_function import (
 from workbench.errors import SolverError
 
 LEVEL_TOLERANCE = 1e-10
-"""Distance of a proven bound above the largest excess found, relative to the radius."""
+"""Distance of a proven bound above the largest excess found, relative to the radius. Half or
+double: at most one Newton step more or less.
+"""
 UNBOUNDED = 2.0**100
 """A plant counts as infinitely far outside from this distance on, relative to the radius."""
 FAR = 2**150

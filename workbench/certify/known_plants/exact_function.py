@@ -15,12 +15,11 @@ import numpy as np
 from flint import acb, arb, ctx, fmpq, fmpq_poly
 
 from workbench._core.arrays import ComplexArray, RealArray
+from workbench.certify.rounding import BALL_BITS
 from workbench.errors import InputError
 
 X = fmpq_poly([0, 1])
 """The variable x = omega^2."""
-RESPONSE_BITS = 256
-"""Precision [bits] of responses, since polynomials lose digits over many decades of frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +47,7 @@ class ExactFunction:
 
     def response(self, omega: RealArray) -> ComplexArray:
         """Values on the imaginary axis at angular frequencies [rad/s] (F,), correctly rounded."""
-        before, ctx.prec = ctx.prec, RESPONSE_BITS
+        before, ctx.prec = ctx.prec, BALL_BITS
         try:
             points = [acb(0, arb(float(w))) for w in omega]
             values = [self._at(self.numerator, s) / self._at(self.denominator, s) for s in points]

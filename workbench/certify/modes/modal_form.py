@@ -33,7 +33,10 @@ from workbench.certify.rounding import (
 )
 
 PRECISIONS = (128, 256, 512)
-"""Bits of the balls, tried in turn until a proof succeeds."""
+"""Bits of the balls, tried in turn until a proof succeeds. Each doubling squares what may cancel.
+With half of them more plants of clustered poles are left without a proof; with double of them all
+take longer. None of the nearest tests feels either.
+"""
 
 FEWEST_QUICK = 30
 """Least number of states for which modes are taken from doubles; for fewer states balls take no
@@ -46,10 +49,14 @@ about 1e-9, and a bound 0.1 % above a peak can still be proven. At 1e9 it could 
 
 LOST_IN_DOUBLES = 8
 """Largest error of modal coordinates by an inverse in doubles, in units of the last bit of the
-largest entry of a row; in balls it is 1.
+largest entry of a row; in balls it is 1. With half of it more rows are computed again in balls,
+which is slower; with double of it coordinates may lose another bit. None of the nearest tests
+feels either.
 """
 REFINEMENTS = 4
-"""Largest number of corrections of modal coordinates in doubles."""
+"""Largest number of corrections of modal coordinates in doubles. Each gains nine digits at least,
+by `LARGEST_CONDITION`, so half still suffices; more are not made once rows are sharp.
+"""
 LARGEST_SCALE = 2.0**200
 """Largest scaling factor of a state."""
 LARGEST_ENTRY = 1e150

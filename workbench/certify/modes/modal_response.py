@@ -19,7 +19,9 @@ from workbench._core.arrays import EPS, Array, ComplexArray, RealArray
 from workbench.errors import InputError
 
 FEWEST_DECOMPOSED = 12
-"""Least number of states for which a decomposition is faster than elimination at every point."""
+"""Least number of states for which a decomposition is faster than elimination at every point. Half
+or double changes which way responses of 6 to 23 states are computed, and their last digits.
+"""
 LARGEST_CONDITION = 1e10
 """Largest condition number of eigenvectors that are used: a step of refinement then gains
 digits.
@@ -29,7 +31,9 @@ TRIED_POINTS = 4
 to the doubtful points.
 """
 ROUNDING_FACTOR = 10.0
-"""Error of a response by rounding, in units of its estimate."""
+"""Error of a response by rounding, in units of its estimate. With half of it an estimate that is
+too low by more than 5 would be believed; with double of it more points are refined.
+"""
 UNSETTLED_CHANGE = 1e-3
 """If the last step changes a response by more than this share, the refinement does not converge."""
 STEPS = 4

@@ -15,7 +15,7 @@ from workbench._core.arrays import RealArray
 from workbench.certify.balls import above
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.realisations.lyapunov import frobenius
-from workbench.certify.realisations.parts import BITS
+from workbench.certify.rounding import BALL_BITS
 from workbench.systems.realisation import Matrices
 
 
@@ -38,7 +38,7 @@ def relative_change(
     """
     if not len(coordinates):
         return 0.0
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         rows, columns = (real_balls(np.diag(factors)) for factors in (units, 1.0 / units))
         A, B, C, D = (real_balls(part) for part in given)
         A0, B0, C0, D0 = (real_balls(part) for part in other)

@@ -25,7 +25,9 @@ from workbench.systems.balancing import with_state_units
 BITS = (128, 256, 512, 1024)
 """Bits of the numbers, tried in turn until the values are accurate."""
 SHARP = 1e-9
-"""An interval of this relative width is accurate enough."""
+"""An interval of this relative width is accurate enough. Half or double changes the precision that
+is tried last.
+"""
 NEGLIGIBLE = 2.0**-52
 """Below this share of the largest value, an interval may have any width."""
 MOST_SWEEPS = 40

@@ -17,7 +17,7 @@ from typing import Any
 from flint import acb_mat, arb, ctx
 
 from workbench.certify.balls import above, balls
-from workbench.certify.realisations.parts import BITS
+from workbench.certify.rounding import BALL_BITS
 from workbench.systems.realisation import Matrices
 
 Mode = tuple[Any, acb_mat]
@@ -30,7 +30,7 @@ def gain_by_modes(one: Matrices, other: Matrices, sampled: bool) -> float:
     Infinite if poles of one system cannot be told from each other, or from the boundary. The bound
     is close to the gain itself if it comes from few modes that nearly agree.
     """
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         modes, others = (_modes(part) for part in (one, other))
         if modes is None or others is None:
             return math.inf

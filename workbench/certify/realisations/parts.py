@@ -27,14 +27,11 @@ from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.norms import certified_norm
 from workbench.certify.proofs.numerator import stable_numerator
 from workbench.certify.realisations.lyapunov import frobenius, rounded
-from workbench.certify.rounding import nearest_power_of_two
+from workbench.certify.rounding import BALL_BITS, nearest_power_of_two
 from workbench.certify.stability import stability_check
 from workbench.errors import InputError
 from workbench.systems.balancing import FAR, speed
 from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
-
-BITS = 256
-"""Bits of the numbers with which exact fractions and inverses are taken."""
 
 
 def in_fractions(matrix: RealArray) -> fmpq_mat:
@@ -96,7 +93,7 @@ def _boundary_factor(common: fmpq_poly, sampled: bool) -> fmpq_poly:
         mirrored = _mirrored_polynomial(factor, sampled)
         if mirrored * factor[factor.degree()] != factor * mirrored[mirrored.degree()]:
             continue
-        with ctx.workprec(BITS):
+        with ctx.workprec(BALL_BITS):
             found_roots: Any = factor.numer().complex_roots()
             roots = [root for root, _ in found_roots]
             away = [abs(root) - 1 if sampled else root.real for root in roots]
@@ -172,7 +169,7 @@ def sum_errors(
     if k and (projector is None or states_of(projector) != k):
         return math.inf, math.inf
     relative = markov_error((A, B, C, D), boundary, projector) if projector is not None else 0.0
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         found = split_in_balls((A, B, C), coordinates, k, projector)
         if found is None:
             return math.inf, relative
@@ -219,7 +216,7 @@ def _stable_mirror(part: Matrices, dt: float) -> tuple[Matrices, float]:
     A, B, C, D = part
     if not dt or not len(A):
         return (-A, -B, C, D), 0.0
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         a, b, c, d = (real_balls(matrix) for matrix in part)
         try:
             back = a.inv()

@@ -7,15 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.executor import Context
 from workbench.mu.boxes.descent import corners_of_poles, drawn_corners, unstable_member
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
+from workbench.systems.axis_poles import POLE_ROUNDINGS
 
 BISECTIONS = 60
-"""Number of bisections for the size at which a direction becomes unstable."""
+"""Number of bisections for the size at which a direction becomes unstable. They leave 1e-12 of a
+range of 1e6; half of them would leave 1e-3, and a looser bound; more change nothing.
+"""
 GAP_SHARE = 0.999
 """A level lies this share of the wanted gap below the upper bound, so that rounding does not exceed
 the gap.
@@ -32,9 +35,9 @@ DECISIONS = 4
 """A size is given at most about parts / DECISIONS parts; after that, the number is not raised any
 more.
 """
-TRIPLE_ROOT_ROUNDING = 1e-5
+TRIPLE_ROOT_ROUNDING = (POLE_ROUNDINGS * EPS) ** (1 / 3)
 """Relative error of the size of an unstable member that bisection in doubles has found, and of a
-delay found from its crossings: about eps^(1/3), by which rounding moves a triple pole or crossing.
+delay found from its crossings: rounding moves a triple pole or crossing by its cube root.
 """
 REPROOF_PARTS = 4
 """A proof of a lower bound may use this many times the parts of the search that found it: on

@@ -35,7 +35,8 @@ varied.
 CUT = 0.487
 """Share of a part's width at which it is cut. It is not a half, since borders of stability often
 lie at round values, and a part that touches such a border would stay undecided after any number of
-cuts.
+cuts. Nearer to a half, borders at round values are met again after more cuts; farther from it,
+parts become uneven. Every cut is valid.
 """
 
 Weight = Callable[[RealArray, RealArray], float]

@@ -23,7 +23,9 @@ QUICK_FREQUENCIES = 60
 """Largest number of frequencies at which a quick lower bound is computed."""
 
 THOROUGH_FREQUENCIES = 6
-"""Number of these frequencies at which a thorough lower bound follows."""
+"""Number of these frequencies at which a thorough lower bound follows. With half of them a lower
+bound may be smaller; with twice as many it takes twice as long.
+"""
 
 MOST_PROOFS = 8
 """Number of the best proposals for which a proof is tried."""

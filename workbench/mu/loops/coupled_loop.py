@@ -22,7 +22,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.certify.known_plants.exact_function import ExactFunction
 from workbench.errors import InputError
 from workbench.mu.loops.characteristic import LateChannels
-from workbench.mu.loops.crossings import ROUNDINGS, Crossing, ExactLoop
+from workbench.mu.loops.crossings import Crossing, ExactLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.loops.delayed_modulus import LeastDelta
 from workbench.mu.loops.encirclements import radius_where, zeros_right_of_axis
@@ -33,6 +33,7 @@ from workbench.mu.loops.quasi_polynomials import (
     QuasiPolynomial,
     without_common_factor,
 )
+from workbench.systems.axis_poles import POLE_ROUNDINGS
 
 SLOWEST = 2.0**-60
 """Least frequency of a nonzero crossing, relative to the frequency beyond which |L| stays small."""
@@ -85,7 +86,7 @@ class CoupledLoops:
             near = np.abs(np.linalg.inv(1j * omega * np.eye(n) - A - B @ inner @ C))
         except np.linalg.LinAlgError:
             return True
-        return not ROUNDINGS * EPS * float((near.T * entries).sum()) < 1.0
+        return not POLE_ROUNDINGS * EPS * float((near.T * entries).sum()) < 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +245,7 @@ class CoupledLoop:
     @staticmethod
     def _seen(one: Crossing) -> bool:
         """Whether the crossing is more than rounding, so that a finite gain moves it to -1."""
-        return ROUNDINGS * EPS * abs(one.value) < 1.0
+        return POLE_ROUNDINGS * EPS * abs(one.value) < 1.0
 
 
 def _static() -> StateSpace:

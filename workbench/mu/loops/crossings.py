@@ -24,7 +24,7 @@ from workbench.certify.known_plants.exact_function import (
     exact_square,
     products,
 )
-from workbench.systems.axis_poles import pole_may_be_at
+from workbench.systems.axis_poles import POLE_ROUNDINGS, pole_may_be_at
 
 PRECISION = 192
 """Precision [bits] at which roots are isolated and responses are evaluated there."""
@@ -33,10 +33,6 @@ MODULUS_ROUNDING = 1e-12
 TOUCHING = 1e-7
 """Roots x closer than this to each other or to the real axis, relative to their size, count as one
 crossing: a curve that touches its line in exact arithmetic has such roots in doubles.
-"""
-ROUNDINGS = 4
-"""A response counts as zero if it could be caused by this multiple of the relative rounding error
-in every entry of the loop's realisation.
 """
 
 
@@ -163,7 +159,7 @@ class ExactLoop:
         """Whether a crossing is more than rounding: a finite gain moves it to -1, and the response
         is not all rounding.
         """
-        if not ROUNDINGS * EPS * abs(at.value) < 1.0:  # or a pole, up to rounding
+        if not POLE_ROUNDINGS * EPS * abs(at.value) < 1.0:  # or a pole, up to rounding
             return False
         if not self.system.nstates or not math.isfinite(at.omega):
             return abs(at.value) > 0.0
@@ -172,7 +168,7 @@ class ExactLoop:
                 value, size = self._terms(at.omega)
             except ZeroDivisionError:
                 return False
-            return bool(abs(value) > ROUNDINGS * EPS * size)
+            return bool(abs(value) > POLE_ROUNDINGS * EPS * size)
 
     def _terms(self, omega: float) -> tuple[acb, arb]:
         """The response of the realisation, and the sum of the sizes of its terms.

@@ -33,18 +33,19 @@ from workbench.certify.known_plants.exact_function import (
 )
 from workbench.mu.loops.crossings import (
     PRECISION,
-    ROUNDINGS,
     Crossing,
     ExactLoop,
     positive_roots,
 )
 from workbench.mu.loops.delayed_modulus import LeastDelta, least_delta, least_distance
+from workbench.systems.axis_poles import POLE_ROUNDINGS
 
 HALVINGS = 80
 """Number of bisections for a crossing of the real axis within an interval of frequency."""
 CROSSINGS_PER_END = 3
 """Number of crossings of the negative real axis that are reported at either end of an interval on
-which gain and phase are monotone; in all there are infinitely many.
+which gain and phase are monotone; in all there are infinitely many. A choice for tables and
+figures: the margins come from all crossings. Half or double lists fewer or more.
 """
 SAME_ROOT = 2.0**-100
 """Roots of several polynomials within this relative distance are one, such as poles on the axis."""
@@ -131,7 +132,7 @@ class DelayedLoop:
                 return False
             size += (np.abs(L.C) @ np.abs(resolvent) @ np.abs(L.B)).item()
         distance = abs(1.0 + gain * self.response(np.array([omega])).item())
-        return bool(distance <= ROUNDINGS * EPS * (1.0 + gain * size))
+        return bool(distance <= POLE_ROUNDINGS * EPS * (1.0 + gain * size))
 
     @property
     def longest_delay(self) -> Fraction:

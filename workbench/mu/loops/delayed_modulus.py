@@ -23,6 +23,8 @@ from itertools import pairwise
 
 from flint import acb, acb_poly, arb, ctx, fmpq, fmpq_poly
 
+from workbench.certify.balls import above, below
+
 DISTANCE_TOLERANCE = 1e-6
 """Largest relative distance of the lower bound below the least distance, unless another one is
 asked for.
@@ -43,8 +45,6 @@ ARCS, MOST_ARCS = 8, 400
 """Number of arcs into which a half circle is cut first if the phase of L is arbitrary, and the
 largest number.
 """
-OUTWARD_SHARE = 2.0**-50
-"""Relative amount by which a double is rounded outward."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class Bands:
         if self.pair:
             size = _paired(size**2 + abs(N).abs_lower() * abs(D).abs_lower(), d.abs_upper())
         found = abs(D + N).abs_upper() / size if size > 0 else arb("inf")
-        return float(found.abs_upper()) * (1 + OUTWARD_SHARE)
+        return above(found.abs_upper())
 
     def _inner(self, N: acb, D: acb) -> tuple[arb, arb]:
         """|b + a L| times |D|, and d times |D|^2."""
@@ -229,4 +229,4 @@ def _paired(p: arb, d: arb) -> arb:
 
 def least_double(value: arb) -> float:
     """The least number in a ball of positive numbers, rounded down; 0 if the ball is unbounded."""
-    return float(value.abs_lower()) * (1 - OUTWARD_SHARE) if value.is_finite() else 0.0
+    return below(value.abs_lower()) if value.is_finite() else 0.0

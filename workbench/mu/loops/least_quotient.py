@@ -14,7 +14,8 @@ from itertools import pairwise
 
 from flint import acb, arb, ctx
 
-from workbench.mu.loops.delayed_modulus import MOST_BANDS, OUTWARD_SHARE, LeastDelta, least_double
+from workbench.certify.balls import above
+from workbench.mu.loops.delayed_modulus import MOST_BANDS, LeastDelta, least_double
 from workbench.mu.loops.encirclements import EXPONENT, radius_where
 from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
 
@@ -96,7 +97,7 @@ class _Search:
     def _at(self, omega: float) -> float:
         """The quotient at a frequency, rounded up."""
         f, h = abs(self.f.at(omega)), abs(self.h.at(omega))
-        return float((f / h).abs_upper()) * (1 + OUTWARD_SHARE) if h > 0 else math.inf
+        return above((f / h).abs_upper()) if h > 0 else math.inf
 
     def _below(self, low: float, high: float) -> float:
         """A lower bound of the quotient on a band."""

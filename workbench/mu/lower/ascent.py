@@ -30,7 +30,9 @@ STEP_LENGTHS = 8
 BLOCKED_LENGTHS = 3
 """Step lengths tried before a real block that cannot keep the eigenvalue real is given up."""
 SETTLED_GAIN = 1e-9
-"""An ascent ends when a step raises the eigenvalue by less than this share."""
+"""An ascent ends when a step raises the eigenvalue by less than this share. Newton's method
+continues from there. With half or double of it, an ascent takes a step more or less.
+"""
 SAME_DELTA = 0.03
 """Two Deltas count as the same if no entries differ by more than this; an ascent ends at a known
 Delta.

@@ -48,11 +48,15 @@ MOST_COMPLEX_VERTICES = 8
 matrix.
 """
 NONLINEAR_STARTS = 6
-"""Number of random starts of the nonlinear program."""
+"""Number of random starts of the nonlinear program. The method is an independent answer. With half
+of them its lower bounds may be smaller; with twice as many it takes twice as long.
+"""
 RUNNERS_UP = 2
 """Number of earlier proposals for a matrix that are tried if the best one cannot be proven."""
 DEADLINE_MATRICES = 250
-"""Number of matrices computed between two checks of the deadline."""
+"""Number of matrices computed between two checks of the deadline. Half or double changes how
+promptly a time limit is kept.
+"""
 
 FoundEigenvalue = tuple[float, np.ndarray]
 """A real eigenvalue of M Delta (0: none found) and its Delta."""

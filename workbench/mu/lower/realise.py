@@ -22,7 +22,10 @@ from workbench.mu.lower.rayleigh import (
 )
 
 NEWTON_STEPS = 12
-"""Largest number of Newton steps towards a real eigenvalue."""
+"""Largest number of Newton steps towards a real eigenvalue. Newton's method doubles the digits, so
+four steps suffice from two digits; the others are for poor starts. With half of them a proposal
+from such a start may stay unproven.
+"""
 REAL_BLOCK_ADVANTAGE = 3.0
 """A real block replaces the phase as the unknown if its effect is larger by this factor."""
 SEARCH_TOLERANCE, FINAL_TOLERANCE = 1e-10, 1e-14
@@ -34,7 +37,9 @@ for a Python integer.
 """
 FOLLOWED_CHANGE = 1e-5
 """A Rayleigh quotient has settled once it changes by less than this share: its remaining error is
-of the order of the cube of that change.
+of the order of the cube of that change. The cube, 1e-15, is the rounding of a double. With half of
+it a step more is taken; with eight times as much the eigenvalue would be wrong in its last three
+digits.
 """
 
 

@@ -26,7 +26,11 @@ side.
 PROOF_TOLERANCE = 1e-3
 """Tolerance of the peaks of mu that prove a delay."""
 DELAY_RATIO = 1.05
-"""Ratio of one delay to the previous one in the search for a delay that is too long."""
+"""Ratio of one delay to the previous one in the search for a delay that is too long. The delay
+found is bisected later, so the ratio only matters where a loop is lost and kept again in between.
+With half of the distance from 1 the search takes twice as long; with double of it such delays are
+missed more often, and the upper bound is looser.
+"""
 LOST_EXCESS = 1e-6
 """The reported delay exceeds the delay that puts a pole on the axis by this share."""
 

@@ -31,7 +31,10 @@ by 0.01 rad within the turn in which a delay is lost; and the largest delay trie
 of the set.
 """
 LARGEST_TRIED = 1e3
-"""Size of the perturbations that are tried where the margin is infinite."""
+"""Size of the perturbations that are tried where the margin is infinite. A loop without a margin
+must stay stable for any size; at larger sizes poles lose the digits that the trial needs. Half or
+double is a weaker or slightly stronger trial.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -20,7 +20,10 @@ COUPLING_FLOOR = 1e-10
 that couple in one direction only would be scaled down without end.
 """
 NILPOTENT_NORM = 1e-30
-"""A matrix that can be scaled to this norm counts as nilpotent, with bound zero."""
+"""A matrix that can be scaled to this norm counts as nilpotent, with bound zero. The matrix had
+norm 1 before, and balancing takes a nilpotent one on towards 0. Half or double decides the same for
+all but norms next to it.
+"""
 
 
 def balanced_batch(

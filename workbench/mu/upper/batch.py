@@ -11,7 +11,9 @@ from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import Pattern, fill
 
 PATH_ITERATIONS = 100
-"""Largest number of iterations along the central path of one matrix."""
+"""Largest number of iterations along the central path of one matrix. With half of them paths of
+ill-conditioned matrices may end with a looser bound; with twice as many these take longer.
+"""
 WARM_START_RISES = (1.0, 1.1, 1.3)
 """Factors on t of the previous matrix's early point, tried in turn until a path starts from
 there.

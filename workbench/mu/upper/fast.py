@@ -26,7 +26,9 @@ SPOILT_BOUND_RATIO = 1 + 1e-6
 """A bound above this multiple of the largest singular value is spoilt by rounding."""
 
 POWER_STEPS = 3
-"""Steps of the power iteration for the largest singular value."""
+"""Steps of the power iteration for the largest singular value. It only has to tell bounds that are
+spoilt by a factor. With fewer, more bounds are taken for spoilt and computed again.
+"""
 
 pattern_of_structure = lru_cache(maxsize=32)(pattern_of)
 """`pattern_of`, kept for structures used before."""

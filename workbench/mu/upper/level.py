@@ -16,7 +16,10 @@ from workbench.mu.upper.newton import square
 from workbench.mu.upper.pattern import slack
 
 FALL = 0.9
-"""Share of the possible decrease of t that is used, after a Cholesky factor has been found."""
+"""Share of the possible decrease of t that is used, after a Cholesky factor has been found. All of
+the fall would end on the border, where nothing can be inverted. Half or double of the distance from
+1: larger falls nearer to the border, or smaller ones.
+"""
 
 
 @unchecked

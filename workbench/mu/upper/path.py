@@ -45,7 +45,9 @@ NEGLIGIBLE_T = 1e-16
 usual.
 """
 LARGEST_FALL = 1.5
-"""Largest share of t by which one step may lower t; a t below 0 is no better than 0."""
+"""Largest share of t by which one step may lower t; a t below 0 is no better than 0. With half of
+it, below 1, paths may take more iterations; double changes little, since t = 0 ends the path.
+"""
 LOST_STEP, RECOVERY_RISE, RECOVERIES = 0.1, 1.2, 12
 """A step shorter than the first number means that the path is lost: t is multiplied by the second
 number and the path starts again, at most as often as the third number says.

@@ -28,7 +28,9 @@ DIAGONAL_SHARES = np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9,
 INWARD_SHARES = (0.0, 1e-8, 1e-4, 1e-1)
 """Shares of D's own diagonal that are added to D, tried in turn until a good path starts."""
 MOST_RECENTRINGS = 8
-"""Largest number of rounds of recentring."""
+"""Largest number of rounds of recentring. Rounds also end when they gain nothing. With half of them
+a bound may be looser; double costs time only.
+"""
 ROUND_ITERATIONS = 60
 """Largest number of iterations along the path of one round."""
 START_RISES = (1.05, 1.5, 4.0)

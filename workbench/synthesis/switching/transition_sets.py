@@ -18,7 +18,8 @@ from flint import arb, arb_mat, ctx
 
 from workbench._core.arrays import EPS, RealArray
 from workbench.certify.modes.modal_form import real_balls, real_doubles
-from workbench.certify.quadratic_forms import BITS, QuadraticForm, power
+from workbench.certify.quadratic_forms import QuadraticForm, power
+from workbench.certify.rounding import BALL_BITS
 from workbench.errors import InputError
 
 LARGEST_EXPONENT = 500.0
@@ -91,7 +92,7 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
         raise InputError(f"duration is {duration}; it must be positive and finite")
     if n * duration * max(abs(each).max(initial=0.0) for each in (M, *parts)) > LARGEST_EXPONENT:
         raise InputError("duration times centre or slopes is so large that exponentials overflow")
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         h = arb(duration)
         X, steps = real_balls(M) * h, [real_balls(Y) * h for Y in parts]
         start, linear = X.exp(), [_derivative(X, Y) for Y in steps]

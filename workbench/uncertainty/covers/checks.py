@@ -18,7 +18,9 @@ from workbench.uncertainty.responses.plants import Responses
 
 REALISED_SUPPORT_TOLERANCE = 1e-6
 """Largest distance of a response beyond its set in the second opinion, relative to the radius.
-Responses of realisations in double precision are less accurate than responses from roots.
+Responses of realisations in double precision are less accurate than responses from roots. With half
+of it a true cover of high order may be contradicted; with double of it a plant 2e-6 of the radius
+outside is overlooked.
 """
 
 

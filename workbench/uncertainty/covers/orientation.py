@@ -27,7 +27,10 @@ Cost = Callable[[RealArray, RealArray, RealArray, RealArray], RealArray]
 """Cost (F, A) of candidates: omega (F,), angle (A,), radius (F, A), half-length (F, A)."""
 
 CANDIDATE_ANGLES = 360
-"""Number of angles tried at every frequency, half a degree apart."""
+"""Number of angles tried at every frequency, half a degree apart. A width changes by at most the
+set's length times half of the step, 0.4 % of it. With half of them 0.9 %; with twice as many the
+programming takes four times as long.
+"""
 
 
 def narrowest_angles(omega: RealArray, away: ComplexArray) -> RealArray:

@@ -15,13 +15,18 @@ from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.nominal import mean_response
 
 TRIED = (1, 2)
-"""Tried numbers of poles right of the axis."""
+"""Tried numbers of poles right of the axis. More poles right of the axis need a model that the user
+states. With other numbers the question would be asked of other plants.
+"""
 FAR_BETTER = 0.2
 """The plants seem unstable if the error of an unstable fit is below this share of the stable fit's
 error.
 """
 POOR = 0.1
-"""A stable fit with a relative error above this is poor."""
+"""A stable fit with a relative error above this is poor. With half of it the question is asked of
+more stable plants that the order cannot follow; with double of it unstable poles of small residues
+are not asked about.
+"""
 
 
 def warn_of_unstable(program: UncertaintyCover, context: Context) -> None:

@@ -24,7 +24,10 @@ from workbench.solution import solve
 MIN_RADIUS_SHARE = 1e-3
 """Smallest radius of a fitted set, relative to its extent; thinner sets would be lines."""
 MIN_POLE_DISTANCE = 1e-5
-"""Smallest distance of poles from the imaginary axis, relative to the lowest frequency."""
+"""Smallest distance of poles from the imaginary axis, relative to the lowest frequency. The
+response changes by that share at the lowest frequency. Half or double changes a sixth digit there;
+0 would leave integrators, which no weight may have.
+"""
 MIN_POLE_DAMPING = 1e-7
 """Smallest damping ratio of poles."""
 REACH = 1e4
@@ -46,7 +49,10 @@ GAIN_MARGIN = 1e-9
 MIN_RELATIVE_SIZE = 1e-6
 """Smallest size of a set in the weighting of a fit, relative to the largest set."""
 HALF_LENGTH_SHARE = 2.0
-"""Factor of a stadium's half-length in its size, which weights the errors of a fit."""
+"""Factor of a stadium's half-length in its size, which weights the errors of a fit. A stadium is
+longer by twice its half-length than it is wide. With half of it, radii of long sets are fitted more
+closely than they matter; with double of it, their half-lengths are.
+"""
 
 
 def fitted(program: Program, context: Context) -> Rational:

@@ -25,7 +25,10 @@ from workbench.uncertainty.matrix_covers.sections import SideOfWeights
 from workbench.uncertainty.matrix_covers.sets.loop import VOLUME_SHARE, loop_level, scaled_loop
 
 HARDNESS = (30.0, 100.0, 300.0, 1000.0, 3000.0)
-"""Factors of the logarithms in the soft maximum, used one after the other."""
+"""Factors of the logarithms in the soft maximum, used one after the other. The soft maximum of N
+terms is too large by at most log N / hardness: 0.2 % of a size at last for 400 terms. With half of
+them twice as much; with double of them the first descents are less smooth.
+"""
 STEPS = 200
 """Largest number of steps of the descent for one hardness."""
 OUTERMOST = 8

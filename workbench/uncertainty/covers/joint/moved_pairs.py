@@ -14,7 +14,9 @@ from workbench._core.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import Rational
 
 NEW_DAMPING = 0.02, 0.5
-"""Least and largest damping ratio of new pairs of roots."""
+"""Least and largest damping ratio of new pairs of roots. Less damping makes peaks that fall between
+frequencies; more makes real roots. Half or double changes which starts are drawn.
+"""
 NEW_SPREAD, APART = 0.15, 0.05
 """Standard deviation of the logarithm of a new frequency from the wanted one, and of the distance
 between its poles and zeros.

@@ -25,7 +25,9 @@ from workbench.uncertainty.matrix_covers.sets.newton import BarrierSets
 from workbench.uncertainty.matrix_covers.sets.program import MatrixSets
 
 FALL = 0.05
-"""Factor from one weight of the barrier to the next."""
+"""Factor from one weight of the barrier to the next. Half or double: fewer but longer rounds of
+Newton's method, or more and shorter ones, to the same last barrier.
+"""
 DECREMENT = 1e-6
 """Newton's method with the last barrier stops below this: half the squared Newton decrement,
 relative to the barrier's weight. After one step more the error is about the square of it.
