@@ -117,6 +117,27 @@ def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[An
         ) from None
 
 
+def matrix_values(M: Any) -> NDArray[Any]:
+    """M as a new complex array (..., columns, rows); python-control's FRD as (F, outputs, inputs).
+
+    Raises InputError if M is not numeric.
+    """
+    if hasattr(M, "frdata"):
+        M = np.moveaxis(np.asarray(M.frdata), -1, 0)
+    elif hasattr(M, "ninputs"):
+        raise InputError(
+            f"M must be an array of numbers (..., columns, rows), not {type(M).__name__}; mu of a "
+            "system is bounded by peak(system, structure), and an uncertain system has "
+            "robust_stability"
+        )
+    try:
+        return np.array(getattr(M, "values", M)).astype(complex)
+    except Exception:  # Converting an arbitrary object may raise any error.
+        raise InputError(
+            f"M is {M!r:.100}; an array of numbers (..., columns, rows) is needed"
+        ) from None
+
+
 def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
     """M as a complex array (..., columns, rows) that fits the structure.
 
@@ -125,10 +146,7 @@ def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
     InputError
         M is not numeric, has the wrong shape, or an entry that is not finite.
     """
-    try:
-        matrices = np.asarray(getattr(M, "values", M)).astype(complex)
-    except Exception:  # Converting an arbitrary object may raise any error.
-        raise InputError("M must be an array of numbers (..., columns, rows)") from None
+    matrices = matrix_values(M)
     need_structure(structure)
     structure.check(matrices)
     bad = np.argwhere(~np.isfinite(matrices))
