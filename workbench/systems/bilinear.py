@@ -16,6 +16,7 @@ from workbench.systems.conversion import as_states
 from workbench.systems.joints import system_of
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant
+from workbench.systems.time_base import need_sampling_time
 
 
 def continuous(plant: StandardPlant) -> StandardPlant:
@@ -75,8 +76,9 @@ def bilinear_continuous(system: Any) -> StateSpace:
     -3.0
     """
     system = as_states(system_of(system, "system"), "system")
-    if not system.dt or system.dt is True:
-        raise InputError("the system is continuous or has no sample time")
+    if not system.dt:
+        raise InputError("the system is continuous already (dt = 0); give a sampled one")
+    need_sampling_time(system.dt, "the system")
     rate = 2.0 / system.dt
     A, B, C, D = to_continuous((system.A, system.B, system.C, system.D))
     return realisation((rate * A, rate * B, C, D), 0.0)

@@ -19,6 +19,7 @@ from workbench.structure import Block
 from workbench.systems.balancing import singular
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.realisation import companion
+from workbench.systems.time_base import common_time_base
 
 Names = str | Sequence[str]
 """One name or several."""
@@ -203,13 +204,8 @@ def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
 
 
 def common_dt(parts: Sequence[NamedRealisation]) -> float | None:
-    """The common sampling time [s] of parts, None if open; raises InputError if they differ."""
-    times = {part.dt for part in parts if part.dt is not None}
-    if len(times) > 1:
-        raise InputError(
-            f"sampling times {sorted(times)} in one connection (0 is continuous); convert to one"
-        )
-    return times.pop() if times else None
+    """The common sampling time [s] of parts, None if open; raises InputError if they do not fit."""
+    return common_time_base(part.dt for part in parts)
 
 
 def names_of(names: Names) -> tuple[str, ...]:

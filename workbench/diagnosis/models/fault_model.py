@@ -24,6 +24,7 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
+from workbench.systems.time_base import need_sampling_time
 
 KINDS = ("controls", "disturbances", "faults", "noise")
 """Kinds of inputs."""
@@ -245,8 +246,7 @@ def _need_system(system: Any) -> None:
         )
     if not system.noutputs:
         raise InputError("the system has no output: nothing is measured")
-    if system.dt is True:
-        raise InputError("the system is sampled at a time not given (dt True); give it in seconds")
+    need_sampling_time(system.dt, "the system")
     for part in "ABCD":
         if not np.isfinite(getattr(system, part)).all():
             raise InputError(f"{part} of the system has entries that are not finite")

@@ -26,6 +26,7 @@ from workbench.mu.margins.classical_checks import (
 )
 from workbench.systems.conversion import as_system
 from workbench.systems.joints import part_of, system_of
+from workbench.systems.time_base import need_sampling_time
 from workbench.uncertainty.algebra.dead_time import dead_times
 from workbench.uncertainty.algebra.rational_delays import rational_part
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
@@ -109,7 +110,7 @@ def nearest_factors(gains: RealArray) -> tuple[float, float]:
 
 def least_phase(phases: RealArray) -> float:
     """The phase of least size in a table of crossings; infinite for an empty table."""
-    return float(min(phases[:, 0], key=abs, default=math.inf))
+    return float(min(phases[:, 0], key=abs, default=math.inf)) + 0.0  # no -0
 
 
 def least_delay(delays: RealArray) -> float:
@@ -159,10 +160,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     if late is None:
         L = as_system(loop, "loop")
         _need_single(L)
-        if L.dt is True:
-            raise InputError(
-                "the loop is sampled, but its sampling time is not given: set its dt [s]"
-            )
+        need_sampling_time(L.dt, "the loop")
         if L.D[0, 0] == -1.0:
             raise InputError(
                 "the loop is singular through its direct term: 1 + L is 0 at infinite frequency; a "

@@ -37,6 +37,7 @@ from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation, transposed_system
+from workbench.systems.time_base import common_time_base, need_sampling_time
 from workbench.uncertainty.algebra.system import uncertain
 
 
@@ -178,9 +179,9 @@ def nu_gap(first: Any, second: Any, *, tolerance: float = 1e-4) -> NuGap:
             f"first has {P1.noutputs} outputs and {P1.ninputs} inputs, second {P2.noutputs} and "
             f"{P2.ninputs}; they must be the same"
         )
-    if (P1.dt or 0.0) != (P2.dt or 0.0):
-        raise InputError(f"first has dt = {P1.dt}, second {P2.dt}; they must be the same")
-    period = float(P1.dt or 0.0)
+    dt = common_time_base((P1.dt, P2.dt))
+    need_sampling_time(dt, "first")
+    period = float(dt or 0.0)
     if period:
         P1, P2 = bilinear_continuous(P1), bilinear_continuous(P2)
     G1, G2 = right_factors(P1, "first"), right_factors(P2, "second")

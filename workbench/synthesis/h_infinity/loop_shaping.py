@@ -39,6 +39,7 @@ from workbench.systems.interconnection import common_dt, named_realisation
 from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import standard_plant
+from workbench.systems.time_base import need_sampling_time
 
 HANKEL_ROUNDING = 1e6
 """Rounding error of the squared Hankel norm, in units of the machine epsilon."""
@@ -98,10 +99,7 @@ class LoopShaping(HinfSynthesis):
         if W1.noutputs != nominal.ninputs:
             raise InputError(f"W1 has {W1.noutputs} outputs; G has {nominal.ninputs} inputs")
         dt = common_dt([named_realisation(one) for one in (W2, nominal, W1)])
-        if dt is True:
-            raise InputError(
-                "G is sampled, but its sampling time is unknown (dt True); give it in s"
-            )
+        need_sampling_time(dt, "nominal")
         shaped = W2 * nominal * W1
         parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
         A, B, C = visible_matrices(*balanced(*parts[:3]), dt or 0.0)

@@ -19,6 +19,7 @@ from workbench.systems.balancing import state_units
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import Matrices, in_series, realisation
+from workbench.systems.time_base import need_sampling_time
 
 ContinuationMethod = Literal["zoh", "tustin", "matched"]
 """Ways back to continuous time: from a hold, a bilinear transform, or matched poles and zeros."""
@@ -74,8 +75,7 @@ def continuous_controller(controller: Any, *, method: ContinuationMethod = "zoh"
     need_choice(method, ContinuationMethod, "method")
     if not K.dt:
         raise InputError("K is continuous already (dt = 0); give the sampled system")
-    if K.dt is True:
-        raise InputError("K is sampled, but its sampling time is not given: set its dt")
+    need_sampling_time(K.dt, "K")
     if method == "tustin":
         found = bilinear_continuous(K)
         parts: Matrices = found.A, found.B, found.C, found.D

@@ -25,6 +25,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.range_hints import warn_far_frequencies
 from workbench.systems.realisation import in_words, pole_sizes, realisation
+from workbench.systems.time_base import common_time_base
 from workbench.uncertainty.algebra import dead_time
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.closing import closed_above
@@ -429,14 +430,8 @@ def combined_elements(parts: list[UncertainSystem]) -> dict[str, Element]:
 
 
 def common_time(parts: list[UncertainSystem]) -> float | None:
-    """Common sampling time of several systems; raises InputError if they differ."""
-    times = {part.dt for part in parts if part.dt is not None}
-    if len(times) > 1:
-        raise InputError(
-            f"systems with sampling times {sorted(times)} s cannot be combined (0 is continuous "
-            "time): discretise the continuous ones, or bring the others back by continuous_time"
-        )
-    return times.pop() if times else None
+    """Common sampling time [s] of several systems; raises InputError if they do not fit."""
+    return common_time_base(part.dt for part in parts)
 
 
 def _combined(first: Any, second: Any, operation: Any) -> UncertainSystem:
