@@ -26,6 +26,8 @@ from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.synthesis.implementation.working_point.constant_signals import ConstantSignals
 from workbench.synthesis.implementation.working_point.point import WorkingPoint
 from workbench.synthesis.operation.loop_in_time import loop_in_time
+from workbench.synthesis.operation.stated_plants import corners, without
+from workbench.systems.margins import highest_crossover
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.responses.plant_models import measured_plants
 
@@ -58,7 +60,8 @@ class WorkingLoop(Study):
 
     Every measured plant is simulated by a model fitted to its response, with the limits of the
     control, hold and delay, and the controller as it is exported. The implementation gives the
-    limits and the working point.
+    limits and the working point. For the corners of a stated spread real plants stand: the measured
+    one times a number plus an all-pass, equal to the corner at the loop's crossover frequency.
 
     Parameters
     ----------
@@ -159,17 +162,32 @@ class WorkingLoop(Study):
         nominal = model.nominal if isinstance(model, UncertaintyModel) else None
         order = 2 if nominal is None else nominal.order
         right = 0 if nominal is None else int((nominal.poles.real > 0).sum())
-        found, errors = measured_plants(self.responses, order, right, context)
-        return [one.state_space() for one in found], errors
+        turned = corners(self.responses)
+        fitted, apart = measured_plants(without(self.responses, turned), order, right, context)
+        kept = [k for k in range(len(self.responses.plants)) if k not in turned]
+        found = dict(zip(kept, (one.state_space() for one in fitted), strict=True))
+        errors = dict(zip(kept, apart, strict=True))
+        for k, corner in turned.items():
+            reference = found[corner.reference]
+            found[k] = corner.plant(reference, self._crossover(reference))
+            errors[k] = errors[corner.reference]
+        return [found[k] for k in sorted(found)], np.array([errors[k] for k in sorted(found)])
+
+    def _loop(self, plant: StateSpace) -> BoardLoop:
+        task = self.task
+        return BoardLoop(plant, task.dt, task.delay_samples, task.anti_aliasing, self.actuator.sign)
+
+    def _crossover(self, plant: StateSpace) -> float:
+        """Highest frequency [rad/s] at which the loop gain is 1; else the middle of the band."""
+        K = self.board.answer.K
+        found = 2 * math.pi * highest_crossover(self._loop(plant).loop_of(K).held(), K)
+        ends = self.responses.axis[[0, -1]]
+        return found if 0.0 < found < math.inf else float(np.sqrt(ends[0] * ends[1]))
 
     @part
     def loops(self, models: Any) -> list[BoardLoop]:
         """The sampled loop of each plant."""
-        task = self.task
-        return [
-            BoardLoop(one, task.dt, task.delay_samples, task.anti_aliasing, self.actuator.sign)
-            for one in models[0]
-        ]
+        return [self._loop(one) for one in models[0]]
 
     @part
     def samples(self, loops: Any) -> int:
