@@ -33,6 +33,7 @@ from workbench.certify.modes.modal_response import (
 )
 from workbench.certify.rounding import Enclosure
 from workbench.errors import InputError
+from workbench.input_checks import need_sampling_time
 from workbench.systems.balancing import with_state_units
 from workbench.systems.frequency_response import (
     CHUNK_ENTRIES,
@@ -44,7 +45,6 @@ from workbench.systems.frequency_response import (
 from workbench.systems.hidden_states import seen_states
 from workbench.systems.interconnection import named_realisation
 from workbench.systems.joints import type_hint
-from workbench.systems.time_base import need_sampling_time
 
 SHARPNESS = 1e-6
 """A realisation is used as given if the radius of each pole's disc is below this share of the

@@ -10,13 +10,12 @@ import numpy as np
 
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.input_checks import need_positive
+from workbench.input_checks import need_positive, need_sampling_time
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.conversion import as_states
 from workbench.systems.joints import system_of
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant
-from workbench.systems.time_base import need_sampling_time
 
 
 def continuous(plant: StandardPlant) -> StandardPlant:

@@ -14,12 +14,11 @@ from scipy.sparse.csgraph import connected_components
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.input_checks import as_list
+from workbench.input_checks import as_list, common_time_base
 from workbench.structure import Block
 from workbench.systems.balancing import singular
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.realisation import companion
-from workbench.systems.time_base import common_time_base
 
 Names = str | Sequence[str]
 """One name or several."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench.errors import InputError
+from workbench.input_checks import need_sampling_time
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import Matrices
-from workbench.systems.time_base import need_sampling_time
 
 LARGEST_ENTRY = 1e100
 """Largest entry that a plant may have, so that its square does not overflow."""

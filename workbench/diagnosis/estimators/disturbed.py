@@ -15,7 +15,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimators.observers import balanced_matrix, check_observable
 from workbench.diagnosis.estimators.rotation import Rotation
 from workbench.errors import InputError
-from workbench.systems.time_base import need_sampling_time
+from workbench.input_checks import need_sampling_time
 
 
 @dataclass(frozen=True, eq=False)

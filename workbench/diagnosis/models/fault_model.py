@@ -21,10 +21,9 @@ from workbench._core.arrays import Array
 from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.models.rank_factors import rank_factors
 from workbench.errors import InputError, UnknownNameError
-from workbench.input_checks import as_array
+from workbench.input_checks import as_array, need_sampling_time
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
-from workbench.systems.time_base import need_sampling_time
 
 KINDS = ("controls", "disturbances", "faults", "noise")
 """Kinds of inputs."""

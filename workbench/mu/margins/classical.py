@@ -15,6 +15,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench.answer import Answer
 from workbench.errors import InputError
+from workbench.input_checks import need_sampling_time
 from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.crossings import ExactLoop, exact_loop
 from workbench.mu.loops.delayed_loop import DelayedLoop
@@ -26,7 +27,6 @@ from workbench.mu.margins.classical_checks import (
 )
 from workbench.systems.conversion import as_system
 from workbench.systems.joints import part_of, system_of
-from workbench.systems.time_base import need_sampling_time
 from workbench.uncertainty.algebra.dead_time import dead_times
 from workbench.uncertainty.algebra.rational_delays import rational_part
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain

@@ -23,7 +23,7 @@ from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
-from workbench.input_checks import need_tolerance
+from workbench.input_checks import common_time_base, need_sampling_time, need_tolerance
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.margins.returned import need_matching, need_stable_loop, returned_loop
@@ -37,7 +37,6 @@ from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation, transposed_system
-from workbench.systems.time_base import common_time_base, need_sampling_time
 from workbench.uncertainty.algebra.system import uncertain
 
 

@@ -21,6 +21,7 @@ from workbench.answer import Answer
 from workbench.certificate import Check, Checker
 from workbench.errors import InputError
 from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.input_checks import need_sampling_time
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import (
     NOT_TOLD,
@@ -37,7 +38,6 @@ from workbench.second_opinion.margins.measured import (
 )
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
-from workbench.systems.time_base import need_sampling_time
 from workbench.uncertainty.responses.plants import Responses
 
 CONFIDENCE = 0.95

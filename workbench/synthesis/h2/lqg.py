@@ -9,14 +9,13 @@ from numpy.typing import ArrayLike
 
 from workbench._core.arrays import RealArray
 from workbench.errors import InputError, SolverError
-from workbench.input_checks import as_array, is_real
+from workbench.input_checks import as_array, is_real, need_sampling_time
 from workbench.solution import solve
 from workbench.synthesis.h2.program import H2Controller, H2Synthesis
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.joints import system_of
 from workbench.systems.realisation import realisation
-from workbench.systems.time_base import need_sampling_time
 
 SYMMETRY = 1e-9
 """Relative asymmetry of a weight that counts as rounding."""

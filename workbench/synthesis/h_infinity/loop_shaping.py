@@ -22,7 +22,7 @@ from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.input_checks import is_real
+from workbench.input_checks import is_real, need_sampling_time
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL
@@ -39,7 +39,6 @@ from workbench.systems.interconnection import common_dt, named_realisation
 from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import standard_plant
-from workbench.systems.time_base import need_sampling_time
 
 HANKEL_ROUNDING = 1e6
 """Rounding error of the squared Hankel norm, in units of the machine epsilon."""

@@ -13,13 +13,12 @@ from scipy.linalg import logm
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.input_checks import need_choice
+from workbench.input_checks import need_choice, need_sampling_time
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.balancing import state_units
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import Matrices, in_series, realisation
-from workbench.systems.time_base import need_sampling_time
 
 ContinuationMethod = Literal["zoh", "tustin", "matched"]
 """Ways back to continuous time: from a hold, a bilinear transform, or matched poles and zeros."""

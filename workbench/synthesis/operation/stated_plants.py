@@ -2,9 +2,10 @@
 
 A stated spread puts corners around a measured response: this response times numbers that are not
 real. No plant with real coefficients has such a response at all frequencies, and a model fitted to
-one has any static gain, even of the other sign. A real plant that has it at one frequency, and lies
-on the same circle at all others, is the measured one times centre + radius A(s), where A is a first
-order all-pass: |A| = 1, and its phase at this frequency is the corner's.
+one has any static gain, even of the other sign. For each corner a real plant of the stated disc is
+taken: the measured one times centre + radius A(s), where A is a first order all-pass. |A| = 1, so
+the plant lies on the edge of the disc at all frequencies, and at one of them in the corner's
+direction.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from workbench._core.arrays import Array, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.uncertainty import Responses
+from workbench.uncertainty.responses.spread import CORNERS
 
 SAME = 1e-9
 """Largest relative deviation of a ratio of responses that counts as constant, and of a number that
@@ -26,7 +28,7 @@ counts as real."""
 
 @dataclass(frozen=True)
 class Corner:
-    """A plant whose response is that of plant ``reference`` times ``centre + offset``."""
+    """The plant of the disc next to a corner: plant ``reference`` times ``centre + offset``."""
 
     reference: int
     centre: float
@@ -54,7 +56,8 @@ def corners(responses: Responses) -> dict[int, Corner]:
         turned = np.abs(factors.imag) > SAME * np.abs(factors)
         if abs(centre.imag) <= SAME * abs(centre):
             for k, factor in zip(members[turned], factors[turned], strict=True):
-                offset = complex(factor - centre.real)
+                # corners are those of a polygon around the disc
+                offset = complex(factor - centre.real) * math.cos(math.pi / CORNERS)
                 found[int(k)] = Corner(int(reference), float(centre.real), offset)
     return found if len(responses.plants) - len(found) >= 2 else {}
 

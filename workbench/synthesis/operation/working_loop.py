@@ -60,8 +60,9 @@ class WorkingLoop(Study):
 
     Every measured plant is simulated by a model fitted to its response, with the limits of the
     control, hold and delay, and the controller as it is exported. The implementation gives the
-    limits and the working point. For the corners of a stated spread real plants stand: the measured
-    one times a number plus an all-pass, equal to the corner at the loop's crossover frequency.
+    limits and the working point. For the corners of a stated spread real plants of its disc are
+    taken: the measured one times a number plus an all-pass, in the corner's direction at the
+    crossover frequency.
 
     Parameters
     ----------

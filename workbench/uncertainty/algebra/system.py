@@ -18,14 +18,13 @@ from numpy.typing import ArrayLike
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.input_checks import need_count, need_time_base
+from workbench.input_checks import common_time_base, need_count, need_time_base
 from workbench.structure import Structure
 from workbench.systems.conversion import as_states
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.range_hints import warn_far_frequencies
 from workbench.systems.realisation import in_words, pole_sizes, realisation
-from workbench.systems.time_base import common_time_base
 from workbench.uncertainty.algebra import dead_time
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.closing import closed_above

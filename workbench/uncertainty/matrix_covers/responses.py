@@ -14,12 +14,11 @@ from workbench.certify.stability import stability_check
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count, as_frequencies
-from workbench.input_checks import as_array, as_list
+from workbench.input_checks import as_array, as_list, common_time_base, need_sampling_time
 from workbench.realisations import minimal_realisation
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.range_hints import warn_far_frequencies
-from workbench.systems.time_base import common_time_base, need_sampling_time
 from workbench.uncertainty.responses.plants import Responses
 
 SAME_FREQUENCIES = 1e-9

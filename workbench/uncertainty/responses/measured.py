@@ -31,8 +31,14 @@ from workbench.identification.responses.of_excitation import (
 )
 from workbench.identification.responses.of_records import FEWEST_SAMPLES, record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
-from workbench.input_checks import as_list, need_places, need_time_base, need_whole
-from workbench.systems.time_base import common_time_base, need_sampling_time
+from workbench.input_checks import (
+    as_list,
+    common_time_base,
+    need_places,
+    need_sampling_time,
+    need_time_base,
+    need_whole,
+)
 from workbench.uncertainty.responses.ratios import Ratios
 from workbench.uncertainty.responses.spread import spread_about
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
+from workbench.input_checks import common_time_base
 from workbench.mu import loop_margins, nu_gap, peak, robust_stability
 from workbench.structure import Full, Structure
 from workbench.synthesis import HinfSynthesis, LoopShaping, continuous_controller, lqg
 from workbench.systems import bilinear_continuous
-from workbench.systems.time_base import common_time_base
 from workbench.uncertainty import (
     GeneralisedPlant,
     MatrixResponses,
