@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench._core.arrays import Array, RealArray
+from workbench._core.arrays import Array, ComplexArray
 from workbench._core.heavy_types import StateSpace
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.spread import CORNERS
@@ -87,7 +87,7 @@ def _constant_ratios(responses: Responses) -> tuple[Array, Array]:
     for k in range(count):
         for j in np.unique(reference[:k]):
             both = present[:, k] & present[:, j]
-            ratio: RealArray = values[both, k] / values[both, j]
+            ratio: ComplexArray = values[both, k] / values[both, j]
             if ratio.size and np.abs(ratio - ratio.mean()).max() <= SAME * abs(ratio.mean()):
                 reference[k], factor[k] = j, ratio.mean()
                 break
