@@ -223,6 +223,8 @@ def test_the_others_run_where_one_cannot(cli):
         (("run",), "Missing argument"),
         (("show", "toy/rot"), "did you mean"),
         (("list", "nothing*"), "no problem is called 'nothing*'"),
+        (("results", "nothing*"), "no problem is called 'nothing*'"),
+        (("draw", "--width", "page"), "--width page has no effect on a screen"),
         (("--problems", "nowhere", "list"), "nowhere does not exist"),
         (("verify", "nowhere"), "no results folder at or below nowhere"),
         (("verify",), "no results folder at or below"),

@@ -143,7 +143,7 @@ PROGRAMS = {
     "MatrixSets": matrix_sets,
     "LoopShaping": lambda: wb.solve(LoopShaping(LAG)).certificate,
     "MixedSensitivity": lambda: wb.solve(MixedSensitivity(LAG, W_S=0.5, W_KS=0.5)).certificate,
-    "H2Synthesis": lambda: lqg(LAG, 1.0, 1.0, 1.0, 1.0).certificate,
+    "H2Synthesis": lambda: lqg(control.ss(LAG), 1.0, 1.0, 1.0, 1.0).certificate,
     "H2HinfSynthesis": mixed_norms,
     "WorkingLoop": working_loop,
     "ParameterFit": lambda: ANSWERS["fit_parameters"]().certificate,

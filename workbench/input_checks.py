@@ -58,6 +58,37 @@ def need_time_base(dt: Any) -> None:
         )
 
 
+def need_sampling_time(dt: Any, name: str) -> None:
+    """Raise InputError for python-control's ``dt=True``: sampled, at a time that is not known."""
+    if dt is True:
+        raise InputError(
+            f"{name} is sampled, but its sampling time is not given (dt=True): give it in seconds, "
+            "as in control.ss(A, B, C, D, 0.01)"
+        )
+
+
+def common_time_base(times: Iterable[Any]) -> float | bool | None:
+    """The sampling time [s] of systems together, by the rules of python-control.
+
+    None fits every time, and True (sampled at an unknown time) every time but 0. Raises InputError
+    for times that do not fit each other.
+    """
+    # a list, since a set holds True and 1.0 as one
+    given = [True if dt is True else float(dt) for dt in times if dt is not None]
+    numbers = {dt for dt in given if dt is not True}
+    unknown = any(dt is True for dt in given)
+    if len(numbers) > 1 or (unknown and 0.0 in numbers):
+        told = ["0 (continuous)" if dt == 0.0 else f"{dt:g} s" for dt in sorted(numbers)]
+        told += ["True (sampled at an unknown time)"] * unknown
+        raise InputError(
+            f"systems with dt = {' and '.join(told)} cannot be combined: give all of them one, by "
+            "discretise, sampled_model or continuous_controller"
+        )
+    if numbers:
+        return numbers.pop()
+    return True if unknown else None
+
+
 def need_whole(value: Any, name: str) -> None:
     """Raise InputError unless the value is a whole number."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
@@ -117,6 +148,27 @@ def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[An
         ) from None
 
 
+def matrix_values(M: Any) -> NDArray[Any]:
+    """M as a new complex array (..., columns, rows); python-control's FRD as (F, outputs, inputs).
+
+    Raises InputError if M is not numeric.
+    """
+    if hasattr(M, "frdata"):
+        M = np.moveaxis(np.asarray(M.frdata), -1, 0)
+    elif hasattr(M, "ninputs"):
+        raise InputError(
+            f"M must be an array of numbers (..., columns, rows), not {type(M).__name__}; mu of a "
+            "system is bounded by peak(system, structure), and an uncertain system has "
+            "robust_stability"
+        )
+    try:
+        return np.array(getattr(M, "values", M)).astype(complex)
+    except Exception:  # Converting an arbitrary object may raise any error.
+        raise InputError(
+            f"M is {M!r:.100}; an array of numbers (..., columns, rows) is needed"
+        ) from None
+
+
 def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
     """M as a complex array (..., columns, rows) that fits the structure.
 
@@ -125,10 +177,7 @@ def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
     InputError
         M is not numeric, has the wrong shape, or an entry that is not finite.
     """
-    try:
-        matrices = np.asarray(getattr(M, "values", M)).astype(complex)
-    except Exception:  # Converting an arbitrary object may raise any error.
-        raise InputError("M must be an array of numbers (..., columns, rows)") from None
+    matrices = matrix_values(M)
     need_structure(structure)
     structure.check(matrices)
     bad = np.argwhere(~np.isfinite(matrices))

@@ -149,6 +149,33 @@ def test_a_helper_outside_of_the_package_counts(package, tmp_path, monkeypatch):
     assert "helper_of_mine" in found and {"json", "numpy"} <= packages
 
 
+@pytest.mark.parametrize("linked", [False, True])
+def test_packages_of_a_searched_folder_are_installed(package, tmp_path, monkeypatch, linked):
+    """Overlays of environments put packages on the path by PYTHONPATH or .pth files: they count by
+    name, whether or not they are imported yet.
+    """
+    kept, layer, name = tmp_path / "kept", tmp_path / "layer", f"layered_{linked}"
+    (kept if linked else layer).mkdir()
+    layer.mkdir(exist_ok=True)
+    (layer / f"{name}-1.0.dist-info").mkdir()
+    ((kept if linked else layer) / f"{name}.py").write_text("VALUE = 1\n")
+    if linked:
+        try:
+            (layer / f"{name}.py").symlink_to(kept / f"{name}.py")
+        except OSError:
+            pytest.skip("this system makes no links")
+    (package / "above.py").write_text(f"import {name}\n")
+    monkeypatch.syspath_prepend(layer)
+    code._installed.cache_clear()
+    code._is_installed.cache_clear()
+    before = code_hash(["pkg.above"])
+    monkeypatch.setitem(sys.modules, name, importlib.import_module(name))
+    assert code_hash(["pkg.above"]) == before
+    found, packages = closure(["pkg.above"])
+    assert name in packages and name not in found
+    code._installed.cache_clear()
+
+
 def test_an_edit_of_a_helper_is_run_and_not_found_stored(tmp_path, monkeypatch, project):
     (tmp_path / "gain_of_mine.py").write_text("GAIN = 1.0\n")
     monkeypatch.syspath_prepend(tmp_path)

@@ -10,6 +10,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.mu import h_infinity_norm, linf_norm
+from workbench.realisations import minimal_realisation
 
 LAG = control.tf([3.0], [1.0, 2.0])
 
@@ -121,7 +122,12 @@ def test_a_claim_that_is_too_good_fails(name):
 
 def test_what_has_no_such_norm_is_named():
     hidden = control.ss([[1.0, 0.0], [0.0, -1.0]], [[1.0], [1.0]], [[0.0, 1.0]], 0)
-    with pytest.raises(InputError, match=r"shows so little.*control.minreal"):
+    with pytest.raises(InputError, match=r"shows so little.*minimal_realisation"):
         linf_norm(hidden)
+    common = control.tf([1.0, -1.0], [1.0, 1.0, -2.0])  # (s - 1) / (s - 1) / (s + 2)
+    with pytest.raises(InputError, match="hidden states out first"):
+        linf_norm(common)
+    shown = linf_norm(minimal_realisation(common).system)
+    assert shown.lower <= 0.5 * (1 + 1e-6) and 0.5 * (1 - 1e-6) <= shown.upper < 0.50001
     with pytest.raises(InputError, match=r"system has no realisation.*improper"):
         linf_norm(control.tf([1.0, 0.0, 0.0], [1.0, 1.0]))

@@ -35,6 +35,16 @@ def test_lists_and_integers(bound):
     assert bound(np.array(lists), structure).value == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.parametrize("bound", BOTH)
+def test_measured_responses_are_matrices_at_their_frequencies(bound):
+    values = np.random.default_rng(1).normal(size=(3, 2, 2)) + 1j
+    data = control.frd(np.moveaxis(values, 0, -1), [1.0, 2.0, 3.0])
+    structure = Structure([Complex(1), Complex(1)])
+    assert np.array_equal(bound(data, structure).value, bound(values, structure).value)
+    with pytest.raises(InputError, match=r"not StateSpace; .* peak\(system, structure\)"):
+        bound(control.ss(-1, 1, 1, 0), structure)
+
+
 @pytest.mark.parametrize("ask", [*BOTH, branch_and_bound, peak, frequency_sweep])
 def test_pairs_in_place_of_a_structure(ask):
     given = control.tf(1, [1, 1]) if ask in (peak, frequency_sweep) else np.eye(1)

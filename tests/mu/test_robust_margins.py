@@ -36,6 +36,22 @@ def test_robust_stability_as_documented(plant):
     assert "stable for all of its uncertainty" in repr(margin)
 
 
+def test_margins_of_performance_are_as_narrow_as_the_tolerance():
+    """The gain grows slowly with the uncertainty, so 1 lies between the bounds of mu for many
+    sizes; the plants at the ends of the interval, on a grid of frequencies, are the truth.
+    """
+    k, C = real("k", 10, percent=40), control.tf([0.4, 1.0], [0.02, 1.0])
+    margin = robust_performance(feedback(tf([18], [1, 1.8, k]) * C, 1))
+    s = 1j * np.geomspace(0.5, 20.0, 4000)
+
+    def largest_gain(size):
+        loops = (18 / (s * s + 1.8 * s + 10 * (1 + d * size)) * C(s) for d in (-0.4, 0.4))
+        return max(np.abs(L / (1 + L)).max() for L in loops)
+
+    assert largest_gain(margin.lower) < 1.0 <= largest_gain(1.0001 * margin.upper)
+    assert margin.upper < 1.005 * margin.lower
+
+
 @pytest.mark.cases(0)
 def test_robust_performance_as_documented(plant):
     """robgain(S, 1.5): 0.7821 to 0.7837."""

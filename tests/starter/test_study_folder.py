@@ -127,6 +127,8 @@ def test_code_that_is_not_of_the_arrays_is_found(tmp_path):
     ("header", "given", "message"),
     [
         ("a,b,c", {}, r"has the columns 'a', 'b', 'c'; none is seen to be the input"),
+        ("t,a,b", {}, r"the input: name it, --input NAME and the output, --output NAME"),
+        ("t,reference,b", {"excitation": "reference"}, "none is seen to be the input"),
         ("t,u,v", {"output": "y"}, r"none is called 'y'; name the output, --output NAME"),
         ("t,torque,force", {}, r"'torque', 'force' may be the input: name it, --input NAME"),
     ],

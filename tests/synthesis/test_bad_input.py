@@ -374,7 +374,7 @@ def without(**parts):
         ({"family": "PID"}, "family must be a Family, not str"),
         ({"target": "a"}, "target is 'a'"),
         ({"plant": without(A=np.full((3, 3), np.nan))}, "A of the plant .* not finite"),
-        ({"plant": without(A=0.5 * np.eye(3), dt=True)}, "sampled at a time not given"),
+        ({"plant": without(A=0.5 * np.eye(3), dt=True)}, "sampling time is not given"),
     ],
 )
 def test_what_mu_synthesis_refuses(arguments, said):

@@ -126,15 +126,22 @@ def _is_users(package: str) -> bool:
 @cache
 def _is_installed(place: str) -> bool:
     """Whether a file or folder belongs to Python or to an installed package."""
-    return any(base in Path(place).resolve().parents for base in _installed())
+    above = {*Path(place).absolute().parents, *Path(place).resolve().parents}  # it may be a link
+    return not above.isdisjoint(_installed())
 
 
 @cache
-def _installed() -> tuple[Path, ...]:
-    """Folders of Python's own modules and of installed packages."""
+def _installed() -> frozenset[Path]:
+    """Folders of Python's own modules and of installed packages.
+
+    Those of packages may be any that are searched, by PYTHONPATH or a .pth file: an installer
+    leaves a folder ``*.dist-info`` beside what it installs, for an editable install elsewhere.
+    """
     names = ("stdlib", "platstdlib", "purelib", "platlib")
     paths = [sysconfig.get_paths()[name] for name in names]
-    return tuple(Path(path).resolve() for path in [*paths, *site.getsitepackages(), *_user_site()])
+    searched = [path for path in sys.path if any(Path(path).glob("*.dist-info"))]
+    found = map(Path, [*paths, *site.getsitepackages(), *_user_site(), *searched])
+    return frozenset(one for path in found for one in (path.absolute(), path.resolve()))
 
 
 def _user_site() -> list[str]:

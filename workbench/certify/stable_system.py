@@ -33,6 +33,7 @@ from workbench.certify.modes.modal_response import (
 )
 from workbench.certify.rounding import Enclosure
 from workbench.errors import InputError
+from workbench.input_checks import need_sampling_time
 from workbench.systems.balancing import with_state_units
 from workbench.systems.frequency_response import (
     CHUNK_ENTRIES,
@@ -43,6 +44,7 @@ from workbench.systems.frequency_response import (
 )
 from workbench.systems.hidden_states import seen_states
 from workbench.systems.interconnection import named_realisation
+from workbench.systems.joints import type_hint
 
 SHARPNESS = 1e-6
 """A realisation is used as given if the radius of each pole's disc is below this share of the
@@ -260,12 +262,11 @@ def stable_system(
 
     if not isinstance(system, control.StateSpace | control.TransferFunction):
         raise InputError(
-            f"a StateSpace or TransferFunction is needed, not {type(system).__name__}; fit "
-            "measured responses first"
+            f"a StateSpace or TransferFunction is needed, not {type(system).__name__}"
+            f"{type_hint(system)}"
         )
     part = named_realisation(system)
-    if part.dt is True:
-        raise InputError("the system is sampled, but its sampling time is not given: set its dt")
+    need_sampling_time(part.dt, "the system")
     if part.dt and not sampled:
         raise InputError(
             f"the system is sampled every {part.dt} s, but a continuous-time system is needed; the "
@@ -377,6 +378,8 @@ def _refusal(discs: Discs, A: RealArray, unstable: bool, period: float) -> Input
         if unstable
         else ("has a pole that cannot be told from the imaginary axis:")
     )
+    if abs(pole.imag) <= np.finfo(float).eps * abs(pole.real):  # rounding
+        pole = pole.real
     place_said = f"{pole:.6g} rad/s"
     if period:
         with np.errstate(all="ignore"):

@@ -75,6 +75,7 @@ def results(pattern: str, as_json: bool) -> None:
     elif runs:
         _print_results(runs)
     else:
+        registry().match(pattern)  # raises for a name that no problem has
         click.echo(f"no results of {pattern} in {results_root()}; try: workbench run '{pattern}'")
 
 

@@ -78,18 +78,20 @@ def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, deep: bool, as_jso
     help="For a screen as SVG and PNG, or for a paper as PDF, SVG and, where LaTeX is found, PGF.",
 )
 @click.option(
-    "--width", default="column", show_default=True, help="On paper: column, page, or a number [mm]."
+    "--width", help="With --style paper: column, page, or a number [mm] [default: column]."
 )
-def draw(paths: tuple[Path, ...], folder: Path, style: str, width: str) -> None:
+def draw(paths: tuple[Path, ...], folder: Path, style: str, width: str | None) -> None:
     """Figures and tables (Markdown) of results folders at or below PATHS [default: all results]."""
     from workbench.bench.results import Run
     from workbench.bench.verify import finished_folders
 
+    if width is not None and style == "screen":
+        raise click.UsageError(f"--width {width} has no effect on a screen: add --style paper")
     for path in paths or (results_root(),):
         for found in finished_folders(path):
             one = Run(found)
             place = folder / one.problem / one.key
-            for file in one.draw(place, style=style, width=_width(width)):
+            for file in one.draw(place, style=style, width=_width(width or "column")):
                 click.echo(file)
 
 

@@ -29,12 +29,18 @@ EVEN = 0.1
 
 
 def record_columns(
-    file: Path, input: str | None, output: str | None, time: str | None, dt: float | None
+    file: Path,
+    input: str | None,
+    output: str | None,
+    time: str | None,
+    dt: float | None,
+    excitation: str | int | None = None,
 ) -> tuple[str, str, str | None]:
     """Names of a record's columns for input, output and time; names that are given are kept.
 
-    The time is None if the sampling frequency is given. Raises InputError if the names do not
-    settle which column is which; the message lists all names.
+    A column that is named as the excitation is none of them. The time is None if the sampling
+    frequency is given. Raises InputError if the names do not settle which column is which; the
+    message lists all names.
     """
     columns = read_table(file)
     asked = {"input": input, "output": output, "time": time}
@@ -62,12 +68,14 @@ def record_columns(
         time = _only_name(found, told, "time", "or give --sample-rate HZ")
     if time is None and dt is not None:
         _need_rate(columns, _names_with_word(_instants(table, names), TIME), dt, told)
-    left = [name for name in names if name not in (input, output, time)]
+    driver = columns.own_name(excitation, "signal") if isinstance(excitation, str) else None
+    left = [name for name in names if name not in (input, output, time, driver)]
     if input is None:
         fit = _names_with_word(left, INPUT)
         if not fit and output is not None and len(left) == 1:
             fit = left
-        input = _only_name(fit, told, "input")
+        both = output is None and len(_names_with_word(left, OUTPUT)) != 1
+        input = _only_name(fit, told, "input", "and the output, --output NAME" if both else "")
         left = [name for name in left if name != input]
     if output is None:
         output = _only_name(

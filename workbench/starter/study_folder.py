@@ -141,7 +141,7 @@ def write_study(
         **given,
     )
     paths = request.paths
-    columns = record_columns(paths[0], input, output, time, record_dt)
+    columns = record_columns(paths[0], input, output, time, record_dt, excitation)
     look = first_look(paths, *columns, record_dt)
     if control_rms is not None and not look.noise:
         raise InputError("control_rms is demanded, but the records show no noise: leave it out")

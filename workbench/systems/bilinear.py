@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.input_checks import need_positive
+from workbench.input_checks import need_positive, need_sampling_time
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.conversion import as_states
 from workbench.systems.joints import system_of
@@ -75,8 +75,9 @@ def bilinear_continuous(system: Any) -> StateSpace:
     -3.0
     """
     system = as_states(system_of(system, "system"), "system")
-    if not system.dt or system.dt is True:
-        raise InputError("the system is continuous or has no sample time")
+    if not system.dt:
+        raise InputError("the system is continuous already (dt = 0); give a sampled one")
+    need_sampling_time(system.dt, "the system")
     rate = 2.0 / system.dt
     A, B, C, D = to_continuous((system.A, system.B, system.C, system.D))
     return realisation((rate * A, rate * B, C, D), 0.0)

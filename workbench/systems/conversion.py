@@ -43,7 +43,8 @@ def as_states(system: Any, name: str) -> StateSpace:
         raise InputError(f"{name} has no realisation: {error}") from None
     except ValueError as error:  # python-control's realisation, for several inputs or outputs
         raise InputError(
-            f"{name} has no realisation: {error}; an improper one needs fast poles"
+            f"{name} has no realisation: {error}; an improper one needs a filter, such as "
+            "1 / (T s + 1) with a short T"
         ) from None
 
 

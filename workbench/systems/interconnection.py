@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.input_checks import as_list
+from workbench.input_checks import as_list, common_time_base
 from workbench.structure import Block
 from workbench.systems.balancing import singular
 from workbench.systems.joints import UncertainPart, part_of
@@ -203,13 +203,8 @@ def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
 
 
 def common_dt(parts: Sequence[NamedRealisation]) -> float | None:
-    """The common sampling time [s] of parts, None if open; raises InputError if they differ."""
-    times = {part.dt for part in parts if part.dt is not None}
-    if len(times) > 1:
-        raise InputError(
-            f"sampling times {sorted(times)} in one connection (0 is continuous); convert to one"
-        )
-    return times.pop() if times else None
+    """The common sampling time [s] of parts, None if open; raises InputError if they do not fit."""
+    return common_time_base(part.dt for part in parts)
 
 
 def names_of(names: Names) -> tuple[str, ...]:

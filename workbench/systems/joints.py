@@ -65,7 +65,7 @@ def part_of(given: Any, name: str) -> Any:
         if isinstance(part, type) or not hasattr(part, "lti"):
             raise InputError(
                 f"{name} must be a StateSpace, a TransferFunction, a gain, an uncertain model or a "
-                f"Solution with one of these, not {type(part).__name__}{_hint(part)}"
+                f"Solution with one of these, not {type(part).__name__}{type_hint(part)}"
             )
         part = part.lti
     return part
@@ -102,12 +102,12 @@ def _gain(value: Any, name: str) -> StateSpace:
     return control.StateSpace([], [], [], gain, None)
 
 
-def _hint(part: Any) -> str:
+def type_hint(part: Any) -> str:
     """Advice for other types of objects that people pass."""
     if hasattr(part, "frdata") or type(part).__name__ == "Responses":
         return (
             "; a measured response has no poles: fit a model or a cover to it first; of its own it "
-            "has margins, by `loop_margins`"
+            "has margins, by `loop_margins`, and mu at its frequencies, by `upper_bound`"
         )
     if isinstance(part, type):
         return f"; {part.__name__} is a class, give one of its objects"

@@ -207,8 +207,9 @@ def companion(system: Any) -> tuple[Array, int]:
     n = len(den) - 1
     if len(num) > n + 1:
         raise InputError(
-            f"the transfer function {system.name!r} is improper: it has {len(num) - 1} zeros and "
-            f"{n} poles; add fast poles, or a pole that belongs to it and stands elsewhere"
+            f"the transfer function is improper: its numerator has degree {len(num) - 1} and its "
+            f"denominator {n}; add a filter, such as 1 / (T s + 1) with a short T, or multiply it "
+            "with its neighbour first if their product is proper: plant * controller"
         )
     num = np.concatenate([np.zeros(n + 1 - len(num)), num]) / den[0]
     den = den / den[0]

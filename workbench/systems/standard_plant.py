@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench.errors import InputError
+from workbench.input_checks import need_sampling_time
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import Matrices
 
@@ -165,8 +166,7 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
                 "synthesis needs at least one each of w, z, u and y"
             )
     dt = system.dt
-    if dt is True:
-        raise InputError("the plant is sampled at a time not given (dt True); give it in seconds")
+    need_sampling_time(dt, "the plant")
     if not np.isfinite(dt or 0.0):
         raise InputError(f"the plant has a sampling time of {dt}; give it in seconds")
     return StandardPlant(A, B, C, D, plant.controls, plant.measurements, float(dt or 0.0))

@@ -241,6 +241,11 @@ def test_weights_that_are_none_are_named(weights, words):
         lqg(G, **given)
 
 
+def test_a_plant_without_states_of_its_own_is_refused():
+    with pytest.raises(InputError, match=r"Q and W belong to its states.*control\.ss\(plant\)"):
+        lqg(control.tf([1.0], [1.0, 2.0]), 1.0, 1.0, 1.0, 1.0)
+
+
 def test_a_gain_that_does_not_exist_is_said_to_be_infeasible():
     system = control.ss([[0, 1], [0, 0]], [[0, 0], [1, 1]], [[1, 0], [1, 0]], 0)
     solution = wb.solve(H2Synthesis(GeneralisedPlant(system, None, 1, 1), family=Static()))

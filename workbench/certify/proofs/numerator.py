@@ -82,10 +82,8 @@ def stable_numerator(system: StateSpace) -> Numerator:
         resolvent = certified_norm(_resolvent(parts, dt))
         entering = certified_norm(realisation((*parts[:2], _one(A), 0.0 * B), dt))
         leaving = certified_norm(realisation((parts[0], _one(A), C, 0.0 * C), dt))
-    except InputError as told:
-        raise InputError(
-            f"the system's unstable poles cannot be mirrored at the boundary of stability: {told}"
-        ) from None
+    except InputError:  # a mirrored pole is not stable
+        raise _hidden() from None
     blur = _size(moved[0], only_rounding=True) * resolvent
     if not blur < 0.5:
         raise _hidden()
@@ -159,5 +157,5 @@ def _hidden() -> InputError:
     return InputError(
         "the system has an unstable pole that shows so little at its outputs, or lies so near the "
         "boundary of stability or so far from others, that doubles cannot tell its effect; take "
-        "hidden states out first (control.minreal), or move the pole"
+        "hidden states out first (workbench.realisations.minimal_realisation), or move the pole"
     )

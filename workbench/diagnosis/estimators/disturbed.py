@@ -15,6 +15,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.estimators.observers import balanced_matrix, check_observable
 from workbench.diagnosis.estimators.rotation import Rotation
 from workbench.errors import InputError
+from workbench.input_checks import need_sampling_time
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +87,9 @@ class DisturbedPlant:
         for part in "ABCD":
             if not np.isfinite(getattr(system, part)).all():
                 raise InputError(f"{part} of the {name} has entries that are not finite")
-        if not system.isdtime(strict=True) or system.dt is True:
-            raise InputError(f"the {name} is continuous or has no sample time; sample it first")
+        if not system.isdtime(strict=True):
+            raise InputError(f"the {name} is continuous; sample it first")
+        need_sampling_time(system.dt, f"the {name}")
         if not np.isclose(system.dt, self.dt):
             raise InputError(f"the {name} has the sample time {system.dt} s, the plant {self.dt} s")
         if np.any(system.D):

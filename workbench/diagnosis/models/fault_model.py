@@ -21,7 +21,7 @@ from workbench._core.arrays import Array
 from workbench._core.heavy_types import StateSpace
 from workbench.diagnosis.models.rank_factors import rank_factors
 from workbench.errors import InputError, UnknownNameError
-from workbench.input_checks import as_array
+from workbench.input_checks import as_array, need_sampling_time
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
@@ -245,8 +245,7 @@ def _need_system(system: Any) -> None:
         )
     if not system.noutputs:
         raise InputError("the system has no output: nothing is measured")
-    if system.dt is True:
-        raise InputError("the system is sampled at a time not given (dt True); give it in seconds")
+    need_sampling_time(system.dt, "the system")
     for part in "ABCD":
         if not np.isfinite(getattr(system, part)).all():
             raise InputError(f"{part} of the system has entries that are not finite")

@@ -114,7 +114,9 @@ class RecordReport:
         if not self.usable:
             against = ", ".join(dict.fromkeys(repr(one.assumption) for one, _ in self._forbidding))
             told = "; ".join(str(finding) for _, finding in self._forbidding)
-            raise InputError(f"{name}: {told}. Who knows better says assume=[{against}]")
+            raise InputError(
+                f"{name}: {told}. Who knows better says assume=[{against}] (--assume NAME)"
+            )
 
     @property
     def sentences(self) -> tuple[str, ...]:

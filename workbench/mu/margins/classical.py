@@ -15,6 +15,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench.answer import Answer
 from workbench.errors import InputError
+from workbench.input_checks import need_sampling_time
 from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.crossings import ExactLoop, exact_loop
 from workbench.mu.loops.delayed_loop import DelayedLoop
@@ -109,7 +110,7 @@ def nearest_factors(gains: RealArray) -> tuple[float, float]:
 
 def least_phase(phases: RealArray) -> float:
     """The phase of least size in a table of crossings; infinite for an empty table."""
-    return float(min(phases[:, 0], key=abs, default=math.inf))
+    return float(min(phases[:, 0], key=abs, default=math.inf)) + 0.0  # no -0
 
 
 def least_delay(delays: RealArray) -> float:
@@ -159,10 +160,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     if late is None:
         L = as_system(loop, "loop")
         _need_single(L)
-        if L.dt is True:
-            raise InputError(
-                "the loop is sampled, but its sampling time is not given: set its dt [s]"
-            )
+        need_sampling_time(L.dt, "the loop")
         if L.D[0, 0] == -1.0:
             raise InputError(
                 "the loop is singular through its direct term: 1 + L is 0 at infinite frequency; a "

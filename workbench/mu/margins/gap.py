@@ -23,7 +23,7 @@ from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
-from workbench.input_checks import need_tolerance
+from workbench.input_checks import common_time_base, need_sampling_time, need_tolerance
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.margins.returned import need_matching, need_stable_loop, returned_loop
@@ -178,9 +178,9 @@ def nu_gap(first: Any, second: Any, *, tolerance: float = 1e-4) -> NuGap:
             f"first has {P1.noutputs} outputs and {P1.ninputs} inputs, second {P2.noutputs} and "
             f"{P2.ninputs}; they must be the same"
         )
-    if (P1.dt or 0.0) != (P2.dt or 0.0):
-        raise InputError(f"first has dt = {P1.dt}, second {P2.dt}; they must be the same")
-    period = float(P1.dt or 0.0)
+    dt = common_time_base((P1.dt, P2.dt))
+    need_sampling_time(dt, "first")
+    period = float(dt or 0.0)
     if period:
         P1, P2 = bilinear_continuous(P1), bilinear_continuous(P2)
     G1, G2 = right_factors(P1, "first"), right_factors(P2, "second")

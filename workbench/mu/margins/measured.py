@@ -21,6 +21,7 @@ from workbench.answer import Answer
 from workbench.certificate import Check, Checker
 from workbench.errors import InputError
 from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.input_checks import need_sampling_time
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import (
     NOT_TOLD,
@@ -279,6 +280,7 @@ def loops_of(plant: Any, controller: Any) -> tuple[dict[str, MeasuredLoop], floa
 
     Raises InputError if the plants have several channels, or if sampling times do not agree.
     """
+    need_sampling_time(getattr(plant, "dt", 0.0), "the measured response")
     dt = float(getattr(plant, "dt", 0.0) or 0.0)
     variances: dict[str, RealArray] = {}
     degrees: dict[str, float] = {}
@@ -318,7 +320,7 @@ def _need_one(shape: tuple[int, ...]) -> None:
     if tuple(shape) != (1, 1):
         raise InputError(
             f"the measured response has {shape[0]} outputs and {shape[1]} inputs; margins need "
-            "one of each: take a channel"
+            "one of each: take a channel, as in frd[0, 0]"
         )
 
 
@@ -329,8 +331,8 @@ def _controller(controller: Any, omega: RealArray, dt: float) -> ComplexArray:
         raise InputError(f"controller has {K.noutputs} outputs and {K.ninputs} inputs, not one")
     if K.nstates and float(K.dt or 0.0) != dt:
         raise InputError(
-            f"the data are of sampling time {dt:g} s and the controller of {K.dt!r} s (0 is "
-            "continuous time); they must be the same"
+            f"the data have dt = {dt:g} and the controller {K.dt!r} [s] (0 is continuous time); "
+            "they must be the same: control.frd(values, omega, dt) says how data were sampled"
         )
     values: ComplexArray = response(K, omega)[:, 0, 0]
     return values

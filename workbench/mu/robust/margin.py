@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -238,7 +239,7 @@ def robust_performance(
     gain
         The level.
     tolerance
-        Relative distance between the bounds.
+        Relative distance between the bounds, where the bounds of mu come as near to each other.
 
     Raises
     ------
@@ -272,7 +273,7 @@ def robust_performance(
         scale[: structure.columns], scale[structure.columns :] = t, 1 / gain
         return peak(whole.channels(outputs, inputs, scale), closed, tolerance=tolerance / 4)
 
-    low, high, omega = 0.0, math.inf, math.nan
+    low, high = 0.0, math.inf
     proven: dict[float, Peak] = {}
 
     def at(t: float) -> Peak:
@@ -290,16 +291,12 @@ def robust_performance(
     t = 1.0
     for _ in range(BISECTIONS):
         if at(t).upper < 1.0:
-            low = max(low, t)
+            low = t
         elif at(t).lower >= 1.0:
-            high, omega = min(high, t), at(t).omega
-        # between the bounds of mu itself; narrower bounds would decide no more than the tolerance
-        # does
-        else:
-            below, above = t * (1 - tolerance / 4), t * (1 + tolerance / 4)
-            low = max(low, below) if at(below).upper < 1.0 else low
-            if at(above).lower >= 1.0:
-                high, omega = min(high, above), at(above).omega
+            high = t
+        else:  # 1 lies between the bounds of mu: the ends of the range that they leave undecided
+            low = _end(low, t, lambda t: at(t).upper < 1.0, tolerance / 2)
+            high = _end(high, t, lambda t: at(t).lower >= 1.0, tolerance / 2)
             break
         if high <= low * (1 + tolerance) or low > MOST_GROWTH or high < 1 / MOST_GROWTH:
             break
@@ -309,4 +306,28 @@ def robust_performance(
             t = high / 2.0
         else:
             t = math.sqrt(low * high)
-    return margin(low, high, omega)
+    return margin(low, high, proven[high].omega if high in proven else math.nan)
+
+
+def _end(
+    decided: float, undecided: float, holds: Callable[[float], bool], tolerance: float
+) -> float:
+    """The factor nearest to ``undecided`` for which ``holds`` is found, from one (0 or inf: none).
+
+    By bisection, up to a relative distance.
+    """
+    for _ in range(BISECTIONS):
+        if decided == 0.0:
+            middle = undecided / 2.0
+        elif math.isinf(decided):
+            middle = undecided * 2.0
+        else:
+            middle = math.sqrt(decided * undecided)
+        near = max(middle / undecided, undecided / middle) <= 1.0 + tolerance / 2
+        if near or not 1 / MOST_GROWTH <= middle <= MOST_GROWTH:
+            break
+        if holds(middle):
+            decided = middle
+        else:
+            undecided = middle
+    return decided

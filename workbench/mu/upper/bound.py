@@ -38,7 +38,8 @@ def upper_bound(
     Parameters
     ----------
     M
-        Complex, shape (..., c, r), finite; c = structure.columns, r = structure.rows.
+        Complex, shape (..., c, r), finite; c = structure.columns, r = structure.rows. Or a
+        `FrequencyResponseData` of python-control, (F, c, r).
     method
         ``"fast"``, ``"ab13md"`` (SLICOT, square blocks, no repeated scalars) or the name of a
         conic solver.

@@ -23,7 +23,7 @@ from workbench.certify.mu_bound import (
 )
 from workbench.errors import InputError
 from workbench.figures.panels import along_batch
-from workbench.input_checks import need_structure
+from workbench.input_checks import matrix_values, need_structure
 from workbench.mu.upper.opinion import opinion, witnesses
 from workbench.program import Program
 from workbench.structure import Structure
@@ -113,10 +113,7 @@ class MuUpperBound(Program):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", self.M if hasattr(self.M, "dims") else None)
-        try:
-            M = np.array(self.M, dtype=complex)
-        except Exception as error:  # an object that is not an array may fail with any error
-            raise InputError(f"M must be an array of complex numbers: {error}") from None
+        M = matrix_values(self.M)
         need_structure(self.structure)
         self.structure.check(M)
         bad = np.argwhere(~np.isfinite(M).all((-2, -1)))

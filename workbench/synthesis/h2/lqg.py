@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 
 from workbench._core.arrays import RealArray
 from workbench.errors import InputError, SolverError
-from workbench.input_checks import as_array, is_real
+from workbench.input_checks import as_array, is_real, need_sampling_time
 from workbench.solution import solve
 from workbench.synthesis.h2.program import H2Controller, H2Synthesis
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.joints import system_of
 from workbench.systems.realisation import realisation
 
 SYMMETRY = 1e-9
@@ -38,7 +39,7 @@ def lqg(
     Parameters
     ----------
     plant
-        StateSpace or TransferFunction with n states, m inputs and p outputs.
+        StateSpace with n states, m inputs and p outputs.
     Q, R, W, V
         Weights and covariances (n, n), (m, m), (n, n) and (p, p), symmetric; Q and W positive
         semidefinite, R and V positive definite. A number stands for this number times the identity.
@@ -51,8 +52,8 @@ def lqg(
     Raises
     ------
     InputError
-        A weight has another size, is not symmetric, or is not (semi)definite; or as in
-        `H2Synthesis`.
+        The plant has no states of its own; a weight has another size, is not symmetric, or is not
+        (semi)definite; or as in `H2Synthesis`.
     SolverError
         No valid controller was found; the message says why.
 
@@ -65,7 +66,15 @@ def lqg(
     >>> round(answer.norm**2, 4), answer.holds  # 6 sqrt(2)
     (8.4853, True)
     """
+    import control
+
+    if isinstance(system_of(plant, "plant"), control.TransferFunction):
+        raise InputError(
+            "plant must be a StateSpace: Q and W belong to its states, and a TransferFunction has "
+            "none of its own; choose them by control.ss(plant)"
+        )
     G = as_system(plant, "plant")
+    need_sampling_time(G.dt, "plant")
     n, m, p = G.nstates, G.ninputs, G.noutputs
     of_x, of_u = _root(Q, n, "Q", "states"), _root(R, m, "R", "inputs", definite=True)
     noise, error = _root(W, n, "W", "states"), _root(V, p, "V", "outputs", definite=True)

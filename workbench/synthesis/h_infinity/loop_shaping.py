@@ -22,7 +22,7 @@ from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.input_checks import is_real
+from workbench.input_checks import is_real, need_sampling_time
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL
@@ -98,10 +98,7 @@ class LoopShaping(HinfSynthesis):
         if W1.noutputs != nominal.ninputs:
             raise InputError(f"W1 has {W1.noutputs} outputs; G has {nominal.ninputs} inputs")
         dt = common_dt([named_realisation(one) for one in (W2, nominal, W1)])
-        if dt is True:
-            raise InputError(
-                "G is sampled, but its sampling time is unknown (dt True); give it in s"
-            )
+        need_sampling_time(dt, "nominal")
         shaped = W2 * nominal * W1
         parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
         A, B, C = visible_matrices(*balanced(*parts[:3]), dt or 0.0)

@@ -13,7 +13,7 @@ from scipy.linalg import logm
 from workbench._core.arrays import ComplexArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
-from workbench.input_checks import need_choice
+from workbench.input_checks import need_choice, need_sampling_time
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.balancing import state_units
 from workbench.systems.bilinear import bilinear_continuous
@@ -74,8 +74,7 @@ def continuous_controller(controller: Any, *, method: ContinuationMethod = "zoh"
     need_choice(method, ContinuationMethod, "method")
     if not K.dt:
         raise InputError("K is continuous already (dt = 0); give the sampled system")
-    if K.dt is True:
-        raise InputError("K is sampled, but its sampling time is not given: set its dt")
+    need_sampling_time(K.dt, "K")
     if method == "tustin":
         found = bilinear_continuous(K)
         parts: Matrices = found.A, found.B, found.C, found.D

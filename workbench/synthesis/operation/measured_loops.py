@@ -11,6 +11,8 @@ from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
 from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.program import Implementation
+from workbench.synthesis.operation.stated_plants import corners, without
+from workbench.systems.margins import highest_crossover
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.responses.plant_models import measured_plants
 
@@ -27,9 +29,13 @@ it.
 
 
 def measured_models(
-    responses: Responses, task: Implementation, context: Context
+    responses: Responses, task: Implementation, K: StateSpace, context: Context
 ) -> tuple[list[StateSpace], RealArray]:
-    """A continuous model of each measured plant, and the relative error of each model."""
+    """A continuous model of each measured plant, and the relative error of each model.
+
+    For a corner of a stated spread it is the real plant that has the corner's direction at the
+    crossover with the sampled controller K.
+    """
     model = task.loop.model
     if isinstance(model, UncertaintyModel):
         order, poles, least = model.nominal.order, model.nominal.poles, 0.0
@@ -37,8 +43,26 @@ def measured_models(
         order, poles = 2, task.loop.nominal[0].poles()
         least = POLE_ROUNDING * float(np.abs(poles).max(initial=0.0))
     right = int((poles.real > least).sum())
-    found, errors = measured_plants(responses, order, right, context)
-    return [one.state_space() for one in found], errors
+    turned = corners(responses)
+    kept = [k for k in range(len(responses.plants)) if k not in turned]
+    fitted, apart = measured_plants(without(responses, turned), order, right, context)
+    found = dict(zip(kept, (one.state_space() for one in fitted), strict=True))
+    errors = dict(zip(kept, apart, strict=True))
+    for k, corner in turned.items():
+        reference = found[corner.reference]
+        found[k] = corner.plant(reference, _crossover(responses, task, K, reference))
+        errors[k] = errors[corner.reference]
+    return [found[k] for k in sorted(found)], np.array([errors[k] for k in sorted(found)])
+
+
+def _crossover(
+    responses: Responses, task: Implementation, K: StateSpace, plant: StateSpace
+) -> float:
+    """Highest frequency [rad/s] at which the loop gain is 1; else the middle of the band."""
+    (loop,) = loops_around([plant], task)
+    found = 2 * math.pi * highest_crossover(loop.loop_of(K).held(), K)
+    ends = responses.axis[[0, -1]]
+    return found if 0.0 < found < math.inf else float(np.sqrt(ends[0] * ends[1]))
 
 
 def loops_around(models: list[StateSpace], task: Implementation) -> list[BoardLoop]:

@@ -121,11 +121,12 @@ def _steps(responses: Responses, task: Implementation) -> list[RealArray]:
     """Step responses (samples,) to the set-point of the loop around every measured plant, with each
     way of discretisation for which all loops are stable.
     """
-    models, _ = measured_models(responses, task, Context(options=Options()))
+    sampled = [task.coefficients(way).K for way in get_args(ImplementationMethod)]
+    models, _ = measured_models(responses, task, sampled[0], Context(options=Options()))
     loops, unstable = loops_around(models, task), dict[str, None]()
     steps = []
-    for way in get_args(ImplementationMethod):
-        every = [loop.sensitivity(task.coefficients(way).K) for loop in loops]
+    for K in sampled:
+        every = [loop.sensitivity(K) for loop in loops]
         slowest = [float(np.abs(one.poles()).max(initial=0.0)) for one in every]
         if max(slowest) >= 1.0:
             unstable[str(responses.plants[int(np.argmax(slowest))])] = None

@@ -56,7 +56,9 @@ class WorkingLoop(Study):
 
     Every measured plant is simulated by a model fitted to its response, with the limits of the
     control, hold and delay, and the controller as it is exported. The implementation gives the
-    limits and the working point.
+    limits and the working point. For the corners of a stated spread real plants of its disc are
+    taken: the measured one times a number plus an all-pass, in the corner's direction at the
+    crossover frequency.
 
     Parameters
     ----------
@@ -153,7 +155,7 @@ class WorkingLoop(Study):
     @part
     def models(self, context: Context) -> tuple[list[StateSpace], RealArray]:
         """A continuous model of each plant, and the relative error of each model."""
-        return measured_models(self.responses, self.task, context)
+        return measured_models(self.responses, self.task, self.board.answer.K, context)
 
     @part
     def loops(self, models: Any) -> list[BoardLoop]:

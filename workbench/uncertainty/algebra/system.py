@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from workbench._core.arrays import Array
 from workbench._core.heavy_types import Figure, StateSpace
 from workbench.errors import InputError, UnknownNameError
-from workbench.input_checks import need_count, need_time_base
+from workbench.input_checks import common_time_base, need_count, need_time_base
 from workbench.structure import Structure
 from workbench.systems.conversion import as_states
 from workbench.systems.generalised_plant import GeneralisedPlant, response
@@ -429,14 +429,8 @@ def combined_elements(parts: list[UncertainSystem]) -> dict[str, Element]:
 
 
 def common_time(parts: list[UncertainSystem]) -> float | None:
-    """Common sampling time of several systems; raises InputError if they differ."""
-    times = {part.dt for part in parts if part.dt is not None}
-    if len(times) > 1:
-        raise InputError(
-            f"systems with sampling times {sorted(times)} s cannot be combined (0 is continuous "
-            "time): discretise the continuous ones, or bring the others back by continuous_time"
-        )
-    return times.pop() if times else None
+    """Common sampling time [s] of several systems; raises InputError if they do not fit."""
+    return common_time_base(part.dt for part in parts)
 
 
 def _combined(first: Any, second: Any, operation: Any) -> UncertainSystem:

@@ -112,7 +112,10 @@ class UncertaintyCover(Program):
 
     def __post_init__(self) -> None:
         if not isinstance(self.responses, Responses):
-            raise InputError(f"responses must be Responses, not {type(self.responses).__name__}")
+            raise InputError(
+                f"responses must be Responses, not {type(self.responses).__name__}; "
+                "Responses.from_frd and Responses.from_files make them"
+            )
         if self.confidence is not None:
             if self.leave_out:
                 raise InputError("leave_out counts plants, confidence covers regions: give one")

@@ -156,7 +156,10 @@ class MatrixCover(Program):
     def __post_init__(self) -> None:
         if not isinstance(self.responses, MatrixResponses):
             kind = type(self.responses).__name__
-            raise InputError(f"responses must be MatrixResponses, not {kind}")
+            raise InputError(
+                f"responses must be MatrixResponses, not {kind}; MatrixResponses.from_frd and "
+                "MatrixResponses.of_systems make them"
+            )
         object.__setattr__(self, "nominal", as_system(self.nominal, "nominal"))
         p, m = self.responses.values.shape[2:]
         if (self.nominal.noutputs, self.nominal.ninputs) != (p, m):

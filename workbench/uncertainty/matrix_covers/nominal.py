@@ -37,7 +37,10 @@ def central_nominal(responses: MatrixResponses, order: int) -> StateSpace:
     [[1.0, 0.0], [0.0, 1.0]]
     """
     if not isinstance(responses, MatrixResponses):
-        raise InputError(f"responses must be MatrixResponses, not {type(responses).__name__}")
+        raise InputError(
+            f"responses must be MatrixResponses, not {type(responses).__name__}; "
+            "MatrixResponses.from_frd and MatrixResponses.of_systems make them"
+        )
     sets = MatrixSets(
         responses.values, left="diagonal", right="diagonal", centre="free", size="trace"
     )

@@ -14,7 +14,7 @@ from workbench.certify.stability import stability_check
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count, as_frequencies
-from workbench.input_checks import as_array, as_list
+from workbench.input_checks import as_array, as_list, common_time_base, need_sampling_time
 from workbench.realisations import minimal_realisation
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_response import frequency_response
@@ -102,21 +102,26 @@ class MatrixResponses:
 
         Raises InputError for systems of different sizes or sampling times.
         """
-        found = [
-            as_system(each, f"plant {k + 1}") for k, each in enumerate(as_list(systems, "systems"))
-        ]
+        given = as_list(systems, "systems")
+        if any(hasattr(each, "frdata") for each in given):
+            raise InputError(
+                "systems are measured responses, which have frequencies of their own: give them to "
+                "MatrixResponses.from_frd"
+            )
+        found = [as_system(each, f"plant {k + 1}") for k, each in enumerate(given)]
         if not found:
             raise InputError("there are no systems; one or more are needed")
-        kinds = {(each.noutputs, each.ninputs, float(each.dt or 0.0)) for each in found}
-        if len(kinds) > 1:
+        sizes = {(each.noutputs, each.ninputs) for each in found}
+        if len(sizes) > 1:
             raise InputError(
-                "plants differ in (outputs, inputs, sampling time): "
-                + ", ".join(map(str, sorted(kinds)))
+                f"plants differ in (outputs, inputs): {', '.join(map(str, sorted(sizes)))}"
             )
+        dt = common_time_base(each.dt for each in found)
+        need_sampling_time(dt, "each plant")
         omega = as_frequencies(omega)
         warn_far_frequencies(omega, found[0])
         values = np.stack([system_response(each, omega) for each in found], axis=1)
-        return cls(omega, values, plants=plants, dt=float(found[0].dt or 0.0), known=tuple(found))
+        return cls(omega, values, plants=plants, dt=float(dt or 0.0), known=tuple(found))
 
     @classmethod
     def from_frd(cls, systems: Sequence[Any], *, plants: Any = None) -> MatrixResponses:
@@ -137,7 +142,9 @@ class MatrixResponses:
                     f"plant {k + 1} has {value.shape[1]} outputs and {value.shape[2]} inputs, "
                     f"plant 1 has {values[0].shape[1]} and {values[0].shape[2]}"
                 )
-        return cls(omegas[0], np.stack(values, axis=1), plants=plants, dt=float(found[0].dt or 0.0))
+        dt = common_time_base(each.dt for each in found)
+        need_sampling_time(dt, "each plant")
+        return cls(omegas[0], np.stack(values, axis=1), plants=plants, dt=float(dt or 0.0))
 
     def channel(self, output: int, input: int) -> Responses:
         """Responses from one input to one output, both counted from 0.

@@ -31,7 +31,14 @@ from workbench.identification.responses.of_excitation import (
 )
 from workbench.identification.responses.of_records import FEWEST_SAMPLES, record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
-from workbench.input_checks import as_list, need_places, need_whole
+from workbench.input_checks import (
+    as_list,
+    common_time_base,
+    need_places,
+    need_sampling_time,
+    need_time_base,
+    need_whole,
+)
 from workbench.uncertainty.responses.ratios import Ratios
 from workbench.uncertainty.responses.spread import spread_about
 
@@ -100,7 +107,13 @@ def from_frd(
         at = np.searchsorted(omega, grid)
         values[at, k] = np.asarray(system.frdata)[row, column]
         present[at, k] = True
-    return _on_one_grid(omega, values, present, names)
+    given = names.get("dt")
+    need_time_base(given)
+    # python-control's data without a sampling time have 0, which a dt that is given replaces
+    stated = [system.dt or given for system in systems]
+    dt = common_time_base([given, *stated])
+    need_sampling_time(dt, "each plant")
+    return _on_one_grid(omega, values, present, {**names, "dt": dt or 0.0})
 
 
 def _channel(chosen: Channel, labels: Sequence[str], plant: str, kind: str) -> int:

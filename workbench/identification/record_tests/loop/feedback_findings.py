@@ -7,9 +7,10 @@ from dataclasses import replace
 from workbench.identification.record_tests.finding import Finding
 
 WAY_OUT = (
-    "record what drove the loop and give it as excitation= (Responses.from_files, ClosedLoopFit), "
-    "or the samples of its period if it repeats itself (driven_response), or open the loop; if the "
-    "loop was open, y is recorded too early: shift it, or are input and output exchanged?"
+    "record what drove the loop and give it as excitation= (Responses.from_files, ClosedLoopFit; "
+    "--excitation NAME of workbench init), or the samples of its period if it repeats itself "
+    "(driven_response), or open the loop; if the loop was open, y is recorded too early: shift it, "
+    "or are input and output exchanged?"
 )
 OTHER_EXCITATION = "give a signal as excitation that does not depend on the outputs"
 

@@ -78,7 +78,10 @@ def cover_front(
     """
     need_choice(shape, Literal["circle", "stadium"], "shape")
     if not isinstance(responses, Responses):
-        raise InputError(f"responses must be Responses, not {type(responses).__name__}")
+        raise InputError(
+            f"responses must be Responses, not {type(responses).__name__}; Responses.from_frd and "
+            "Responses.from_files make them"
+        )
     if loop is not None and not callable(loop):
         raise InputError(f"loop must be a function of a model, not {loop!r}")
     programs = {each: _program(responses, each, shape, form) for each in _orders(orders, shape)}
