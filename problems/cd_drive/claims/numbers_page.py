@@ -12,7 +12,7 @@ from workbench.study import markdown_table
 from .assignments import Assignment, assignments, natural, settable
 from .items import Found, Item, Number, Quantity
 from .summaries import Made
-from .verdicts import Lookup, Verdict, stands
+from .verdicts import Lookup, Verdict, standings, stands
 
 Judged = Mapping[str, Sequence[tuple[Item, Verdict]]]
 """The items of each chapter, with their verdicts."""
@@ -26,6 +26,13 @@ natural reading. Below them stand the runs on which the verdict rests, each with
 command that makes it again: first those that give these numbers, then those that show other
 [readings](thesis.md#readings)."""
 TRUTH = {True: "true", False: "false", None: "not decided"}
+WHY_OPEN = {
+    "false": "{} make it false",
+    "true": "{} make it true",
+    "not decided": "{} leave a limit within the interval of a number",
+    "not run": "{} were not run",
+}
+"""Readings of an open item, counted."""
 
 
 def numbered(judged: Judged) -> Iterator[tuple[str, Item, Verdict]]:
@@ -55,7 +62,8 @@ def every_number(judged: Judged, found: Lookup, runs: Runs) -> str:
 def _section(name: str, item: Item, verdict: Verdict, found: Lookup, runs: Runs) -> Iterator[str]:
     """An item: what it says, its numbers, and its runs."""
     yield f"### Item {name}"
-    yield f"{item.place}: {item.says}. Verdict: **{verdict}**."
+    why = f" {_why_open(item, found)}" if verdict is Verdict.OPEN else ""
+    yield f"{item.place}: {item.says}. Verdict: **{verdict}**.{why}"
     if not item.numbers:
         yield "It has no numbers."
         return
@@ -67,6 +75,21 @@ def _section(name: str, item: Item, verdict: Verdict, found: Lookup, runs: Runs)
     if item.shown:
         yield f"Tables or figures that show it: {item.shown}."
     yield _runs(item, found, runs)
+
+
+def _why_open(item: Item, found: Lookup) -> str:
+    """What stands in the way of another verdict."""
+    if item.needs:
+        return f"{item.needs}."
+    deciding = [number for number in item.numbers if number.decides]
+    counts = dict.fromkeys(WHY_OPEN, 0)
+    for own, told in standings(item, found):
+        missing = any(found(number, natural() | own) is None for number in deciding)
+        counts["not run" if told is None and missing else TRUTH[told]] += 1
+    some = [WHY_OPEN[name].format(count) for name, count in counts.items() if count]
+    words = f"Of {sum(counts.values())} readings {', '.join(some)}."
+    taken = " Its words may be meant otherwise than they are taken here." if item.reading else ""
+    return words + taken
 
 
 def _runs(item: Item, found: Lookup, runs: Runs) -> str:

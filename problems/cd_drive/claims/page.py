@@ -33,9 +33,9 @@ RULE = {
 """Meaning of each verdict."""
 READINGS = """\
 The text of the thesis leaves some questions open. A reading is one choice for each of these
-questions, and it holds for all items. The choices were fixed before the runs, with one exception:
-the signal without delay was added after the runs had shown that its delay decides. The natural
-choice stands first."""
+questions, and it holds for all items. The choices were fixed before the runs, with two exceptions:
+the signal without delay was added after the runs had shown that its delay decides, and the fault
+filter after one had been designed. The natural choice stands first."""
 
 
 def thesis(judged: Judged, found: Lookup) -> str:

@@ -26,6 +26,9 @@ SHORTER: dict[str, dict[str, Any]] = {
     "gain-ramp": {"draws": 1},
     "diode-plane": {"draws": 1, "defects": 4},
     "position-estimator": {"draws": 10},
+    "open-loop": {"draws": 6},
+    "closed-loop": {"draws": 4},
+    "excursion": {"draws": 6},
 }
 """Parameters that make runs under another reading shorter than the reference results."""
 Key = tuple[str, str, str]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from workbench import Run
+from workbench.diagnosis import LaguerreBasis
 from workbench.types import DataArray, RealArray
 
 from ...control.control_problem import performance_weight
+from ...diagnosis.fault_filter.loop import LAGUERRE_POLE
 from ...diagnosis.fault_filter.printed_weights import shock_weight
 from ...diagnosis.position_estimator.model import Prototype
 from ...drive.tables import Axis, drives
@@ -166,6 +168,18 @@ def graded_samples(run: Run) -> float:
 def least_leakage(run: Run, error: float) -> float:
     """Lower bound on the leakage [m] of every filter at a relative error."""
     return float(run.data["least_total"].sel(point=error, method="nearest"))
+
+
+@value
+def reached_leakage(run: Run, error: float, functions: int) -> float:
+    """Leakage and noise [m] that a filter of so many Laguerre functions reaches at a relative
+    error, nominal plant.
+    """
+    study: Any = run.task  # FaultFilterStudy
+    front, _ = study.fronts("full", float(run.data["set_share"]))
+    basis = LaguerreBasis(study.loops["full"], LAGUERRE_POLE)
+    point = front.least(basis.response(front.omega, functions), error)
+    return point.leakage + 3 * point.noise
 
 
 @value

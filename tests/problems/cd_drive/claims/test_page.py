@@ -79,9 +79,9 @@ def test_the_commands_make_the_runs_of_the_keys(pages):
     for command, key in told:
         _, name, *words = shlex.split(command)
         problem = registry().find(name)
-        asked = problem.to_json(problem.bind(settings_of(tuple(words[1::2]))))
+        asked = problem.asked(problem.bind(settings_of(tuple(words[1::2]))))
         if (name, key) in others:
-            expected = problem.to_json(problem.bind(dict(others[name, key].parameters)))
+            expected = problem.asked(problem.bind(dict(others[name, key].parameters)))
         else:
             expected = wb.open_run(ROOT / "results" / "reference" / name / key).info["parameters"]
         assert asked == expected, command
