@@ -77,10 +77,10 @@ def closed_loop_deviations(
     infinite; if they seem white, deviations count by how much the response would change if the
     noise had 12 parameters more, but a record seldom tells whether the order suffices. Deviations
     of the other methods are infinite if more than a hundredth of what the excitation explains of
-    the input is noise, or more than a tenth of what it explains of the output. Without a period, so are those of the other methods if the model has a mode
-    slower than a tenth of the record, and those of "two-stage" and "indirect" if the responses to
-    the excitation have not died out where their estimates end. With thirty parts a deviation is
-    accurate to about 13 percent.
+    the input is noise, or more than a tenth of what it explains of the output. Without a period, so
+    are those of the other methods if the model has a mode slower than a tenth of the record, and
+    those of "two-stage" and "indirect" if the responses to the excitation have not died out where
+    their estimates end. With thirty parts a deviation is accurate to about 13 percent.
 
     They are far too large if the model has a mode that is hardly excited.
 
