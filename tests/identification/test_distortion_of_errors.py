@@ -12,10 +12,10 @@ AT = np.array([0.0, 0.01, 0.1, 0.3])
 
 
 def record(seed, bend=0.0, above=(0.0, 0.2), below=(1.0, -0.8), samples=900):
-    """A plant and then a sensor whose reading is bent by a square and a cube."""
+    """A plant and a sensor that is bent by a square and a cube, with the noise of an ARX model."""
     u, e = np.random.default_rng([seed, 17]).standard_normal((2, samples))
     x = lfilter(above, below, u)
-    return as_experiments(u, x + bend * (x**2 + x**3) + 0.05 * e)
+    return as_experiments(u, x + bend * (x**2 + x**3) + 0.05 * lfilter([1.0], below, e))
 
 
 def found_in(told, order=1):
@@ -74,7 +74,8 @@ def test_units_change_nothing(unit):
 def test_several_channels_delays_experiments_and_missing_samples():
     rng = np.random.default_rng(6)
     u, e = rng.standard_normal((500, 2)), rng.standard_normal((500, 2))
-    y = np.column_stack([lfilter([0.0, 0.0, 0.5], [1.0, -0.5], u[:, 0]), u[:, 1]]) + 0.1 * e
+    above = ([0.0, 0.0, 0.5], [0.0, 0.5])
+    y = np.stack([lfilter(b, [1.0, -0.5], v) for b, v in zip(above, u.T, strict=True)], 1) + 0.1 * e
     y[100:120] = np.nan
     told = as_experiments([u[:300], u[300:]], [y[:300], y[300:]])
     model = arx(told, 2, direct=False, delay_samples=(1, 0))

@@ -152,7 +152,7 @@ def held_about_friction(order, count, seed):
     inputs, outputs, _ = records(case, count, seed)
     for u, y in zip(inputs, outputs, strict=True):
         program = StateSpaceFit(u[0], y, orders=(order,), direct=False)
-        answer = ask(program, "prediction-error", Context(Options())).answer
+        answer = ask(program, "prediction-error", Context(options=Options())).answer
         deviations = program.deviations(answer, at)[:, 0, 0]
         magnitude = np.abs(answer.simulator.response(at)[:, 0, 0])
         found.append(np.abs(magnitude - exact) <= 1.96 * deviations)
