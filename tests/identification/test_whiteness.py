@@ -68,12 +68,11 @@ def test_freed_noise_moves_a_plant_whose_pole_the_noise_took():
 
 
 @pytest.mark.cases(0)
-def test_answers_say_that_errors_are_not_white_and_distortion_is_not_counted():
+def test_answers_say_that_errors_are_not_white():
     told = record([0, 4], above=(1.0, 0.9, 0.5), below=(1.0, -0.3, 0.6))
     program = StateSpaceFit(told.u, told.y, orders=(1,), direct=False)
     facts = " ".join(solve(program, method="prediction-error").certificate.facts)
     assert "predictor: one-step errors are not white" in facts
-    assert "do not count its distortion" in facts
 
 
 def test_a_search_goes_on_along_the_limit_of_a_pole():

@@ -42,7 +42,7 @@ class Criterion:
     Each run, one-step and free, has an initial state for each experiment. ``direct`` says whether D
     is free; otherwise the model's D is kept. ``entries`` marks the free entries of A, B, C, D and
     K, concatenated row by row; None: all are free. ``free`` are the indices of the free ones in
-    that order.
+    that order. ``seen`` are the indices of the samples that count.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Criterion:
         late = model.longest_delay_samples
         self._pieces = [model.driven_part(u, y) for u, y in record.pieces() if len(u) > late]
         ends = np.cumsum([len(u) for u, _ in record.pieces()])
-        self._seen = np.concatenate(
+        self.seen = np.concatenate(
             [
                 np.arange(end - len(u) + late, end)
                 for end, (u, _) in zip(ends, record.pieces(), strict=True)
@@ -67,7 +67,7 @@ class Criterion:
         self._weights = (1.0, simulation_weight) if simulation_weight > 0 else (1.0,)
         spread = np.nanstd(record.y, axis=0)
         self.floor = np.diag((LEAST_ERROR * spread) ** 2)
-        self._rows = len(self._seen)
+        self._rows = len(self.seen)
         parts = (model.A, model.B, model.C, model.D, model.K, model.u_offset, model.y_offset)
         self._shapes = [part.shape for part in parts]
         self._ends = np.cumsum([0] + [part.size for part in parts])
@@ -152,6 +152,13 @@ class Criterion:
         """One-step errors (N, ny); missing ones are zero."""
         return np.concatenate([own for _, own, _ in self._blocks(theta, 0)])
 
+    def driven(self, theta: RealArray) -> Iterator[tuple[RealArray, RealArray, RealArray]]:
+        """Inputs (T, nu) less their offset, the outputs (T, ny) less theirs that they and the
+        initial state cause, and the measured ones, of each experiment.
+        """
+        for _, x, (A, B, C, D, K), u, y in self._runs(theta, 0):
+            yield u, predictions(A, B, C, D, np.zeros_like(K), x, u, np.zeros_like(y)), y
+
     def repeated(
         self, theta: RealArray, record: Experiments, draws: Iterable[RealArray]
     ) -> Iterator[Experiments]:
@@ -170,7 +177,7 @@ class Criterion:
             for seen, driven, noise, missing in parts:
                 drawn = np.ascontiguousarray(errors[seen])
                 made = driven + predictions(*noise, drawn, np.zeros_like(driven)) + missing
-                outputs[self._seen[seen]] = made
+                outputs[self.seen[seen]] = made
             yield replace(record, y=outputs)
 
     def filtered_rows(
@@ -199,8 +206,8 @@ class Criterion:
         the one-step errors (N, ny).
         """
         found, first = np.zeros((int(parts[-1]) + 1, len(theta))), 0
-        parts = parts[self._seen]
-        errors = None if errors is None else errors[self._seen]
+        parts = parts[self.seen]
+        errors = None if errors is None else errors[self.seen]
         weight = np.linalg.inv(self._covariance(theta, 0))
         for columns, own, rows in self._blocks(theta, 0):
             block = slice(first, first + len(own))

@@ -22,6 +22,7 @@ from workbench.identification.innovations.curvature import (
     response_along,
     slope_along,
 )
+from workbench.identification.innovations.distortion import distortion_of
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.record_tests.excitation import sines
@@ -73,6 +74,11 @@ def model_deviations(
             ),
             gains,
         )
+        beyond = distortion_of(model, record, direct, known)
+        if beyond is not None and beyond.found:
+            gain_deviations = np.maximum(
+                gain_deviations, of_magnitudes(beyond.moves([0.0]), gains)[0]
+            )
         gain_deviations[:, list(untold)] = np.inf
     else:
         gain_deviations = np.full(gains.shape, np.inf)
@@ -89,8 +95,11 @@ def response_deviations(
     """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
 
     They come from the curvature of the prediction errors, so they are valid if these are white: the
-    model must have the order of plant and noise, and the plant must be linear, for distortion is
-    not counted. They are computed from the scatter over records that the model makes, and with an
+    model must have the order of plant and noise. If squares and cubes of the model's output, or
+    past inputs, tell these errors, the plant is distorted or of higher order: then deviations are
+    about its best linear approximation, and count the scatter over thirty parts of the record, and
+    how far a larger model would be from this one. Otherwise they are computed from the scatter over
+    records that the model makes, and with an
     autoregression of the errors of its free run as noise; the larger count. ``direct`` says
     whether D is free. A response that the record does not determine, such as that of one of two
     equal inputs, has an infinite deviation. For models of `impulse_response` use
@@ -120,6 +129,10 @@ def response_deviations(
         lambda criterion, theta, step: response_along(criterion, theta, step, cycles_per_sample),
         model.response(cycles_per_sample),
     )
+    beyond = distortion_of(model, record, direct, None)
+    if beyond is not None and beyond.found:
+        total = np.sqrt(np.sum(np.abs(beyond.moves(cycles_per_sample)) ** 2, axis=0))
+        found = np.maximum(found, total)
     untold = _untold_inputs(model, record, direct, None)
     return _infinite_apart(found, cycles_per_sample, untold, record)
 
@@ -143,6 +156,9 @@ def magnitude_deviations(
         return np.asarray((change * unit.conj()).real)
 
     found = largest_deviations(estimates_of(model, record, direct, known), along, response)
+    beyond = distortion_of(model, record, direct, known)
+    if beyond is not None and beyond.found:
+        found = np.maximum(found, of_magnitudes(beyond.moves(frequency), response))
     return _infinite_apart(found, frequency, _untold_inputs(model, record, direct, known), record)
 
 

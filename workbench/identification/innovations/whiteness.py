@@ -73,28 +73,66 @@ def whiteness_of_errors(criterion: Criterion, theta: RealArray, free: RealArray)
 
     The parameters were free along the columns of ``free`` (P, q).
     """
-    errors = criterion.errors(theta)
-    outputs = errors.shape[1]
-    _, gradient, hessian = criterion.expand(theta)
-    whiten = whitening(errors.T @ errors / len(errors) + criterion.floor)
-    white = errors @ whiten
-    past = np.zeros((len(white), outputs, LAGS))
+    white, _ = whitened_errors(criterion, theta)
+    past = np.zeros((*white.shape, LAGS))
     for lag in range(1, min(LAGS, len(white) - 1) + 1):
         past[lag:, :, lag - 1] = white[:-lag]
+    beside = added_regressors(criterion, theta, free, past)
+    factors = roots_where_new(beside.inner, beside.sizes)
+    found = factors.T @ beside.score
+    size = float(found @ found)
+    moves = beside.root @ beside.told @ factors @ np.column_stack([found, np.eye(len(found))])
+    return Whiteness(size / white.size, float(chi2.sf(size, len(found))), moves)
+
+
+@dataclass(frozen=True, eq=False)
+class AddedRegressors:
+    """Regressors (m,) that are added to the parameters of a criterion, to tell its errors.
+
+    ``root`` (P, q): the parameters' standard deviations; ``told`` (q, m): the part of the
+    regressors along them; ``inner`` (m, m): inner products of the rest; ``sizes`` (m,): of the
+    whole; ``score`` (m,): inner products of the rest with the errors.
+    """
+
+    root: RealArray
+    told: RealArray
+    inner: RealArray
+    sizes: RealArray
+    score: RealArray
+
+
+def whitened_errors(criterion: Criterion, theta: RealArray) -> tuple[RealArray, RealArray]:
+    """One-step errors (N, ny), made independent with variance 1 by W (ny, ny), and W."""
+    errors = criterion.errors(theta)
+    whiten = whitening(errors.T @ errors / len(errors) + criterion.floor)
+    return errors @ whiten, whiten
+
+
+def added_regressors(
+    criterion: Criterion, theta: RealArray, free: RealArray, added: RealArray
+) -> AddedRegressors:
+    """What is new in regressors ``added`` (N, ny, k) of the whitened errors of each output."""
+    white, whiten = whitened_errors(criterion, theta)
+    outputs, count = added.shape[1:]
+    _, gradient, hessian = criterion.expand(theta)
     root, first = free @ root_of_inverse(free.T @ hessian @ free), 0
-    crossed = np.zeros((len(theta), outputs * LAGS))
+    crossed = np.zeros((len(theta), outputs * count))
     for columns, rows in criterion.filtered_rows(theta, [np.ones(1)] * outputs):
-        each = np.einsum("toc,op,tpk->cpk", rows, whiten, past[first : first + len(rows)])
+        each = np.einsum("toc,op,tpk->cpk", rows, whiten, added[first : first + len(rows)])
         crossed[columns] += each.reshape(len(columns), -1)
         first += len(rows)
     told = root.T @ crossed
-    own = block_diag(*np.einsum("tok,tol->okl", past, past))
-    score = np.einsum("tok,to->ok", past, white).ravel() - told.T @ (root.T @ gradient)
-    scale = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh((own - told.T @ told) / np.outer(scale, scale))
+    own = block_diag(*np.einsum("tok,tol->okl", added, added))
+    score = np.einsum("tok,to->ok", added, white).ravel() - told.T @ (root.T @ gradient)
+    return AddedRegressors(root, told, own - told.T @ told, np.diag(own), score)
+
+
+def roots_where_new(inner: RealArray, sizes: RealArray) -> RealArray:
+    """F (m, k) with F F' the inverse of inner products (m, m), where these are not too small.
+
+    ``sizes`` (m,) are inner products of the whole regressors, of which the rest may be rounding.
+    """
+    scale = np.sqrt(np.maximum(sizes, np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
     new = values > NEW
-    factors = vectors[:, new] / scale[:, None] / np.sqrt(values[new])
-    found = factors.T @ score
-    size = float(found @ found)
-    moves = root @ told @ factors @ np.column_stack([found, np.eye(len(found))])
-    return Whiteness(size / white.size, float(chi2.sf(size, len(found))), moves)
+    return np.asarray(vectors[:, new] / scale[:, None] / np.sqrt(values[new]))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench._core.arrays import RealArray
+from workbench.identification.innovations.distortion import distortion_of
 from workbench.identification.innovations.impulse_responses import (
     has_finite_response,
     impulse_response_changes,
@@ -31,7 +32,14 @@ LINEAR = (
     "standard deviations take the plant as linear: they do not count its distortion, and are too "
     "small where it has some; regions of Responses.from_files count it if the excitation repeats"
 )
-"""What deviations assume; the report of the record says how large the distortion is."""
+"""What deviations assume where errors are not tested for distortion."""
+COUNTED = (
+    "deviations count this; they are about the best linear model for such an excitation, and "
+    "another one may have another"
+)
+"""What deviations count where errors show distortion."""
+UNSEEN = "the errors show no distortion, and deviations count none"
+"""What deviations assume where the test for distortion finds none."""
 ENDLESS = (
     "its impulse responses have not died out where they end, so deviations are infinite; "
     "take a longer record, larger steps of time, or another method"
@@ -80,19 +88,35 @@ def facts_of(
 
 def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list[str]:
     """Sentences on how well the record determines both models, and on what is not counted."""
-    words = [LINEAR]
+    words = []
     for name in MODELS:
         model = getattr(answer, name)
-        words += _uncertainty(program, model, name)
+        words += [_distortion_told(program, model, name), *_uncertainty(program, model, name)]
         white = not_white(program, model, name)
         if white:
             words.append(f"{white}: deviations do not count what plant or noise have beyond it")
     return words
 
 
+def _distortion_told(program: RecordedQuestion, model: InnovationsModel, name: str) -> str:
+    """A sentence on distortion of the plant, which deviations count if the errors show it."""
+    beyond = None
+    if is_tested(model):
+        beyond = distortion_of(model, program.estimation_record, program.direct, program.known)
+    if beyond is None:
+        return f"{name}: {LINEAR}"
+    return f"{name}: {beyond.words}; {COUNTED}" if beyond.found else f"{name}: {UNSEEN}"
+
+
+def is_tested(model: InnovationsModel) -> bool:
+    """Whether tests of one-step errors are made for a model."""
+    endless = model.members or has_finite_response(model)
+    return not endless and model.order <= MOST_STATES_OF_DEVIATIONS
+
+
 def whiteness_of(program: RecordedQuestion, model: InnovationsModel) -> Whiteness | None:
     """The test of a model's one-step errors; None for models that it is not made for."""
-    if model.members or has_finite_response(model) or model.order > MOST_STATES_OF_DEVIATIONS:
+    if not is_tested(model):
         return None
     return model_whiteness(model, program.estimation_record, program.direct)
 
