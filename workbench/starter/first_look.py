@@ -37,8 +37,8 @@ class FirstLook:
 
     ``columns``: sentence that says which column is which. ``period``: sampling time [s] of the
     first record. ``limits``: least and largest value of the input in all records. ``point``:
-    working point of the records. ``noise``: rms of the measurement noise. ``notes``: peculiarities
-    of the records.
+    working point of the records. ``noise``: rms of the measurement noise. ``span``: range of the
+    output in the record that moves it most. ``notes``: peculiarities of the records.
     """
 
     columns: str
@@ -46,6 +46,7 @@ class FirstLook:
     limits: tuple[float, float]
     point: WorkingPoint
     noise: float
+    span: float
     notes: tuple[str, ...] = ()
 
 
@@ -83,7 +84,8 @@ def first_look(
     assumed = [one for one in (str(read[0].attrs["assumed"]), *alike) if one]
     columns = "; ".join([f"input {input!r}, output {output!r}, {instants}", *assumed])
     point, notes = working_point(read)
-    return FirstLook(columns, period, (low, high), point, rms_of_noise(records), notes)
+    span = float(max(np.ptp(y) for _, y in records))
+    return FirstLook(columns, period, (low, high), point, rms_of_noise(records), span, notes)
 
 
 def oddities(responses: Responses, files: Sequence[str]) -> tuple[str, ...]:

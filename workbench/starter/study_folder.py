@@ -252,6 +252,7 @@ def _record_words(
         "output": y,
         "time": t,
         "noise": look.noise,
+        "tried_step": look.span / 2,
         "unit_of_u": bracketed(look.point.u_unit),
         "unit_of_y": bracketed(look.point.y_unit),
     }

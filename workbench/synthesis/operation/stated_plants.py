@@ -71,11 +71,11 @@ def without(responses: Responses, places: Collection[int]) -> Responses:
         responses,
         values=responses.values[:, kept],
         present=responses.present[:, kept],
-        plants=[responses.plants[k] for k in kept],
+        plants=tuple(responses.plants[k] for k in kept),
         variance=None if responses.variance is None else responses.variance[:, kept],
         degrees=np.broadcast_to(responses.degrees, len(responses.plants))[kept],
         ratios=None,
-        known=None,
+        known=(),
     )
 
 
