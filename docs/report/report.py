@@ -75,7 +75,7 @@ def ledger() -> list[dict[str, str]]:
     rows = table_rows(ROOT / "docs" / "thesis.md")
     found = []
     for start in CLAIMS:
-        some = [row for row in rows if row[2].startswith(start)]
+        some = [row for row in rows if len(row) == 5 and row[2].startswith(start)]
         if some:
             _, place, says, became, verdict = some[0]
             first = re.split(r"(?<=[.])\s", became)[0]

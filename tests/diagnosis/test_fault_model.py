@@ -94,7 +94,7 @@ def test_systems_that_are_none():
     spoilt.A[0, 0] = np.nan
     with pytest.raises(InputError, match="A of the system"):
         FaultModel(spoilt, controls=("u",))
-    with pytest.raises(InputError, match="dt True"):
+    with pytest.raises(InputError, match="dt=True"):
         FaultModel(control.ss(A, B, C, D, True, inputs=["u"]), controls=("u",))
     with pytest.raises(InputError, match="changes nothing"):
         MODEL.with_multiplicative_fault("p", dA=np.zeros((2, 2)))

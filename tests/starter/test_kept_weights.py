@@ -37,8 +37,7 @@ def settled(tmp_path, monkeypatch):
     def settle(peak, least=0.0, **given):
         tried = []
 
-        def solve(task, *, options):
-            assert options.time_limit is None  # a busy computer tries as much as another
+        def solve(task):  # without a time limit: a busy computer tries as much as another
             if hasattr(task, "inflation"):
                 valid = SimpleNamespace(valid=True)
                 return SimpleNamespace(certificate=valid, answer=SimpleNamespace(model=task.name))

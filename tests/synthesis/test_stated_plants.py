@@ -6,7 +6,7 @@ import pytest
 
 import workbench as wb
 from workbench.synthesis import Implementation, WorkingLoop, WorkingPoint
-from workbench.synthesis.operation.stated_plants import corners, without
+from workbench.synthesis.operation.stated_plants import stated_corners, without
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.responses.spread import spread_about
 
@@ -27,7 +27,7 @@ def stated(spread):
 
 def test_corners_become_real_plants_of_the_disc():
     responses, at = stated(0.25), 0.3
-    turned = corners(responses)
+    turned = stated_corners(responses)
     assert sorted(turned) == [1, 2, 3, 4, 5, 7, 8, 9, 10, 11]  # 0 and 6 are gains
     size = responses.values[0, 0] / G(1j * OMEGA[0])
     wide = np.geomspace(1e-4, 1e3, 40)
@@ -44,11 +44,11 @@ def test_corners_become_real_plants_of_the_disc():
 def test_measured_plants_are_no_corners():
     rng = np.random.default_rng(0)
     values = G(1j * OMEGA)[:, None] * np.array([0.9, 1.0, 1.1])
-    assert not corners(Responses(omega=OMEGA, values=values))
+    assert not stated_corners(Responses(omega=OMEGA, values=values))
     noisy = values * (1 + 1e-6 * rng.standard_normal(values.shape))
-    assert not corners(Responses(omega=OMEGA, values=noisy))
-    rest = without(stated(0.2), corners(stated(0.2)))
-    assert rest.values.shape == (30, 2) and corners(rest) == {}
+    assert not stated_corners(Responses(omega=OMEGA, values=noisy))
+    rest = without(stated(0.2), stated_corners(stated(0.2)))
+    assert rest.values.shape == (30, 2) and stated_corners(rest) == {}
 
 
 def test_a_loop_of_a_stated_spread_leaves_no_error():

@@ -11,7 +11,7 @@ from workbench._core.heavy_types import StateSpace
 from workbench.executor import Context
 from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.program import Implementation
-from workbench.synthesis.operation.stated_plants import corners, without
+from workbench.synthesis.operation.stated_plants import stated_corners, without
 from workbench.systems.margins import highest_crossover
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.responses.plant_models import measured_plants
@@ -43,7 +43,7 @@ def measured_models(
         order, poles = 2, task.loop.nominal[0].poles()
         least = POLE_ROUNDING * float(np.abs(poles).max(initial=0.0))
     right = int((poles.real > least).sum())
-    turned = corners(responses)
+    turned = stated_corners(responses)
     kept = [k for k in range(len(responses.plants)) if k not in turned]
     fitted, apart = measured_plants(without(responses, turned), order, right, context)
     found = dict(zip(kept, (one.state_space() for one in fitted), strict=True))

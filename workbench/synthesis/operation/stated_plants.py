@@ -45,7 +45,7 @@ class Corner:
         return model * (self.centre + sign * abs(self.offset) * all_pass)
 
 
-def corners(responses: Responses) -> dict[int, Corner]:
+def stated_corners(responses: Responses) -> dict[int, Corner]:
     """The plants whose responses are those of others times numbers that are not real, by place."""
     ratio = _constant_ratios(responses)
     found = {}
