@@ -81,8 +81,8 @@ def common_time_base(times: Iterable[Any]) -> float | bool | None:
         told = ["0 (continuous)" if dt == 0.0 else f"{dt:g} s" for dt in sorted(numbers)]
         told += ["True (sampled at an unknown time)"] * unknown
         raise InputError(
-            f"systems with the sampling times {' and '.join(told)} cannot be combined: give all of them one, by "
-            "discretise, sampled_model or continuous_controller"
+            f"systems with the sampling times {' and '.join(told)} cannot be combined: give "
+            "all of them one, by discretise, sampled_model or continuous_controller"
         )
     if numbers:
         return numbers.pop()

@@ -164,8 +164,10 @@ def _shown_reached(A: RealArray, B: RealArray, mode: complex, rounding: float) -
         U, values, Vh = np.linalg.svd(rows[:, None] * pencil * columns, full_matrices=False)
         if not values[-1] > 0.0:
             return False
-        inverse = np.abs(columns[:, None] * ((Vh.conj().T / values) @ U.conj().T) * rows)
-        if not rounding * np.sqrt(sizes.max(0)) @ inverse @ np.sqrt(sizes.max(1)) < 1.0:
+        with np.errstate(over="ignore", invalid="ignore"):  # too large to show anything
+            inverse = np.abs(columns[:, None] * ((Vh.conj().T / values) @ U.conj().T) * rows)
+            changed = rounding * np.sqrt(sizes.max(0)) @ inverse @ np.sqrt(sizes.max(1))
+        if not changed < 1.0:
             return False
         turn = np.vdot(U[:, -1] * rows, Vh[-1, :n].conj() * columns[:n])
         if not abs(turn) * farthest > values[-1]:
