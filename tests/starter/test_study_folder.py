@@ -246,3 +246,14 @@ def test_the_band_of_a_study_holds_the_lines_at_its_ends(records, tmp_path, untr
     (low, high) = map(float, re.search(r"^BAND = \((.*), (.*)\)$", text, re.M).groups())
     assert low < chosen.band_hz[0] * (1 - 1e-6) and high > chosen.band_hz[1] * (1 + 1e-6)
     assert low > chosen.band_hz[0] * (1 - 1e-4) and high < chosen.band_hz[1] * (1 + 1e-4)
+
+
+@pytest.mark.usefixtures("untried")
+def test_the_simulated_step_is_one_that_a_record_has_seen(records, tmp_path):
+    """An integrator has no static gain by which a step could be chosen."""
+    write_study(tmp_path / "servo", str(records))
+    text = (tmp_path / "servo/problems/servo/design.py").read_text(encoding="utf-8")
+    step = float(re.search(r"^TRIED_STEP = (.*)$", text, re.M)[1])
+    files = records.parent.glob("*.csv")
+    speeds = [np.loadtxt(file, delimiter=",", skiprows=1)[:, 2] for file in files]
+    assert step == pytest.approx(max(map(np.ptp, speeds)) / 2, rel=1e-2)
