@@ -57,7 +57,7 @@ def test_ends():
     [
         ("P", tf([1], [1, 1]), "first must be"),
         (tf([1], [1, 1]), np.eye(2), "must be the same"),
-        (tf([1], [1, 1]), control.ss(0.5, 1, 1, 0, 0.1), "dt"),
+        (tf([1], [1, 1]), control.ss(0.5, 1, 1, 0, 0.1), "sampling times"),
     ],
 )
 def test_bad_plants_of_a_gap(first, second, words):
