@@ -23,7 +23,7 @@ from workbench.starter.kept_weights import (
     bandwidth_reason,
     halved_gap,
 )
-from workbench.starter.request import Request
+from workbench.starter.request import Request, with_given
 from workbench.starter.study_files import TEMPLATES, write_files
 from workbench.starter.study_folder import usable_responses
 from workbench.synthesis import MuSynthesis
@@ -168,7 +168,7 @@ def write_channel_study(
     }
     sizes = tuple((0.5 * (held[1] - held[0])).tolist()), (1.0,) * len(records.outputs)
     chosen = _first_choices(records, record_dt, told["period"], delay_samples, sizes)
-    chosen = _with_given(chosen, bandwidth_hz, effort)
+    chosen = with_given(chosen, {"bandwidth_hz": bandwidth_hz, "effort": effort})
     return write_files(
         request.target,
         request.paths,
@@ -218,16 +218,6 @@ def _first_choices(
         notes=tuple(notes),
         tested=tuple(tested),
     )
-
-
-def _with_given(
-    chosen: ChannelChoices, bandwidth_hz: float | None, effort: float | None
-) -> ChannelChoices:
-    """The choices with the numbers that are given in the place of those that were found."""
-    given: dict[str, Any] = {"bandwidth_hz": bandwidth_hz, "effort": effort}
-    present = {name: number for name, number in given.items() if number is not None}
-    reasons = chosen.reasons | dict.fromkeys(present, "as given")
-    return replace(chosen, reasons=reasons, **present)
 
 
 def _kept(

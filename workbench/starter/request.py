@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from workbench.synthesis import WorkingPoint
 from workbench.synthesis.demands.demands import Demands
 from workbench.synthesis.implementation.working_point.actuator import actuator
 from workbench.uncertainty.responses.measured import found_files
+
+Choices = TypeVar("Choices", bound=Any)
+"""A dataclass of numbers with a dictionary ``reasons``."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,17 @@ class Request:
             "confidence": CONFIDENCE,
             "bent": BENT,
         }
+
+
+def present(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def with_given(chosen: Choices, given: Mapping[str, Any]) -> Choices:
+    """Choices with the numbers that are given, if not None, in the place of those found."""
+    numbers = present(given)
+    return replace(chosen, reasons=chosen.reasons | dict.fromkeys(numbers, "as given"), **numbers)
 
 
 def _new_folder(folder: str | Path) -> Path:

@@ -17,7 +17,7 @@ from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import BENT, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, FirstLook, first_look, oddities
 from workbench.starter.kept_weights import Structure, kept_weights
-from workbench.starter.request import Request
+from workbench.starter.request import Request, present, with_given
 from workbench.starter.rest import refuse_opposite_gains
 from workbench.starter.study_files import write_files
 from workbench.uncertainty import Responses
@@ -146,16 +146,14 @@ def write_study(
     if control_rms is not None and not look.noise:
         raise InputError("control_rms is demanded, but the records show no noise: leave it out")
     told = request.words(look.period, look.point, look.limits if limits is None else limits)
-    stated = _present({"spread": spread, "resonance_shift": resonance_shift})
+    stated = present({"spread": spread, "resonance_shift": resonance_shift})
     responses, notes = usable_responses(paths, columns, look, record_dt, excitation, assume, stated)
-    stated_numbers = _present(given | {"overshoot": overshoot})
-    numbers = _Numbers(
-        responses, told["period"], delay_samples, look.columns, notes, stated_numbers
-    )
+    asked = given | {"overshoot": overshoot}
+    numbers = _Numbers(responses, told["period"], delay_samples, look.columns, notes, asked)
     chosen = numbers.at_most(bandwidth_hz or np.inf)
     chosen.reasons["band_hz"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
     told |= _record_words(paths, columns, look) | {
-        "named": _present(
+        "named": present(
             {"excitation": excitation, "assume": as_names(assume) if assume else None}
         ),
         "stated": stated,
@@ -175,7 +173,7 @@ def write_study(
 
 @dataclass(frozen=True, eq=False)
 class _Numbers:
-    """Initial numbers of a design for some responses, with those that are given."""
+    """Initial numbers of a design for some responses, with those given that are not None."""
 
     responses: Responses
     period: float
@@ -193,18 +191,12 @@ class _Numbers:
         except InputError as error:
             raise InputError("; ".join([str(error), *self.notes])) from None
         found = replace(found, columns=self.columns, notes=self.notes, tested=self.responses.tested)
-        found.reasons.update(dict.fromkeys(self.given, "as given"))
-        return replace(found, **self.given)
+        return with_given(found, self.given)
 
     def lower(self, chosen: FirstChoices, most: float) -> FirstChoices:
         """Those of a lower bandwidth [Hz], on which only the effort depends."""
         other = self.at_most(most)
         return replace(other, reasons={**chosen.reasons, "effort": other.reasons["effort"]})
-
-
-def _present(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The entries that are not None."""
-    return {name: value for name, value in values.items() if value is not None}
 
 
 def usable_responses(

@@ -56,8 +56,8 @@ REPEATED = (
 )
 """Random experiments for which the ledger asks for a number of draws."""
 STORED, COMPUTED = 1e-12, 5e-10
-"""Rounding errors allowed when a number is compared with that of its run, relative: of a metric, and
-of what is computed from a run. The latter differs by up to 9e-11 between processors, and every
+"""Rounding errors allowed when a number is compared with that of its run, relative: of a metric,
+and of what is computed from a run. The latter differs by up to 9e-11 between processors, and every
 number is farther than this from its limits, unless it is a count.
 """
 TABLES = ("readings.toml", "summaries.csv", "findings.toml", *map(file_of, NAMES))

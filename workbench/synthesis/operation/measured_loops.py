@@ -48,9 +48,10 @@ def measured_models(
     fitted, apart = measured_plants(without(responses, turned), order, right, context)
     found = dict(zip(kept, (one.state_space() for one in fitted), strict=True))
     errors = dict(zip(kept, apart, strict=True))
+    references = {corner.reference for corner in turned.values()}
+    omega = {one: _crossover(responses, task, K, found[one]) for one in references}
     for k, corner in turned.items():
-        reference = found[corner.reference]
-        found[k] = corner.plant(reference, _crossover(responses, task, K, reference))
+        found[k] = corner.plant(found[corner.reference], omega[corner.reference])
         errors[k] = errors[corner.reference]
     return [found[k] for k in sorted(found)], np.array([errors[k] for k in sorted(found)])
 
