@@ -16,23 +16,20 @@ import numpy as np
 from flint import acb, acb_mat, arb, ctx
 
 from workbench._core.arrays import Array, RealArray
-from workbench.certify.modes.modal_form import PRECISIONS, real_balls, real_doubles
-from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
+from workbench.certify.modes.modal_form import (
+    FEWEST_QUICK,
+    PRECISIONS,
+    real_balls,
+    real_doubles,
+)
+from workbench.certify.rounding import DOUBLE_BITS, TINY, UPWARD, Enclosure, exact
 from workbench.certify.stable_system import StableSystem, bilinear_frequency
 from workbench.systems.frequency_response import driven_states
 
-FEWEST_REFINED = 30
-"""Least number of states for which a response is refined; with fewer states they are eliminated in
-balls. Half or double changes the time, and no result.
-"""
 LARGEST_DEFECT = 2.0**-10
 """Largest error of an inverse in doubles that is used to refine a solution. Each step then gains 10
 bits. With half of it a few more responses are eliminated in balls; with double of it steps gain 9
 bits; the enclosure is proven either way.
-"""
-DOUBLE_BITS = 53
-"""Bits of a double. A solution in doubles is refined with twice as many bits, then with more and
-more.
 """
 
 Matrix = acb_mat
@@ -194,7 +191,7 @@ def _refined(A: RealArray, B: RealArray, point: acb) -> Matrix | None:
     |Y| |R|. None if this does not reach the precision.
     """
     n = len(A)
-    if n < FEWEST_REFINED:
+    if n < FEWEST_QUICK:  # elimination in balls takes no time
         return None
     near = doubles(acb_mat([[point]]))
     M = Enclosure(near.mid * np.eye(n), near.rad * np.eye(n)) - exact(A)

@@ -39,7 +39,10 @@ double of it a maximum takes a refinement more or less; the proofs of intervals 
 """
 
 REFINED_SHARE = 1e-3
-"""Only bounds above this share of the largest are refined."""
+"""Only bounds above this share of the largest are refined. A maximum a thousand times below the
+largest decides nothing, and the intervals cover it anyway. Half or double refines a few more or
+fewer of them.
+"""
 
 SETTLING_STEPS = 3
 """Number of refinements in which unsettled gaps are split. Gaps that remain are treated when
@@ -175,7 +178,10 @@ def with_peak(found: FrequencyBounds, bounds_at: BoundsAt) -> FrequencyBounds:
 
 
 PEAK_STEPS, PEAK_SHARPNESS = 12, 1e-7
-"""Largest number of parabolas, and the change of log omega that ends them."""
+"""Largest number of parabolas, and the change of log omega that ends them. They end earlier once
+the peak moves by less. Half or double: a peak is known a little less or more exactly, and the proof
+covers it either way.
+"""
 
 NEGLIGIBLE_BOUND = 1e-9
 """Bounds below this, absolute and as a share of the response, are not resolved further. It is well
@@ -184,7 +190,10 @@ a little longer or shorter.
 """
 
 COARSENING_FACTOR, COARSENINGS = 10.0, 10
-"""Factor by which the tolerance grows each time the allowed steps are used up, and how often."""
+"""Factor by which the tolerance grows each time the allowed steps are used up, and how often. At
+the end everything counts as met. Half or double changes how a hard bound is loosened, in more or
+fewer steps.
+"""
 
 MOST_FAILURES_OF_BALLS = 5
 """Number of failures after which ball arithmetic, which is slow, is not tried any more. Half gives
@@ -199,12 +208,14 @@ later.
 
 FIXED_INTERVALS, FIXED_INTERVALS_OF_MANY_STATES = 15, 4
 """Number of steps with fixed multipliers before linear multipliers cover the remaining gaps; for
-few and for many states.
+few and for many states. Linear multipliers take longer and prove wider intervals where the bound is
+flat. Half or double changes the time, and which valid bound is found.
 """
 
 MANY_STATES = 100
-"""With this many states or more, discs take far longer than trying multipliers at all known
-frequencies.
+"""With this many states or more, multipliers of all known frequencies are tried first, since discs
+cost the cube of the number of states. Half or double changes the time, and which valid bound is
+found.
 """
 
 NARROW_GAP_RATIO = 1 + 1e-7
@@ -217,14 +228,20 @@ SMALLEST_POSITIVE = float(np.finfo(float).tiny)
 """Smallest normal floating-point number; avoids division by a frequency of 0."""
 
 WIDE_INTERVAL = 0.3
-"""An interval at least this wide, on a logarithmic scale, is not improved by other multipliers."""
+"""An interval with at least this ln(high / low) is not improved by other multipliers: eight of them
+cover a decade. With half of it fewer intervals are tried again; with double of it more are.
+"""
 
 GAPS_AT_ONCE = 32
-"""Number of gaps whose middles are bounded in one call."""
+"""Number of gaps whose middles are bounded in one call, which costs less than one call for each.
+Half or double changes the time; with more, middles may be bounded that an interval would have
+closed.
+"""
 
 TRIALS, NEAR_TRIALS = 24, (-8, -4, -2, -1, 1, 2, 4, 8)
 """Multipliers tried for an interval: this many from all of its gap, and those at these distances,
-in grid points, from the worst frequency.
+in grid points, from the worst frequency. Trials cost far less than discs of many states. Half or
+double changes the time, and which valid bound is found.
 """
 
 

@@ -31,11 +31,13 @@ from workbench.certify.rounding import (
 
 ATTEMPTS = 3
 """Number of times that eigenvectors are computed, each time in the coordinates of those before.
-This helps if entries differ widely. With fewer, discs of graded matrices may stay wide, and proofs
-take more intervals; every attempt gives valid discs.
+This helps if entries differ widely. With half of them, discs of graded matrices may stay wide, and
+proofs take more intervals; double costs time only. Every attempt gives valid discs.
 """
 FEWEST_KEPT = 40
-"""Least number of states of a matrix whose discs are kept for later calls."""
+"""Least number of states of a matrix whose discs are kept for later calls. Discs of smaller ones
+are found again in little time. Half or double changes the time only.
+"""
 SHARP = 1e-7
 """Attempts end once each disc on the axis has a radius below this share of its centre. A disc a
 thousand times smaller than `NORM_TOLERANCE` hides no peak. With half or double of it, an attempt

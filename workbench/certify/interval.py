@@ -54,8 +54,8 @@ much.
 """
 
 WORTHWHILE = 0.05
-"""Better coordinates are searched for if they may lengthen an interval by at least this share. Half
-or double changes the time only.
+"""Better coordinates are searched for if they may lengthen an interval by at least this share; for
+less, the search takes longer than a further interval. Half or double changes the time only.
 """
 
 Multipliers = Sequence[Array]

@@ -22,9 +22,14 @@ from workbench._core.arrays import EPS, ComplexArray
 from workbench.structure import Full, Real, Structure
 
 CHUNK_MATRICES = 4096
-"""Number of matrices bounded in one call; intermediate arrays need many times their memory."""
+"""Number of matrices bounded in one call; intermediate arrays need many times their memory. Half or
+double changes memory and time only.
+"""
 ACCEPTED_ROUNDING = 1e-9
-"""Rounding errors below this share of beta^2 are accepted without a search."""
+"""Rounding errors below this share of beta^2 are accepted without a search. They raise a bound by
+half of it at most, far less than anybody quotes. With half of it more bounds are searched for;
+double loosens bounds by 5e-10.
+"""
 SAID_ALLOWANCES = 3.0
 """Multiple of the rounding allowance in a bound that is reported, so that each processor can prove
 it. Two ways of rounding differ from the exact value by at most one allowance each; the check takes
@@ -32,23 +37,32 @@ a third. With half of it another processor may fail to prove a bound that this o
 loosens bounds by three more allowances.
 """
 BISECTIONS = 45
-"""Largest number of bisections of beta^2 on a logarithmic scale."""
-SHARPNESS, SAID_SHARPNESS = 2.0**-42, 2.0**-34
-"""Relative widths of the interval of beta^2 at which its search ends: for a bound that is proven,
-and for a bound that is reported; the latter is a sixteenth of the rounding accepted without a
-search. The first is the second divided by a power of `WIDENING`: every beta tried in the search for
-the second is then also tried in the search for the first.
+"""Largest number of bisections of beta^2 on a logarithmic scale. From a factor 2^8, 45 reach 2^-42.
+With half of them such bounds are loose by 1e-6; more are never made.
+"""
+WIDENING = 2.0**4
+"""Factor from the distance of one guess to that of the next. With half of it more guesses are made,
+with double of it fewer, and the interval that they leave takes a bisection less or more.
+"""
+SAID_SHARPNESS = 2.0**-34
+"""Relative width of the interval of beta^2 at which the search for a reported bound ends: a
+sixteenth of the rounding that is accepted without a search. With half of it a search takes a
+bisection more; double loosens reported bounds by 3e-11.
+"""
+SHARPNESS = SAID_SHARPNESS / WIDENING**2
+"""The same for a proven bound. The power of `WIDENING` lets the search for it try every beta that
+the search for a reported bound tries.
 """
 OFF_EDGE = 1 + 2.0**-20
 """Factor on the size of a multiplier before it is rounded to a power of two: multipliers of size 1,
-which are common, then keep their scale when their last bit changes.
+which are common, then keep their scale when their last bit changes. Any factor between the rounding
+of a double and the next common size does. Half or double changes nothing.
 """
 ENOUGH_SHARP = 1.01
-"""A search ends at this multiple of the sharpness, since the width with which it starts is
-rounded.
+"""A search ends at this multiple of the sharpness, since the width with which it starts is rounded.
+That rounding is below 2^-10. Without the margin a search takes one bisection more; half or double
+changes nothing.
 """
-WIDENING = 2.0**4
-"""Factor from the distance of one guess to that of the next."""
 
 
 def structured(

@@ -28,7 +28,8 @@ only decides where the bound begins; the bound itself is proven on intervals.
 
 FAR = 2.0**200
 """Inputs, outputs and rates beyond this size, or below its reciprocal, are measured in another
-unit.
+unit. Products of four such numbers are doubles. Half or double changes nothing for a system in
+usual units.
 """
 
 INTERVALS_BEFORE_COARSENING = 300
@@ -66,7 +67,9 @@ def certified_norm(loop: StateSpace) -> float:
 
 
 MOST_KEPT = 16
-"""Largest number of norms that are kept."""
+"""Largest number of norms that are kept. Checks and second opinions of one answer ask for the norms
+of a few loops. Half or double changes the time only.
+"""
 _norms: dict[tuple[object, ...], float] = {}
 
 

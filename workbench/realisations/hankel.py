@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import RealArray
+from workbench._core.arrays import EPS, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer, no_better
 from workbench.certificate import THIS_SYSTEM, Check, Checker
-from workbench.certify.realisations.hankel import NEGLIGIBLE, SHARP, enclosed_hankel_values
+from workbench.certify.realisations.hankel import SHARP, enclosed_hankel_values
 from workbench.certify.realisations.lyapunov import stability_proof
 from workbench.errors import InputError
 from workbench.realisations.stable_only import stable_states
@@ -82,7 +82,7 @@ def hankel_values(system: Any) -> HankelValues:
     lower, upper = _bounds(found)
     # The claimed bounds are wider than the proven ones, whose last bits differ between processors.
     slack = (upper - lower) + SHARP * upper
-    least = NEGLIGIBLE * upper.max(initial=0.0)
+    least = EPS * upper.max(initial=0.0)
     slack = np.where(upper > least, slack, slack + least)
     values = HankelValues(np.maximum(lower - slack, 0.0), upper + slack)
     return values.with_checker(HankelChecker(found))

@@ -40,16 +40,23 @@ LEVEL_TOLERANCE = 1e-10
 double: at most one Newton step more or less.
 """
 UNBOUNDED = 2.0**100
-"""A plant counts as infinitely far outside from this distance on, relative to the radius."""
+"""A plant counts as infinitely far outside from this distance on, relative to the radius. Only a
+plant with a pole on the axis is that far outside, next to its pole. Half or double changes nothing.
+"""
 FAR = 2**150
-"""Ratio between the outermost root and the value of omega^2 that stands for 0 or infinity."""
+"""Ratio between the outermost root and the value of omega^2 that stands for 0 or infinity. There
+omega is 2^75 away from the root, and a response differs from its limit by less than doubles show.
+Half or double changes nothing.
+"""
 MOST_STEPS = 100
 """Largest number of increases of the radius for one plant; the quadratic convergence needs about
-six.
+six. From half of them on, the accepted tolerance doubles with each. With half of them a plant whose
+points are nearly equal may end in an error; double costs time only.
 """
 BITS = (64, 256, 1024, 4096, 16384)
 """Precisions [bits] at which roots are isolated, in turn until roots of different polynomials
-separate.
+separate. Each has four times as many bits as the one before. Half or double of all changes the
+time, and how close the closest roots may be.
 """
 
 

@@ -17,15 +17,27 @@ import numpy as np
 from workbench._core.arrays import Array, ComplexArray
 
 CLUSTER = 2.0**-16
-"""Poles closer than this share of their size are kept together in one mode."""
+"""Poles closer than this share of their size are kept together in one mode. The correction between
+two poles is divided by their distance, which has 37 of the 53 bits of a double at this limit. With
+half of it Newton's method fails more often; with double of it modes are larger.
+"""
 STEPS = 12
 """Largest number of steps of Newton's method. Each adds the digits of a double, less the digits
-that nearly dependent eigenvectors cost.
+that nearly dependent eigenvectors cost. For 512 bits it takes ten steps without a loss. With half
+of them the slow QR iteration is used for many digits; double helps only where eigenvectors are
+nearly dependent.
 """
 LOST_DIGITS = 24
-"""Number of bits, fewer than those of the balls, to which the residual is reduced."""
+"""Number of bits, fewer than those of the balls, to which eigenvectors are corrected. Rounding of
+products with sizes of up to 2^24 hides smaller corrections. With half of them Newton's method is
+given up more often; with double of them enclosures have 24 bits less. None of the nearest tests
+feels either.
+"""
 CONVERGING = 0.1
-"""A step that reduces the residual by less than this factor is the last."""
+"""Newton's method is given up unless each correction is below this share of the one before. Slower
+steps, of less than a digit, would not reach the precision within `STEPS`. Half or double changes
+how soon the slow QR iteration is used.
+"""
 
 
 def eigenpairs(A: Any, bits: int) -> tuple[list[complex], Any]:

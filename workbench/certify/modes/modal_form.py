@@ -40,11 +40,13 @@ take longer. None of the nearest tests feels either.
 
 FEWEST_QUICK = 30
 """Least number of states for which modes are taken from doubles; for fewer states balls take no
-time.
+time. Half or double changes the time, and the last bits of modes.
 """
 LARGEST_CONDITION = 1e7
 """Largest condition number of eigenvectors that are used in doubles: the modes are then known to
-about 1e-9, and a bound 0.1 % above a peak can still be proven. At 1e9 it could not.
+about 1e-9, and a bound 0.1 % above a peak can still be proven. At 1e9 it could not. With half of it
+more plants take balls, which are slower; with double of it bounds of some lightly damped plants
+take more intervals.
 """
 
 LOST_IN_DOUBLES = 8
@@ -58,10 +60,13 @@ REFINEMENTS = 4
 by `LARGEST_CONDITION`, so half still suffices; more are not made once rows are sharp.
 """
 LARGEST_SCALE = 2.0**200
-"""Largest scaling factor of a state."""
+"""Largest scaling factor of a state. Squares of scaled entries are then far inside the range of
+doubles. Half or double changes nothing for modes that are seen.
+"""
 LARGEST_ENTRY = 1e150
 """Largest entry of modal coordinates, so that its square is a double. Those of long chains may
-overflow.
+overflow. The square is 1e300, with room for sums of 1e8 terms. Half or double moves that room by a
+factor of four.
 """
 
 Enclosures = tuple[Enclosure, Enclosure, Enclosure]

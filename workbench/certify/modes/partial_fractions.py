@@ -29,7 +29,9 @@ from workbench.certify.rounding import (
 )
 
 LEAST_NORM = 1e-150
-"""Amount added to a norm, which is more than squares can lose by underflow."""
+"""Amount added to a norm. Squares lose digits below 1e-308, that is of entries below 1e-154; the
+norm of 1e7 of them is below this. Half or double changes nothing else.
+"""
 
 
 @dataclass(frozen=True, eq=False)

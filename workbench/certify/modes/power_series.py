@@ -19,21 +19,37 @@ from workbench.certify.modes.partial_fractions import PartialFractions
 from workbench.certify.rounding import TINY, UPWARD
 
 TERMS = 16
-"""Number of terms of a power series."""
+"""Number of terms of a power series. The rest falls as `LARGEST_RATIO` to this power. With half of
+them intervals are narrower and about twice as many; with twice as many each takes twice as long.
+The rest is bounded either way.
+"""
 LARGEST_RATIO = 0.7
-"""Largest ratio of an interval's half-width to the distance of a pole from its middle."""
+"""Largest ratio of an interval's half-width to the distance of a pole from its middle. The rest
+grows without bound towards 1. Half or double of the distance from 1 changes the width of intervals,
+and the time.
+"""
 REST = 1e-6
 """Largest contribution of omitted terms, and of omitted modes, to a response, as a share of its
-size.
+size. It is a hundredth of the tolerance of a norm, `NORM_TOLERANCE`. With half of it intervals are
+a little narrower; double loosens bounds by 1e-6.
 """
 NARROWEST = 1e-13
-"""Least relative half-width of an interval; rounding of its ends may hide a narrower one."""
+"""Least relative half-width of an interval; rounding of its ends may hide a narrower one. It is 450
+roundings. Half or double decides the same but for poles that are nearly on the axis.
+"""
 MOST_INTERVALS = 5_000
-"""The search stops at this number of intervals."""
+"""The search stops at this number of intervals; other intervals, about single frequencies, then
+prove the norm. It limits memory. Half or double changes which systems of very many resonances use
+series.
+"""
 MODERATE = 1e100
-"""Largest size of a response and of its poles; the least size is the reciprocal."""
+"""Largest size of a response and of its poles; the least size is the reciprocal. Products of three
+sizes are then doubles. Half or double changes nothing for a system in usual units.
+"""
 ENTRIES_AT_ONCE = 60_000
-"""Number of intervals times poles whose powers are computed together."""
+"""Number of intervals times poles whose powers are computed together. They take 1 MB for each
+array. Half or double changes memory and time only.
+"""
 
 
 @dataclass(frozen=True, eq=False)

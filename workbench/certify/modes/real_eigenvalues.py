@@ -15,7 +15,9 @@ from workbench.certify.modes.modal_response import real_modes
 from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
 
 FEWEST_REAL = 40
-"""Least number of rows for which real products are worthwhile."""
+"""Least number of rows for which real products are worthwhile. Half or double changes the time, and
+the last bits of discs.
+"""
 Pencil = tuple[Enclosure, Enclosure]
 """P and E of P - s E, both nearly diagonal."""
 

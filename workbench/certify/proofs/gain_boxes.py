@@ -29,10 +29,8 @@ from flint import acb, acb_mat, arb, ctx
 
 from workbench._core.arrays import ComplexArray, RealArray
 from workbench.certify.balls import balls, below, identity
-from workbench.certify.rounding import exact, positive_definite
+from workbench.certify.rounding import BALL_BITS, exact, positive_definite
 
-BITS = 128
-"""Bits of the balls."""
 Sides = tuple[int, int]
 """Numbers of performance outputs z and of exogenous inputs w."""
 
@@ -66,7 +64,7 @@ def level_of_box(
     A, B, C, D = plant
     z, w = sides
     low, high = box
-    with ctx.workprec(BITS):
+    with ctx.workprec(BALL_BITS):
         response = _response(A, B, C, D, omega)
         if response is None:
             return 0.0

@@ -25,9 +25,15 @@ from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.structure import Structure
 
 PIECES = 40
-"""Largest number of pieces into which a gap is divided if rounding differs from that of the run."""
+"""Largest number of pieces into which a gap is divided if rounding differs from that of the run.
+With equal rounding none is needed. With half of them a proof on another processor may be refused;
+double takes longer to refuse a wrong proof.
+"""
 WIDENED_REACH = 1.1
-"""Factor on the half-width of linear multipliers, since they prove more than was needed."""
+"""Factor on the half-width of linear multipliers, since they prove more than was needed. It leaves
+room for rounding that differs between processors. With half of the distance from 1 gaps are proven
+in pieces more often; with double of it D is more often not definite, and the second try is used.
+"""
 
 
 @dataclass(frozen=True, eq=False)

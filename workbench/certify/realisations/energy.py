@@ -25,9 +25,15 @@ from workbench.certify.rounding import UPWARD, Enclosure, exact
 from workbench.systems.balancing import with_state_units
 
 LOOSE, MANY_BITS = 1e-9, 192
-"""More digits are used if the slack exceeds this share of the energy; and their number of bits."""
+"""More digits are used if the slack exceeds this share of the energy; and their number of bits.
+Energies are quoted to six digits at most, and 192 bits are 3.6 times those of a double. Half or
+double changes how often, and the time.
+"""
 REFINEMENTS = 3
-"""Number of solutions of the residual's Lyapunov equation that are added."""
+"""Number of solutions of the residual's Lyapunov equation that are added. Each gains the digits of
+a double, less those of the condition number. With half of them bounds of ill-conditioned systems
+take many digits; more change nothing.
+"""
 
 
 def energy_bounds(A: Any, B: Any, C: Any, dt: float) -> tuple[float, float]:
