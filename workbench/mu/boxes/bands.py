@@ -25,28 +25,36 @@ transformation.
 WHOLE: tuple[Band, ...] = ((0.0, math.inf),)
 """All frequencies."""
 PROMISING_BOUND = 0.98
-"""Bounds below this are worth a proof on an interval."""
+"""Bounds below this are worth a proof on an interval. The proof on an interval raises a bound by a
+little, so one nearer to 1 has no room. Half or double of the distance from 1 changes the time only.
+"""
 COMPLEX_SHARES = (0.1, 1e-3, 1e-6)
 """Complex parts of the parameters for which multipliers are chosen, tried in turn until one closes
 a band. Multipliers for purely real parameters hold on far narrower intervals; near poles close to
-the axis only a small complex part is possible.
+the axis only a small complex part is possible. Half or double of all changes how wide proven
+intervals are, and the time.
 """
 MANY_PARAMETERS = 5
 """With this many real parameters or more, a part's bands are refined only if its bound of mu is
 below 1 at the middles of all open bands; otherwise the part is cut at once. Halving each of p
 parameters takes 2^p parts, while halving the intervals of frequency takes about twice the time.
+Half or double changes which of the two is tried first, and so how many parts suffice.
 """
 ROUNDS, MANY_ROUNDS = 3, 12
 """Largest number of rounds in which bounds are computed at the middles of the open bands: for few
-and for many parameters.
+and for many parameters. With many parameters a cut costs far more than a round. Half or double
+changes whether a part is cut or refined, and the time.
 """
 MOST_GAPS, MANY_GAPS = 12, 200
 """Largest number of open bands that are refined further (few and many parameters); with more, the
-part is cut instead.
+part is cut instead. So many bands say that the part is too large. Half or double changes whether a
+part is cut or refined, and the time.
 """
 
 AT_ONCE = 32
-"""Number of frequencies bounded between two looks at the time limit."""
+"""Number of frequencies bounded between two looks at the time limit. Half or double changes how
+promptly a time limit is kept.
+"""
 
 
 def never() -> bool:

@@ -18,13 +18,17 @@ from workbench.mu.boxes.partition import MOST_CORNERS, BoxPart, corner_signs
 from workbench.mu.boxes.recentred import RealParameters
 
 POLES = 4
-"""Number of rightmost poles of which each proposes a corner."""
+"""Number of rightmost poles of which each proposes a corner. Others near the rightmost one may be
+the first to cross the axis. With half of them fewer unstable members are found; double costs time.
+"""
 GRID_SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 """Places at which each parameter is tried, as shares of the way from its lower to its upper end."""
 STEP_SHARES = np.array([-0.1, -0.01, 0.01, 0.1])
 """Steps by which each parameter is moved, as shares of its range."""
 MOST_MOVES = 40
-"""Largest number of moves in one search."""
+"""Largest number of moves in one search. A search ends earlier once no move helps. With half of
+them a search may end early, and the upper bound is looser; double costs time only.
+"""
 
 
 def corners_of_poles(given: RealParameters, box: BoxPart, values: RealArray) -> RealArray:

@@ -21,19 +21,26 @@ range of 1e6; half of them would leave 1e-3, and a looser bound; more change not
 """
 GAP_SHARE = 0.999
 """A level lies this share of the wanted gap below the upper bound, so that rounding does not exceed
-the gap.
+the gap. With half of the distance from 1 rounding still stays within it; double leaves 0.2 % of the
+gap unused.
 """
-LARGEST = 1e6
-"""No margin beyond this size is searched for."""
+LARGEST_MARGIN = 1e6
+"""No margin beyond this size is searched for. Uncertainty a million times larger than stated is
+beyond any plant. Half or double only changes what is called infinite.
+"""
 SMALLEST, SIZES, DECADE = 1e-12, 121, 10
 """The directions of the corners are first tried at sizes from SMALLEST, as a share of the largest
-size: how many sizes, and how many of them per decade.
+size: how many sizes, and how many of them per decade. It reaches from 1e-12 to 1. Half or double:
+the first unstable member lies a little farther or nearer, and bisection follows.
 """
 LEAST_SIZE = 1e-15
-"""The search ends when the size in question falls below this."""
+"""The search ends when the size in question falls below this. Rounding of poles is as large as the
+effect of such sizes. Half or double changes nothing: the nominal loop is unstable up to rounding.
+"""
 DECISIONS = 4
 """A size is given at most about parts / DECISIONS parts; after that, the number is not raised any
-more.
+more. With half of them a hard size takes half of all parts, and less is left for others; with
+double of them sizes that need more parts stay undecided.
 """
 TRIPLE_ROOT_ROUNDING = (POLE_ROUNDINGS * EPS) ** (1 / 3)
 """Relative error of the size of an unstable member that bisection in doubles has found, and of a
@@ -41,23 +48,37 @@ delay found from its crossings: rounding moves a triple pole or crossing by its 
 """
 REPROOF_PARTS = 4
 """A proof of a lower bound may use this many times the parts of the search that found it: on
-another processor a few more parts may be needed.
+another processor a few more parts may be needed. Poles near the axis round differently, and move
+the cuts. With half of them a proof on another processor may end undecided; double takes longer to
+refuse a wrong bound.
 """
 PARTS_EXCLUDED = "parts of the box hold stable members only"
 ONE_UNSTABLE = "one member of the box is unstable"
 """What the lower and the upper bound rest on."""
 BISECTED_MEMBERS = 4
-"""Number of a part's unstable members whose least unstable size is computed by bisection."""
+"""Number of a part's unstable members whose least unstable size is computed by bisection. The
+member that is nearest by size is not always the first in its direction. With half of them the upper
+bound falls more slowly; double costs time.
+"""
 FIRST_RATIO = 1e3
-"""Ratio of two successive sizes while neither a stable size nor an unstable member is known."""
+"""Ratio of two successive sizes while neither a stable size nor an unstable member is known. It
+passes a range of 1e6 in two steps. Half or double takes a step more or less.
+"""
 CLOSED_SHARE = 0.75
 """Share of the distance between the bounds, on a logarithmic scale, that the next level would
-close.
+close. A level near the upper bound is decided by more parts if it holds, and gains more. Half or
+double of the distance from 1 changes the number of levels and the time.
 """
 PARTS_GROWTH = 4
-"""Factor by which the number of parts per size grows, from 1, whenever it did not suffice."""
+"""Factor by which the number of parts per size grows, from 1, whenever it did not suffice. All
+earlier sizes together then cost a third of the last one. Half or double changes the time, not what
+the limit on all parts allows.
+"""
 SHRINKS = (0.5, 0.2, 0.05, 0.01, 0.002)
-"""Shares by which the upper bound is reduced, in turn, to look for a smaller unstable member."""
+"""Shares by which the upper bound is reduced, in turn, to look for a smaller unstable member. Large
+steps come first, and the last is 0.2 %. Half or double changes where the upper bound stops falling,
+by as much as the last.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +148,7 @@ def box_margin(
     boxes: Growing,
     gap: float,
     parts: int,
-    largest: float = LARGEST,
+    largest: float = LARGEST_MARGIN,
     context: Context | None = None,
 ) -> BoxMargin:
     """Bounds with upper / lower - 1 <= gap, or as close as parts and time allow.

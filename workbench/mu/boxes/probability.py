@@ -35,9 +35,15 @@ from workbench.uncertainty.algebra.elements import RealElement
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 BELOW = 1 - 1e-6
-"""A gain is above its level where the bound of its reciprocal is below this."""
+"""A gain is above its level where the bound of its reciprocal is below this. The bound has that
+rounding, so the gain is above the level on the whole part. With half or double of the distance from
+1, parts at the border are decided a little sooner or later.
+"""
 PROBABILITY_ROUNDING = 1e-12
-"""Largest rounding error of the distribution functions in the probability of one part."""
+"""Largest rounding error of the distribution functions in the probability of one part. SciPy's
+distribution functions have about twelve digits. With half of it a sum of parts that is 1 may look
+larger; double loosens a probability by 1e-12 for each part.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

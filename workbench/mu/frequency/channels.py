@@ -27,10 +27,13 @@ from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 SELF_ROUNDING = 1e-13
 """Gain of a channel to itself, without other loops, that may be mere rounding. A true loop with a
-smaller gain is lost; it would matter only at 1e13 times its uncertainty.
+smaller gain is lost; it would matter only at 1e13 times its uncertainty. It is some hundred
+roundings. Half or double moves this border.
 """
 FREQUENCIES = 12
-"""Frequencies at which the scalings of the channels are compared."""
+"""Largest number of frequencies at which the scalings of the channels are compared, about; their
+median is taken as a power of two. With half of them it is less representative; double costs time.
+"""
 
 
 def balanced_coordinates(A: RealArray, B: RealArray, C: RealArray) -> RealArray | None:

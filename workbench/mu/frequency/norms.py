@@ -27,9 +27,14 @@ from workbench.systems.conversion import as_system
 from workbench.systems.realisation import matrices_of
 
 SUM_ROUNDING = 1e-6
-"""Relative distance by which a sum over samples in plain doubles may lie outside the bounds."""
+"""Relative distance by which a sum over samples in plain doubles may lie outside the bounds. Sums
+over thousands of samples in doubles have eight digits, and less for poles near the boundary. With
+half of it a true bound may be contradicted; double overlooks an error of 2e-6.
+"""
 NORM_TOLERANCE = 1e-6
-"""Default relative distance between the bounds of a largest gain."""
+"""Default relative distance between the bounds of a largest gain. Users compare norms to six
+digits. Half or double changes the time by little, and the seventh digit.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,11 +16,14 @@ from workbench.structure import Full, Structure
 
 FIRST_LARGEST, FIRST_SPACING = 8, 16
 """The first level is the largest bound at this many frequencies with the largest responses, and at
-every so-manyth frequency.
+every so-manyth frequency. mu is at most the size of the response, so large ones are tried first.
+Half or double changes how many bounds lie below the level, that is the time.
 """
 
 FEW_FREQUENCIES = 100
-"""Up to this many bounds, saving time is not worthwhile, except with repeated scalars."""
+"""Up to this many bounds, saving time is not worthwhile, except with repeated scalars. Half or
+double changes the time only.
+"""
 
 
 def with_least_near_top(

@@ -31,9 +31,15 @@ from workbench.systems.conversion import as_system
 from workbench.systems.range_hints import warn_far_frequencies
 
 RESPONSE_ROUNDING = 1e-6
-"""Largest relative difference allowed between responses that are computed in two ways."""
+"""Largest relative difference allowed between responses that are computed in two ways. Poles near
+the axis and large realisations lose half of the digits of a double. With half of it a true response
+may be contradicted; double overlooks an error of 2e-6.
+"""
 MET = 1e-3
-"""A lower bound this close to the upper one, relative, is accepted without a further search."""
+"""A lower bound this close to the upper one, relative, is accepted without a further search. Nobody
+needs mu at one frequency to more. With half of it the thorough search runs more often; double
+leaves gaps of 0.2 %.
+"""
 
 
 @dataclass(frozen=True, repr=False)

@@ -26,7 +26,10 @@ from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
 
 ZERO = Fraction(0)
 MOST_DELAYS = 8
-"""Largest number of channels with dead time: one determinant is computed for each set of them."""
+"""Largest number of channels with dead time: one determinant is computed for each set of them.
+There are 256 determinants then. Half refuses loops that take little time; double would take 65,536
+of them.
+"""
 STANDINGS = (fmpq(1), fmpq(1, 2), fmpq(1, 3), fmpq(2, 3), fmpq(3, 7))
 """Numbers put in place of the exponentials; the next one is tried if a determinant is singular."""
 

@@ -22,29 +22,36 @@ from workbench._core.heavy_types import StateSpace
 from workbench.certify.known_plants.exact_function import ExactFunction
 from workbench.errors import InputError
 from workbench.mu.loops.characteristic import LateChannels
-from workbench.mu.loops.crossings import Crossing, ExactLoop
+from workbench.mu.loops.crossings import PRECISION, Crossing, ExactLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.loops.delayed_modulus import LeastDelta
 from workbench.mu.loops.encirclements import radius_where, zeros_right_of_axis
 from workbench.mu.loops.isolated_roots import RealFunction
 from workbench.mu.loops.least_quotient import least_quotient
 from workbench.mu.loops.quasi_polynomials import (
-    BITS,
     QuasiPolynomial,
     without_common_factor,
 )
 from workbench.systems.axis_poles import POLE_ROUNDINGS
 
 SLOWEST = 2.0**-60
-"""Least frequency of a nonzero crossing, relative to the frequency beyond which |L| stays small."""
+"""Least frequency of a nonzero crossing, relative to the frequency beyond which |L| stays small.
+Slower crossings belong to poles that are integrators up to rounding. Half or double changes
+nothing.
+"""
 LEVELS = [2.0**-k for k in range(2, 52, 3)]
 """Crossings of the real axis are reported down to these sizes |L|, in turn until a factor above 1
 is found. With dead time there are infinitely many crossings.
 """
 ABOVE_LIMIT = 1.5
-"""Least level, relative to the size that |L| keeps at infinite frequency."""
+"""Least level, relative to the size that |L| keeps at infinite frequency. Nearer to the limit
+crossings have no end, since L turns around 0 with nearly that size forever. With half of the
+distance from 1 more crossings are listed; with double of it fewer.
+"""
 MODULUS_TOLERANCE = 1e-4
-"""Largest relative distance of a proven modulus below the least distance."""
+"""Largest relative distance of a proven modulus below the least distance. A modulus margin is
+quoted to three digits. With half of it the search takes longer; double loosens a fourth digit.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +137,7 @@ class CoupledLoop:
         """Where |L| is 1, from low to high frequencies."""
         if self._in_series:
             return self._in_series.unit_crossings()
-        with ctx.workprec(BITS):
+        with ctx.workprec(PRECISION):
             end = self._end_of_unit()
             roots = _Size(self.numerator, self.denominator).roots(SLOWEST * end, end)
             found = [self._crossing(omega) for omega in roots]
@@ -177,7 +184,7 @@ class CoupledLoop:
 
     def response(self, omega: RealArray) -> ComplexArray:
         """L at frequencies [rad/s] (F,); at infinity the negative of the limit of its size."""
-        with ctx.workprec(BITS):
+        with ctx.workprec(PRECISION):
             values = [self._value(w) if w < math.inf else -self.limit for w in omega.tolist()]
             return np.array([complex(value) for value in values], dtype=complex)
 
@@ -235,7 +242,7 @@ class CoupledLoop:
 
     def _real_above(self, level: float, end: float) -> list[Crossing]:
         """Crossings with L negative and |L| above a level, up to the frequency ``end`` [rad/s]."""
-        with ctx.workprec(BITS):
+        with ctx.workprec(PRECISION):
             function = _Imaginary(self.numerator, self.denominator, level)
             omega = [arb(0), *function.roots(SLOWEST * end, end)]
             found = [self._crossing(one) for one in omega if abs(self.denominator.at(one)) > 0]
@@ -260,6 +267,9 @@ class _Size(RealFunction):
     """
 
     level = 1.0
+    """Bands where |N| is below this multiple of |D| are skipped: there the function has no zero. It
+    follows from the function; half skips fewer bands, and double would skip zeros.
+    """
 
     def __init__(self, N: QuasiPolynomial, D: QuasiPolynomial) -> None:
         self.N, self.D = N, D

@@ -14,12 +14,17 @@ from fractions import Fraction
 from flint import acb, arb, ctx
 
 from workbench.errors import InputError
-from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
+from workbench.mu.loops.crossings import PRECISION
+from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
 
 MOST_BANDS = 40_000
-"""Largest number of bands; if they do not suffice, a zero is on the axis or very close to it."""
+"""Largest number of bands; if they do not suffice, a zero is on the axis or very close to it. Half
+or double changes how near to the axis a zero may be, and how long such a loop takes.
+"""
 EXPONENT = 1000
-"""The largest radius tried is 2 to this power, and the smallest its reciprocal."""
+"""The largest radius tried is 2 to this power, and the smallest its reciprocal. Doubles end at
+2^1023. Half still holds every loop in usual units; double is no double.
+"""
 
 
 def zeros_right_of_axis(f: QuasiPolynomial) -> int | None:
@@ -27,7 +32,7 @@ def zeros_right_of_axis(f: QuasiPolynomial) -> int | None:
 
     Raises InputError as `need_decaying` does.
     """
-    with ctx.workprec(BITS):
+    with ctx.workprec(PRECISION):
         n, end = f.order, need_decaying(f)
         turned = _turn_angle(f, end)
         if turned is None:

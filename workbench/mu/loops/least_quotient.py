@@ -15,18 +15,27 @@ from itertools import pairwise
 from flint import acb, arb, ctx
 
 from workbench.certify.balls import above
+from workbench.mu.loops.crossings import PRECISION
 from workbench.mu.loops.delayed_modulus import MOST_BANDS, LeastDelta, least_double
 from workbench.mu.loops.encirclements import EXPONENT, radius_where
-from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
+from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
 
 FIRST_BANDS = 16
-"""Number of first bands; each is twice as wide as the one before."""
+"""Number of first bands; each is twice as wide as the one before. They reach down to 2^-16 of the
+end. With half of them the first band is wider, and is halved more often; double costs time.
+"""
 TRIED_OMEGAS = 80
-"""Number of frequencies, half an octave apart, at which a small value is searched for first."""
+"""Number of frequencies, half an octave apart, at which a small value is searched for first. They
+reach forty octaves down from the frequency beyond which no value is small. With half of them the
+search may start from a larger value, and takes longer; double costs time.
+"""
 FARTHEST = 2.0**EXPONENT
 """Radius that stands for infinity."""
 LIMIT_SHARE = 2.0**-30
-"""Relative distance by which bounds beyond a radius may be below the value at infinity."""
+"""Relative distance by which bounds beyond a radius may be below the value at infinity. A bound may
+come near to its limit only at infinity. With half of it the search goes on to twice the frequency;
+double loosens a bound by 2e-9 at most.
+"""
 
 
 def least_quotient(f: QuasiPolynomial, h: QuasiPolynomial, tolerance: float) -> LeastDelta:
@@ -35,7 +44,7 @@ def least_quotient(f: QuasiPolynomial, h: QuasiPolynomial, tolerance: float) -> 
     Bands are halved until the bounds agree to ``tolerance``, relative, or the number of bands is
     too large.
     """
-    with ctx.workprec(BITS):
+    with ctx.workprec(PRECISION):
         if not any(h.terms.values()):
             return LeastDelta(math.inf, math.inf, math.inf)
         return _Search(f, h).least(1.0 - tolerance)

@@ -17,9 +17,6 @@ from flint import acb, acb_poly, arb, arb_poly, fmpq, fmpq_poly
 
 from workbench.certify.known_plants.exact_function import exact_rational
 
-BITS = 160
-"""Precision [bits] of the balls."""
-
 
 @dataclass(frozen=True, eq=False)
 class QuasiPolynomial:

@@ -24,33 +24,42 @@ from workbench.mu.lower.realise import (
 )
 
 BFGS_STEPS = 60
-"""Largest number of BFGS steps in one ascent."""
+"""Largest number of BFGS steps in one ascent. An ascent ends earlier by `SETTLED_GAIN`. With half
+of them those along narrow ridges stop early, at a lower bound; double costs time only there.
+"""
 STEP_LENGTHS = 8
-"""Step lengths tried in one BFGS step, each 0.3 times the one before."""
+"""Step lengths tried in one BFGS step, each 0.3 times the one before. The last is 2e-4 of the
+first. With half of them an ascent stops where the eigenvalue bends; double costs time at its end.
+"""
 BLOCKED_LENGTHS = 3
-"""Step lengths tried before a real block that cannot keep the eigenvalue real is given up."""
+"""Step lengths tried before a real block that cannot keep the eigenvalue real is given up. The
+eigenvalue then meets another one, at any length. With half of them a block is given up too soon;
+double costs time.
+"""
 SETTLED_GAIN = 1e-9
 """An ascent ends when a step raises the eigenvalue by less than this share. Newton's method
 continues from there. With half or double of it, an ascent takes a step more or less.
 """
 SAME_DELTA = 0.03
 """Two Deltas count as the same if no entries differ by more than this; an ascent ends at a known
-Delta.
+Delta. Entries have size 1 at most, and different maxima differ by far more. With half of it ascents
+to a known maximum go on longer; with double of it an ascent may end at a lower neighbour.
 """
 P, G, TRIAL, NEW, D, MOVED, CHANGE, HY, HELD, BOUNDED = range(10)
 """Rows of the workspace: parameters, gradient, both of the trial point, direction, last move,
 change of the gradient, inverse Hessian times that change, and two rows of marks. A mark is 1 for a
 parameter that is held at its bound, and for one that has bounds, as those of real blocks do.
 """
-INVERSE = 10
-"""First row of the inverse Hessian of -lambda."""
+INVERSE = BOUNDED + 1
+"""First row of the inverse Hessian of -lambda: the one after the named rows."""
 FRESH: bool = np.bool_(True)  # type: ignore[assignment]
 """The ascent starts without its Hessian. A NumPy bool, because Numba would compile once more for a
 Python constant.
 """
 UNKNOWN_GAIN = 1e-6
 """A further ascent with a new unknown follows an ascent that raised the eigenvalue by at least this
-share.
+share. That is far more than the rounding of an eigenvalue, and too little to be seen. Half or
+double: an ascent more or less.
 """
 
 

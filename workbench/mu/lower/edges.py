@@ -17,11 +17,19 @@ from workbench.mu.lower.rayleigh import LOOP, X
 from workbench.mu.lower.realise import NO_BLOCK, set_block, set_loop
 
 MOST_POINTS = 64
-"""Largest number of vertices, with the points that divide intervals, whose edges are searched."""
+"""Largest number of vertices, with the points that divide intervals, whose edges are searched. That
+is six real blocks. With half of them matrices of six blocks start from random vectors only; with
+double of them seven blocks are searched, for twice the time.
+"""
 REPEATED_POINTS = 9
-"""Number of points that divide the interval of a repeated block."""
+"""Number of points that divide the interval of a repeated block. Estimates between them are
+interpolated to about 1 %, and an ascent follows. With half of them an edge's eigenvalue may be
+missed; double leaves less of `MOST_POINTS` to others.
+"""
 LEVELS = 48
-"""Number of levels of lambda at which determinants are computed."""
+"""Number of levels of lambda at which determinants are computed. Two eigenvalues on one edge within
+a level, 2 % of the range, hide each other. With half of them more are missed; double costs time.
+"""
 
 
 @unchecked_kernel

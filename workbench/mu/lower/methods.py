@@ -27,32 +27,43 @@ from workbench.solvers import Options, Outcome, in_one_thread
 from workbench.structure import Real, Structure
 
 FEW_STARTS, MANY_STARTS = 8, 32
-"""Largest number of starts from which `"power"` and `"best"` make ascents."""
+"""Largest number of starts from which `"power"` and `"best"` make ascents. Most maxima are met from
+eight, rare ones from 32. With half of them bounds may be smaller; double takes up to twice as long.
+"""
 RUN_KINDS = "MLHL"
 """Kinds of runs that lead to starts, in turn. M: power iteration in which real blocks move; H:
 power iteration with held real blocks; L: search for an eigenvalue near a level, with held real
 blocks.
 """
 RUN_LEVELS = 0.8, 1.8
-"""Levels at which an eigenvalue is searched for, as multiples of the best known one."""
+"""Levels at which an eigenvalue is searched for, as multiples of the best known one. Levels about
+the known one find others beside it; levels above it find larger ones. Half or double: runs mostly
+lead to the known eigenvalue, or to none.
+"""
 AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 6}
 """A search ends early once this many ascents have reached the best value, by the kinds of
 blocks.
 """
 FEWEST_AGREEING, AGREEING_ROWS = 3, 64
 """At least FEWEST_AGREEING ascents must agree, and for large matrices no more than AGREEING_ROWS
-over the number of rows: the larger the matrix, the fewer ascents reach the same value.
+over the number of rows: the larger the matrix, the fewer ascents reach the same value. Ascents of
+large matrices are long, so fewer must do. Half or double ends searches earlier, at smaller bounds,
+or later.
 """
 MOST_COMPLEX_VERTICES = 8
 """Largest number of vertices of real blocks that are searched for real eigenvalues of a complex
-matrix.
+matrix. For complex matrices only chance makes an eigenvalue at a vertex real. With half of them a
+lower bound may be smaller for some; double costs time.
 """
 NONLINEAR_STARTS = 6
 """Number of random starts of the nonlinear program. The method is an independent answer. With half
 of them its lower bounds may be smaller; with twice as many it takes twice as long.
 """
 RUNNERS_UP = 2
-"""Number of earlier proposals for a matrix that are tried if the best one cannot be proven."""
+"""Number of earlier proposals for a matrix that are tried if the best one cannot be proven. Their
+values are lower. With half of them a matrix may be left with a lower bound of 0; double costs
+memory.
+"""
 DEADLINE_MATRICES = 250
 """Number of matrices computed between two checks of the deadline. Half or double changes how
 promptly a time limit is kept.

@@ -28,7 +28,8 @@ LOOP = np.int64(11)
 """First row of M Delta. Its factors follow, and then a trial Delta."""
 TINY_PIVOT = 1e-15
 """A pivot below this share of the largest entry is replaced by that value: the shift is an
-eigenvalue then.
+eigenvalue then. It is four roundings: then the pivot is rounding. Half or double changes the size
+of a vector that is normalised afterwards.
 """
 
 

@@ -17,15 +17,30 @@ from workbench.mu.lower.attain import block_table, turned
 from workbench.structure import Structure
 
 MOST_VERTICES = 128
-"""Largest number of vertices tried; with more than eight real blocks they are drawn at random."""
+"""Largest number of vertices tried; with more than eight real blocks they are drawn at random. Half
+or double starts the search from fewer or more vertices, for as much less or more time; with eight
+blocks half of them leaves vertices out, and a lower bound may be smaller.
+"""
 EDGE_POINTS = 9, 129
-"""Least and largest number of points on an edge at which eigenvalues are followed."""
+"""Least and largest number of points on an edge at which eigenvalues are followed. Nine still show
+where an eigenvalue crosses the axis once; 129 resolve 1 % of the interval. Half may miss crossings
+that lie close together; double costs time.
+"""
 EDGE_POINT_BUDGET = 1024
-"""Number of points aimed at over all edges together."""
+"""Number of points aimed at over all edges together. It limits the time. Half or double changes the
+number of points on an edge between `EDGE_POINTS`, and which crossings that lie close together are
+seen.
+"""
 REFINED_STARTS = 12
-"""Number of the most promising starts that are refined."""
+"""Number of the most promising starts that are refined. Estimates from edges order them well. With
+half of them a bound may be smaller now and then; double costs time.
+"""
 REAL_BLOCK_EIGENVALUE_TOLERANCE = 1e-13
-"""An eigenvalue counts as real if its imaginary part is below this share of the norm of M."""
+"""An eigenvalue counts as real if its imaginary part is below this share of the norm of M. It is
+450 roundings, as LAPACK's eigenvalues of a few dozen rows may have. With half of it a real
+eigenvalue may be missed at a vertex; with double of it a pair with so small an imaginary part
+counts, and its proof fails.
+"""
 
 
 def sign_patterns(count: int, rng: np.random.Generator, limit: int = MOST_VERTICES) -> np.ndarray:

@@ -27,10 +27,15 @@ four steps suffice from two digits; the others are for poor starts. With half of
 from such a start may stay unproven.
 """
 REAL_BLOCK_ADVANTAGE = 3.0
-"""A real block replaces the phase as the unknown if its effect is larger by this factor."""
+"""A real block replaces the phase as the unknown if its effect is larger by this factor. The phase
+has no ends, so it is preferred. Half or double changes the unknown for matrices with both kinds of
+blocks, and with it the way of an ascent.
+"""
 SEARCH_TOLERANCE, FINAL_TOLERANCE = 1e-10, 1e-14
 """Largest imaginary part of an eigenvalue that counts as real, as a share of its size: while Deltas
-are compared, and for the Delta that is returned."""
+are compared, and for the Delta that is returned. Comparisons need ten digits; a proof mends what is
+left of the last two. Half or double: a step more or less.
+"""
 NO_BLOCK: int = np.int64(-1)  # type: ignore[assignment]
 """Stands for the absence of a real block. A NumPy integer, because Numba would compile once more
 for a Python integer.

@@ -39,23 +39,35 @@ from workbench.mu.lower.realise import (
 
 POWER_STEPS, FIRST_STEPS = 20, 1
 """Largest number of steps of a power iteration that runs until it settles, and of one that only
-starts a run at a level.
+starts a run at a level. A run ends earlier by `SETTLED_CHANGE`. Half or double: starts of ascents
+that are a little less or more settled.
 """
 ALIGNING_STEPS = 6
-"""Number of steps that align complex blocks with the eigenvalue next to a level."""
+"""Number of steps that align complex blocks with the eigenvalue next to a level. Each step aligns
+to about the square of the error before. With half of them a run may lead elsewhere; double costs
+time.
+"""
 SETTLED_CHANGE = 1e-2
-"""A power iteration ends when its vectors change by less than this; an ascent follows."""
+"""A power iteration ends when its vectors change by less than this; an ascent follows. The ascent
+needs no better start. With half of it a run takes a step or two more; with double of it ascents
+take more steps.
+"""
 LINEARISED_STEPS = 6
-"""Largest number of steps to the best Delta of the linearised problem of real blocks."""
+"""Largest number of steps to the best Delta of the linearised problem of real blocks. Half or
+double: runs end a little earlier or later, and an ascent follows.
+"""
 RESTORING_STEPS = 15
-"""Largest number of steps that remove the imaginary part of an eigenvalue."""
+"""Largest number of steps that remove the imaginary part of an eigenvalue. Each removes it to first
+order. With half of them fewer runs reach `NEARLY_REAL`; double costs time for runs that fail.
+"""
 HELD = np.bool_(False)
 """Real blocks do not move. A NumPy bool, because Numba would compile once more for a Python
 constant.
 """
 NEARLY_REAL = 1e-3
 """Newton's method takes over once the imaginary part of an eigenvalue is below this share of its
-size.
+size. Newton's method doubles these three digits with each step. Half or double: a step more or less
+of either method.
 """
 
 

@@ -23,12 +23,17 @@ from workbench.mu.lower.realise import (
 from workbench.mu.lower.runs import realised_run
 
 SAME_VALUE = 1e-6
-"""Ascents agree if their final values differ by less than this share."""
+"""Ascents agree if their final values differ by less than this share. Ascents end within 1e-9 of a
+maximum, and different maxima differ by more. Half or double decides the same.
+"""
 REFINED_EDGES = 12
-"""Number of the most promising edges from which ascents start."""
+"""Number of the most promising edges from which ascents start. As many as `REFINED_STARTS` of the
+other search. With half of them a bound may be smaller now and then; double costs time.
+"""
 KNOWN_ENDS = 6
 """Number of the best final points of ascents that are kept, so that later ascents to the same
-points can stop early.
+points can stop early. A matrix has a few good maxima. With half of them more ascents go on to their
+end; double takes longer to compare. No bound changes.
 """
 
 

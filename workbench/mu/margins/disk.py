@@ -42,7 +42,10 @@ from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 INFINITE_FACTOR = 1e-6
-"""A factor counts as infinite if the denominator of its direct term is below this."""
+"""A factor counts as infinite if the denominator of its direct term is below this. Its reciprocal,
+1e6, is a factor that breaks any loop by itself, and rounding of the Delta is below it. Half or
+double moves this border.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

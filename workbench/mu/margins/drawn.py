@@ -22,9 +22,13 @@ POINTS = 400
 Half shows corners in an enlarged figure; double makes files twice as large.
 """
 SHOWN = 3.0
-"""Half-width of the Nyquist figure, in units of L."""
+"""Half-width of the Nyquist figure, in units of L. It shows the unit circle and disks about -1 with
+some room. Half or double shows less, or smaller.
+"""
 MOST_DB = 40.0
-"""Largest gain [dB] of the region of gains and phases."""
+"""Largest gain [dB] of the region of gains and phases. It is a factor of 100, beyond any use. Half
+or double shows less, or smaller.
+"""
 
 
 def figure_of(

@@ -41,18 +41,25 @@ from workbench.systems.generalised_plant import response
 from workbench.uncertainty.responses.plants import Responses
 
 CONFIDENCE = 0.95
-"""Probability that a range contains the true margin."""
+"""Probability that a range contains the true margin. It is the usual one in the field. With half of
+the distance from 1 (97.5 %) ranges are 14 % wider, with double of it (90 %) 16 % narrower; tests
+and texts name 95 %.
+"""
 REPEATED = 1e-9
 """Relative difference allowed between margins of data and those computed again on another
-processor.
+processor. The same few operations on the same data differ by rounding, 1e-14, and by more where a
+crossing is nearly tangential. Half or double decides the same.
 """
 CHORD = 1.0
 """Largest distance of a crossing from the crossing of the chord between its two data, as a share of
-the chord: the crossing must lie between the same data.
+the chord: the crossing must lie between the same data. It follows from what a chord is: half would
+refuse true crossings, and double would accept one between other data.
 """
 SPREAD = 1.5
 """Largest ratio between a range and the spread of margins of redrawn data: both are first-order
-results.
+results. A spread of a few hundred redrawn sets is known to 5 %; the rest is curvature. With half of
+the distance from 1 true ranges may be contradicted; with double of it one that is wrong by two is
+overlooked.
 """
 
 

@@ -39,18 +39,30 @@ from workbench.structure import Real, Structure
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 LARGEST_CHANGE = 1e3
-"""Largest t of a gain that is searched."""
+"""Largest t of a gain that is searched. Gains farther from 1 than 60 dB are of no use to a
+designer, as in `LARGEST_FACTOR`. Half or double only changes what is called infinite.
+"""
 LARGEST_TURN = 1e3
-"""Largest t of a phase; it corresponds to 179.9 degrees."""
+"""Largest t of a phase; it corresponds to 179.9 degrees. Half or double: 179.8 or 179.94 degrees;
+only what is called half a turn changes.
+"""
 KINDS = 4
-"""Number of margins per channel that share the time: gain up, gain down, phase and delay."""
+"""Number of margins per channel that share the time: gain up, gain down, phase and delay. It
+follows from that list. Another number leaves time unused, or the last kind without any. Half or
+double gives each kind too much or too little of it.
+"""
 REPROVEN_SHARE = 1 - REPEATED_ROUNDING
 """Share of a margin that is proven again: the search stops where the proof has no room left."""
 DRAWN_PLANTS, DRAWN_ROUNDING = 20, 1e-6
-"""Number of plants drawn in a check, and the relative error allowed for their crossings."""
+"""Number of plants drawn in a check, and the relative error allowed for their crossings. A check on
+a few plants finds a margin that is wrong for many. Half finds less, double takes longer; half of
+the error may contradict plants whose crossings are nearly double.
+"""
 LOST_ROUNDING = 1e-4
 """Relative error allowed for the crossings of the plant that is lost first: they are nearly double
-where the stability border is touched.
+where the stability border is touched. A double crossing is known to half of the digits of a double,
+1e-8, and is divided by the slope of the curve. With half of it a true margin of such a plant may be
+contradicted; double overlooks an error of 2e-4.
 """
 
 

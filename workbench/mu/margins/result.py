@@ -32,7 +32,8 @@ if TYPE_CHECKING:  # modules with expensive margins are imported only when they 
 
 ALIKE = 1e-6
 """Margins of two channels that differ by no more than this share are printed once: with one input
-and one output, L is the same at both, except for rounding.
+and one output, L is the same at both, except for rounding. It is below the digits printed. Half or
+double changes how a text is set, and no number.
 """
 
 

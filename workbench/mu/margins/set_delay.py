@@ -25,19 +25,26 @@ from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effec
 from workbench.mu.boxes.recentred import RealParameters
 
 FIRST_PARTS = 24
-"""Number of parts of the box used to find the frequencies at which some plant can be turned to
--1.
+"""Number of parts of the box used to find the frequencies at which some plant can be turned to -1.
+Each leaves narrower bands for all that follows. With half of them bands are wider; with twice as
+many the start takes longer. The bounds hold either way.
 """
 STEP = 0.25
 """A band is not cut again if the frequency grows along it by less than this, relative and in units
-of the wanted distance of the bounds; t grows by at most pi / 2 times as much.
+of the wanted distance of the bounds; t grows by at most pi / 2 times as much. Two such steps and
+rounding leave less than the wanted distance. With half of it bands are cut once more; with double
+of it bounds may stay apart.
 """
 NARROWED_SHARE = 0.75
 """A part whose range of t shrinks along its bands to at most this share is examined again before it
-is cut.
+is cut. A part examined again costs as much as one of two halves. Half or double of the distance
+from 1 changes the time only.
 """
 DECISIONS = 6
-"""One delay may take the number of parts divided by this."""
+"""One delay may take the number of parts divided by this. Several delays are decided before the
+bounds meet, and each needs its share. With half of them fewer delays are decided with more parts
+each; with double of them hard ones stay undecided.
+"""
 EVERY_BAND = "parts exclude every frequency for every plant"
 ITS_CROSSING = "one plant has a crossing there"
 """What the lower and the upper bound rest on."""

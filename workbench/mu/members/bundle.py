@@ -24,13 +24,21 @@ from workbench.uncertainty.algebra.system import MOST_MEMBERS, UncertainSystem, 
 Kind = Literal["bode", "nyquist", "step", "poles"]
 """Kinds of panels."""
 POINTS = 300
-"""Number of points on a curve."""
+"""Number of points on a curve. Corners are not seen at the size of a page. Half shows them in an
+enlarged figure; double makes files larger.
+"""
 SETTLING = 8.0
-"""Duration of a drawn step response, in time constants of the slowest nominal pole."""
+"""Duration of a drawn step response, in time constants of the slowest nominal pole. The response
+has settled to exp(-8), 0.03 %. Half cuts slow tails off; double shows fast ones smaller.
+"""
 BOUND_TOLERANCE, MARGIN_TOLERANCE = 1e-2, 1e-3
-"""Tolerances of the worst-case gain and of the stability margin."""
+"""Tolerances of the worst-case gain and of the stability margin. They are told beside curves. Half
+or double changes a third or fourth digit.
+"""
 FAR = 10.0
-"""Largest ratio of sizes of poles that are drawn on a linear scale."""
+"""Largest ratio of sizes of poles that are drawn on a linear scale. Beyond it the near poles would
+fall on one point. Half or double changes the scale of some figures.
+"""
 GREY: dict[str, Any] = {"color": "0.65", "linewidth": 0.6}
 """Style of members."""
 

@@ -34,7 +34,8 @@ from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 
 COMPLEX_PART = 0.01
 """Default complex part, as a share of real scalars, for structures with real scalars only; without
-it mu is not continuous in frequency.
+it mu is not continuous in frequency. Bounds are then about 1 % too large, less than a model errs.
+With half of it narrow peaks take longer; with double of it bounds are 2 % too large.
 """
 CONDITIONS = ("nominal_performance", "robust_stability", "robust_performance")
 

@@ -16,15 +16,22 @@ from workbench.uncertainty.algebra.delays import DelayElement
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 SHORTEST, LONGEST = 1e-6, 1e6
-"""Least and largest delay that is tried, as a multiple of the longest delay of the set."""
+"""Least and largest delay that is tried, as a multiple of the longest delay of the set. Delays
+beyond have no meaning for a set stated so. Half or double only changes what is called 0 or
+infinite.
+"""
 BISECTIONS = 40
-"""Largest number of delays tried for one bound."""
+"""Largest number of delays tried for one bound: 20 doublings reach `LONGEST`, and ten bisections
+leave `PROOF_TOLERANCE`. With half of them bounds may stay apart; more are hardly made.
+"""
 LEAST_GROWTH = 1e-6
 """Least growth during one delay that counts as unstable: in doubles, a pole at 0 is found on either
-side.
+side. Half or double moves that border of what counts as growth.
 """
 PROOF_TOLERANCE = 1e-3
-"""Tolerance of the peaks of mu that prove a delay."""
+"""Tolerance of the peaks of mu that prove a delay. A delay is then known to about that share. Half
+takes longer for the same two or three digits; double loosens a third digit.
+"""
 DELAY_RATIO = 1.05
 """Ratio of one delay to the previous one in the search for a delay that is too long. The delay
 found is bisected later, so the ratio only matters where a loop is lost and kept again in between.
@@ -32,7 +39,10 @@ With half of the distance from 1 the search takes twice as long; with double of 
 missed more often, and the upper bound is looser.
 """
 LOST_EXCESS = 1e-6
-"""The reported delay exceeds the delay that puts a pole on the axis by this share."""
+"""The reported delay exceeds the delay that puts a pole on the axis by this share. The pole then is
+right of the axis by more than its rounding. With half of it fewer are proven unstable at once;
+double loosens the sixth digit.
+"""
 
 
 def delay_margins(found: UncertainSystem, tolerance: float) -> dict[str, tuple[float, float]]:

@@ -21,31 +21,35 @@ from workbench.certify.balls import in_plane
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response
 from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
+from workbench.mu.frequency.attained import PROVEN_SHARE
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.frequency.sweep import fitting
+from workbench.mu.robust.skew import LARGEST_LOOP_CONDITION
 from workbench.structure import Full, Real, Structure
 from workbench.systems.bilinear import bilinear_sampled
 
 END_OFFSET = 1e-6
 """Where the peak is at frequency 0, a complex Delta is interpolated at this multiple of the slowest
-pole instead; at infinity, at the fastest pole divided by this.
+pole instead; at infinity, at the fastest pole divided by this. There the response differs from its
+limit by 1e-6. With half of it the interpolation has fewer digits; with double of it Delta moves by
+2e-6.
 """
 REAL_TOLERANCE, NEARLY_REAL_TOLERANCE = 1e-12, 1e-6
 """A value counts as real if its imaginary part is below the first share of it; a vector is replaced
-by its real part if its imaginary part is below the second share."""
+by its real part if its imaginary part is below the second share. The first is the rounding of an
+eigenvalue; the second, of a null vector at a peak known to six digits. Half or double decides the
+same.
+"""
 DESTABILISING_TOLERANCE = 1e-6
 """A null vector of I - M Delta, balanced, is interpolated if its singular value is below this share
-of the norm of M Delta or of 1, whichever is larger."""
-PROVEN_SHARE = 1 - 1e-6
-"""A peak's Delta must prove again at least this share of 1 / |Delta|; a proof moves Delta by
-less.
+of the norm of M Delta or of 1, whichever is larger. The Delta of this peak leaves rounding, that of
+another system about 1. Half or double decides the same.
 """
-LARGEST_CONDITION = 1e10
-"""Condition number of I - M Delta with real blocks only, above which these blocks alone make the
-loop singular."""
 LARGEST_EIGENVALUE_SHIFT = 0.1
-"""Largest distance from 1 of the loop's eigenvalue at the frequency used instead of 0 or
-infinity."""
+"""Largest distance from 1 of the loop's eigenvalue at the frequency used instead of 0 or infinity.
+At `END_OFFSET` it moves by 1e-6 times the slope; a tenth says that the eigenvalue is another one.
+Half or double decides the same.
+"""
 
 
 def destabilising_perturbation(peak: Peak, system: Any, structure: Structure) -> Any:
@@ -229,7 +233,7 @@ def _attained(M: Array, constant: Array, free: Array) -> Array:
     """The free part of Delta times the number near 1 that makes the loop singular."""
     loop = np.eye(len(M)) - M @ constant
     # the constant blocks alone make it singular
-    if not free.any() or np.linalg.cond(loop) > LARGEST_CONDITION:
+    if not free.any() or np.linalg.cond(loop) > LARGEST_LOOP_CONDITION:
         return free
     seen = np.linalg.solve(loop, M) @ free
     values = np.linalg.eigvals(seen)

@@ -20,15 +20,23 @@ from workbench.uncertainty.algebra.closing import IllPosedError
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 REPROVEN_SHARE = 1 - 1e-6
-"""Share of a delay that is proven again: the search stops where the proof has no room left."""
+"""Share of a delay that is proven again: the search stops where the proof has no room left. With
+half of the distance from 1 a run on another processor may be refused; double proves 2e-6 less.
+"""
 TRIED_DELAYS = 9
-"""Number of delays that a second opinion tries, up to the proven one."""
+"""Number of delays that a second opinion tries, up to the proven one. A second opinion on few
+delays finds a proof that is wrong in a wide range. With half of them a wrong one is found less
+surely; double costs time.
+"""
 RECIPROCAL_ROUNDING = 1e-15
-"""Relative excess allowed for the rounded reciprocal of a bound."""
+"""Relative excess allowed for the rounded reciprocal of a bound. One division rounds by 1.1e-16,
+and its comparison again. With a tenth of it true reciprocals fail; half or double changes nothing.
+"""
 TRIED_SHARE, LONGEST_TRIED = 0.99, 1e3
 """Largest share of the proven delay at which Pade approximations are tried, since their phase errs
 by 0.01 rad within the turn in which a delay is lost; and the largest delay tried, in longest delays
-of the set.
+of the set. Half of either tries less of a proof; double of the first would try delays that break
+the loop, and of the second no more than a set means.
 """
 LARGEST_TRIED = 1e3
 """Size of the perturbations that are tried where the margin is infinite. A loop without a margin

@@ -32,7 +32,8 @@ from workbench.structure import Structure
 
 LEVEL_ROUNDING = 1 + 1e-12
 """Factor on the product of level and mu that covers its rounding and that of the division by the
-level.
+level. Two roundings need 4e-16; the rest lets another linear algebra library prove it. Half or
+double changes the twelfth digit.
 """
 CHECKED_ROUNDING = LEVEL_ROUNDING * (1 - 16 * EPS)
 """The same factor in a check. The claimed value was rounded by more, so that no last bit

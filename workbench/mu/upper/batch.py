@@ -15,8 +15,9 @@ PATH_ITERATIONS = 100
 ill-conditioned matrices may end with a looser bound; with twice as many these take longer.
 """
 WARM_START_RISES = (1.0, 1.1, 1.3)
-"""Factors on t of the previous matrix's early point, tried in turn until a path starts from
-there.
+"""Factors on t of the previous matrix's early point, tried in turn until a path starts from there.
+They allow a neighbour's mu to be larger by 5 and by 14 %. Half or double of the distances from 1:
+more paths start anew, or begin farther away. The bound is the same to its accuracy.
 """
 
 

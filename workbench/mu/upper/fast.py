@@ -18,16 +18,23 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 
 THREAD_MATRICES = 200
-"""Number of matrices that one thread takes at a time."""
+"""Number of matrices that one thread takes at a time. Their paths take far longer than handing them
+over. Half or double changes the time only.
+"""
 PATH_ACCURACY_SHARE = 0.02
-"""The central path is followed to this share of the accuracy asked for. The share holds for
-t = beta^2, so the bound beta is twice as accurate."""
+"""The central path is followed to this share of the accuracy asked for. The share holds for t =
+beta^2, so the bound beta is twice as accurate. The rest of the accuracy is for rounding outward and
+for lost paths. With half of it a path takes one iteration more; with double of it, one less.
+"""
 SPOILT_BOUND_RATIO = 1 + 1e-6
-"""A bound above this multiple of the largest singular value is spoilt by rounding."""
+"""A bound above this multiple of the largest singular value is spoilt by rounding. A bound that
+holds is no larger, except by rounding outward, 1e-9. Half or double decides the same.
+"""
 
 POWER_STEPS = 3
 """Steps of the power iteration for the largest singular value. It only has to tell bounds that are
-spoilt by a factor. With fewer, more bounds are taken for spoilt and computed again.
+spoilt by a factor. With half of them, more bounds are taken for spoilt and computed again; double
+costs time.
 """
 
 pattern_of_structure = lru_cache(maxsize=32)(pattern_of)

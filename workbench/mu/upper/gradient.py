@@ -27,11 +27,19 @@ from workbench.mu.upper.program import UpperBound
 from workbench.structure import Structure
 
 NULL_TOLERANCE = 1e-3
-"""Eigenvalues within this relative distance of the largest span the null space that X lies in."""
+"""Eigenvalues within this relative distance of the largest span the null space that X lies in.
+Eigenvalues of the path's end differ by its accuracy, 1e-4 or less. With half of it a null direction
+may be left out, and the gradient is wrong; with double of it one more enters, with a small weight.
+"""
 LARGEST = 1e150
-"""Largest entry of M whose square still fits a double, with room for sums."""
+"""Largest entry of M whose square still fits a double, with room for sums. Half or double leaves
+room for sums of four times as many or a quarter of the terms, 1e8 or so.
+"""
 TRACE_WEIGHT = 1e3
-"""Weight of the normalisation tr(X D_r) = 1 relative to the stationarity conditions."""
+"""Weight of the normalisation tr(X D_r) = 1 relative to the stationarity conditions. The other rows
+are near 1 and cannot all be met; this one must. Half or double changes the trace by 1e-6, and the
+gradient is normalised.
+"""
 
 
 def bound_gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:

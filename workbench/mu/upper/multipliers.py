@@ -17,7 +17,8 @@ from workbench.structure import Structure
 
 LEVEL_MARGIN = 1e-8
 """Bounds stay below a level by this share, so that rounding them outward does not lift them above
-it.
+it. Rounding outward is below `ACCEPTED_ROUNDING`, 1e-9. With half of it still; double asks a little
+more of each path.
 """
 Solved = tuple[Array, Array, RealArray, Array]
 """Compact D and G (F, N, N), gaps (F,) of the square of the bound, and iterations (F,)."""

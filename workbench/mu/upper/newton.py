@@ -9,7 +9,10 @@ from workbench.mu.upper.linear_algebra import factor, make_hermitian, multiply, 
 from workbench.mu.upper.pattern import IM, RE, Pattern
 
 BOUNDARY_SHARE = 0.95
-"""Share of the distance to the boundary that a step covers."""
+"""Share of the distance to the boundary that a step covers. On the boundary itself nothing can be
+inverted. Half of the distance from 1 goes nearer, and later steps may be shorter; double takes more
+iterations.
+"""
 
 
 @compiled

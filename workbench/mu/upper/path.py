@@ -41,8 +41,8 @@ from workbench.mu.upper.path_state import Direction, NewtonSystem, Point, Scratc
 from workbench.mu.upper.pattern import Pattern, adjoint, basis_products, collect, fill, slack
 
 NEGLIGIBLE_T = 1e-16
-"""t below this share of its first value counts as zero; this is a bound of 1e-8 where 1 is
-usual.
+"""t below this share of its first value counts as zero; this is a bound of 1e-8 where 1 is usual.
+Rounding of t is as large. Half or double changes nothing but for a bound of 0.
 """
 LARGEST_FALL = 1.5
 """Largest share of t by which one step may lower t; a t below 0 is no better than 0. With half of
@@ -50,14 +50,24 @@ it, below 1, paths may take more iterations; double changes little, since t = 0 
 """
 LOST_STEP, RECOVERY_RISE, RECOVERIES = 0.1, 1.2, 12
 """A step shorter than the first number means that the path is lost: t is multiplied by the second
-number and the path starts again, at most as often as the third number says.
+number and the path starts again, at most as often as the third number says. Twelve rises together
+raise t by a factor of nine. Half or double changes how soon a path is given up, and which bound
+remains; each is proven.
 """
 PREDICTOR_BLUR, CORRECTOR_BLUR = 0.3, 0.05
-"""Relative accuracy of the step lengths of the predictor and of the corrector."""
+"""Relative accuracy of the step lengths of the predictor and of the corrector. The predictor only
+tells how far to aim, and the corrector goes there. Half or double: more trials, or shorter steps.
+"""
 STEP_HALVINGS = 20
-"""Largest number of halvings of a step until S and D are positive definite after it."""
+"""Largest number of halvings of a step until S and D are positive definite after it. They leave
+1e-6 of a step; then rounding decides, and the path is lost. Half or double changes how soon that is
+told.
+"""
 EARLY_GAP = 0.1
-"""Relative duality gap at which a point is kept as the start for the next matrix."""
+"""Relative duality gap at which a point is kept as the start for the next matrix. It is near enough
+to be of use and central enough to start from. With half of it starts are nearer to the border, and
+fail more often; double saves fewer iterations.
+"""
 
 
 @unchecked

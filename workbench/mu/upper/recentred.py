@@ -32,13 +32,24 @@ MOST_RECENTRINGS = 8
 a bound may be looser; double costs time only.
 """
 ROUND_ITERATIONS = 60
-"""Largest number of iterations along the path of one round."""
+"""Largest number of iterations along the path of one round. A path ends earlier at its accuracy.
+With half of them hard rounds end before their gap; double costs time only.
+"""
 START_RISES = (1.05, 1.5, 4.0)
-"""Factors on the square of the bound at which a path may start, tried in turn."""
+"""Factors on the square of the bound at which a path may start, tried in turn. The first is near
+the border, the last far from it. Half or double of the distances from 1: rounds start nearer or
+farther away, and take fewer or more iterations.
+"""
 WORTHWHILE_RATIO = 0.999
-"""If a round does not lower the bound to this share, the next inward share is tried."""
+"""If a round does not lower the bound to this share, the next inward share is tried. A round costs
+as much as a whole path. Half or double of the distance from 1 changes the time, and bounds by as
+little.
+"""
 NEGLIGIBLE_SHARE = 1e-4
-"""Bounds below this share of the balanced norm are not improved further."""
+"""Bounds below this share of the balanced norm are not improved further. mu there is of no use
+beside the norm, and rounding of the norm is near. Half or double changes which small bounds stay
+loose.
+"""
 
 CompactMultipliers = tuple[ComplexArray, ComplexArray]
 """Compact D and G."""

@@ -28,9 +28,7 @@ from workbench._core.machine_code.sums import (
     take_tile_right,
 )
 from workbench._core.machine_code.values import of_lanes, put, square_root, where_less
-
-UNSEEN_PIVOT = 1e100
-"""Pivot used for an unknown without influence on H; its step then becomes zero."""
+from workbench.mu.upper.linear_algebra import UNSEEN_PIVOT
 
 
 @unchecked_kernel

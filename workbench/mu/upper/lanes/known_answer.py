@@ -14,9 +14,13 @@ from workbench.structure import Complex, Full, Real, Structure
 
 STRUCTURE = Structure([Real(1), Real(1), Complex(1), Full(1, 2)])
 ACCURACY = 1e-6
-"""Relative gap at which the paths end."""
+"""Relative gap at which the paths end. Bounds are then better than `AGREEMENT` asks. Half or
+double: an iteration more or less.
+"""
 AGREEMENT = 1e-5
-"""Largest relative distance of a bound from mu; it also holds the rounding outward."""
+"""Largest relative distance of a bound from mu; it also holds the rounding outward. A wrong
+instruction gives errors of order 1. Half or double decides the same.
+"""
 
 
 def check_lanes() -> None:

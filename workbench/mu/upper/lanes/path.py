@@ -39,32 +39,37 @@ from workbench.mu.upper.lanes.system import (
     newton_column,
     newton_matrix,
 )
+from workbench.mu.upper.newton import BOUNDARY_SHARE
+from workbench.mu.upper.path import LARGEST_FALL, NEGLIGIBLE_T, STEP_HALVINGS
 
-NEGLIGIBLE_T = 1e-16
-"""t below this share of its first value counts as zero."""
-LARGEST_FALL = 1.5
-"""Largest share of t by which one step may lower t."""
 LOST_STEP = 0.05
-"""A step shorter than this means that the path is lost."""
-BOUNDARY_SHARE = 0.95
-"""Share of the distance to the boundary that a step covers."""
+"""A step shorter than this means that the path is lost. Such a path needs more iterations than
+`ITERATIONS`; the other path takes it over. With half of it paths are given up later; with double of
+it sooner. No bound changes but in its last digits.
+"""
 PREDICTED_STEP = 0.6
 """Largest step of the predictor for which the corrector aims; it is also capped by the last
-accepted step. A search for the longest step takes longer and gives no better bounds.
+accepted step. A search for the longest step takes longer and gives no better bounds. Half aims
+nearer to the centre, and takes more iterations; double, above 1, aims at the border, and more paths
+are lost.
 """
 STEP_TRIALS = 5
-"""Number of trials for the longest step."""
+"""Number of trials for the longest step. With `FALL` they reach from 1.05 down to `LOST_STEP`. Half
+ends before, and loses more paths; double finds the longest step more exactly, which takes longer.
+"""
 FALL = 0.83
 """Factor on the step after the first failed trial; it is squared after each further one, so that
-the last trial is just above `LOST_STEP`. Once a trial succeeds, the interval is halved.
+the last trial is just above `LOST_STEP`. Once a trial succeeds, the interval is halved. Half or
+double of the distance from 1: the last trial is far above or below `LOST_STEP`.
 """
-STEP_HALVINGS = 20
-"""Largest number of halvings of a step until S and D are positive definite after it."""
 ITERATIONS = 40
-"""Largest number of iterations of one path."""
+"""Largest number of iterations of one path. Paths that take more are given to the slower way. Half
+or double changes the time only.
+"""
 START = 1.5
 """First t, as a multiple of the Frobenius norm of M^H M, which is at least the square of the
-largest singular value.
+largest singular value. It must be above 1 so that S > 0. Half of the distance from 1 starts nearer
+to the border; double takes an iteration more.
 """
 
 

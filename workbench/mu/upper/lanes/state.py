@@ -79,7 +79,9 @@ class Lanes(NamedTuple):
 
 
 SINGLE_NUMBERS = 16
-"""Number of places in ``number``."""
+"""Number of places in ``number``. Places 0 to 13 are used. With half of them memory beside it would
+be overwritten; double changes nothing.
+"""
 
 
 class Numbers(NamedTuple):
