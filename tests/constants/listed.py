@@ -14,7 +14,10 @@ FACTORS = {"half": 0.5, "double": 2.0}
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant of a module or a class: ``file`` below the root, ``old`` is its assignment."""
+    """A constant of a module or a class: ``file`` below the root, ``old`` is its assignment.
+
+    Numbers that are assigned together are one constant, and ``name`` names all of them.
+    """
 
     file: str
     owner: str
@@ -28,7 +31,7 @@ class Constant:
     @property
     def node(self) -> tuple[str, str]:
         """What holds it in the graph of sources."""
-        return self.file, self.owner.rstrip(".") or self.name
+        return self.file, self.owner.rstrip(".") or self.name.partition(",")[0]
 
     def times(self, factor: float) -> str:
         """The assignment with each number changed by a factor."""
@@ -51,6 +54,8 @@ def changed(value: float, factor: float) -> float:
 def constants(root: Path, rooms: tuple[str, ...] = ROOMS) -> list[Constant]:
     """The numbers and tuples of numbers that rooms name, except 0 and infinity, which have no
     half.
+
+    Fields of a class are left out: they are options of a user, and its docstring tells them.
     """
     files = [file for room in rooms for file in sorted((root / "workbench" / room).rglob("*.py"))]
     return [one for file in files for one in _of_file(root, file)]
@@ -64,16 +69,22 @@ def _of_file(root: Path, file: Path) -> Iterator[Constant]:
         for node in body:
             if isinstance(node, ast.Assign):
                 target = node.targets[0]
-            elif isinstance(node, ast.AnnAssign):
+            elif isinstance(node, ast.AnnAssign) and not (owner and _is_field(node)):
                 target = node.target
             else:
                 continue
             value = None if node.value is None else _number(node.value)
-            if value is not None and isinstance(target, ast.Name):
+            names = target.elts if isinstance(target, ast.Tuple) else [target]
+            if value is not None and all(isinstance(one, ast.Name) for one in names):
                 old = ast.get_source_segment(text, node)
                 assert old is not None
                 name = str(file.relative_to(root))
-                yield Constant(name, owner, target.id, value, old)
+                yield Constant(name, owner, ", ".join(map(ast.unparse, names)), value, old)
+
+
+def _is_field(node: ast.AnnAssign) -> bool:
+    """Whether an assignment in a class makes a field of its instances."""
+    return not ast.unparse(node.annotation).startswith("ClassVar")
 
 
 def _number(node: ast.expr) -> float | tuple[float, ...] | None:

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from workbench.fitting.magnitude.program import MagnitudeFit
 
 COVER_GAIN_MARGIN = 1e-9
-"""Relative increase of a cover's gain, so that rounding cannot put it below the data."""
+"""Relative increase of a cover's gain, so that rounding cannot put it below the data. It is above
+the rounding of responses, so that a raise covers at once. Half or double: sets are 1e-9 smaller or
+larger.
+"""
 VALLEY_SAMPLES = 8
 """Number of samples in each interval of the data in the search for the fit's lowest points."""
 

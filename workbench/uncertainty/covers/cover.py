@@ -52,9 +52,15 @@ from workbench.uncertainty.responses.plants import Responses
 from workbench.uncertainty.responses.regions import estimates, with_regions
 
 HALF_LENGTH_WEIGHT = 0.1
-"""Weight of the squared half-length of a stadium, compared with its squared radius."""
+"""Weight of the squared half-length of a stadium, compared with its squared radius. A real weight
+costs a controller less than a complex one of the same size, and some weight keeps it bounded. It is
+part of the objective: half or double asks for other covers, with longer or shorter stadiums.
+"""
 RADIUS_ROUNDING = 1e-12
-"""Amount added to radii, relative to the size of the plants. It is the radius for equal plants."""
+"""Amount added to radii, relative to the size of the plants. It is the radius for equal plants. It
+is 4,500 roundings, as responses and radii of large sets have; the containment of plants is proven
+with it. With half of it a plant on the boundary may be found outside; double widens sets by 1e-12.
+"""
 
 
 @dataclass(frozen=True, eq=False)

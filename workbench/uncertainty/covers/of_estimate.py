@@ -32,15 +32,26 @@ from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.weights import complex_weight
 
 COVERED_DECADE_POINTS = 100
-"""Number of frequencies in a decade at which discs are computed, besides those of the data."""
+"""Number of frequencies in a decade at which discs are computed, besides those of the data. A step
+is 2.3 %, which resolves a damping of 0.01. With half of them narrower resonances are seen between
+`BETWEEN` frequencies only; double takes twice as long.
+"""
 
 
 BETWEEN = 8
-"""Number of frequencies that a check uses between two covered ones."""
+"""Number of frequencies that a check uses between two covered ones. They make steps of 0.3 %. With
+half of them the check may miss a narrow peak; double takes twice as long.
+"""
 DRAWN = 400
-"""Number of models that the second opinion draws from the distribution of the estimates."""
+"""Number of models that the second opinion draws from the distribution of the estimates. 95 % of
+400 has a standard deviation of 1 %. With half of them a confidence wrong by a few percent is not
+noticed; double takes twice as long.
+"""
 DOUBT = 1e-9
-"""Probability that drawn models wrongly refute a cover at the stated confidence."""
+"""Probability that drawn models wrongly refute a cover at the stated confidence. The ledger is
+verified often, so a false alarm must be rare; it allows six standard deviations. Half or double
+changes the count by one.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

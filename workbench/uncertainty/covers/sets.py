@@ -24,11 +24,19 @@ CoverForm = Literal["multiplicative", "additive"]
 """Whether a set around a nominal is relative to it, or in the plant's units."""
 
 ZERO_NOMINAL = 1e-9
-"""Size of a nominal, relative to its set's largest point, below which it counts as zero."""
+"""Size of a nominal, relative to its set's largest point, below which it counts as zero. Relative
+deviations would be above 1e9. Half or double moves this border.
+"""
 MAX_LEFT_OUT = 4
-"""Largest number of points left out at each frequency; the search grows fourfold with each."""
+"""Largest number of points left out at each frequency; the search grows fourfold with each. Four
+take 256 times as long as none. Half refuses what takes a sixteenth of that; double would take
+65,536 times as long as none.
+"""
 DIRECTIONS = 16
-"""Larger point sets are reduced to the outermost point in each of this many directions."""
+"""Larger point sets are reduced to the outermost point in each of this many directions. The
+outermost points lie within 2 % of the hull's. With half of them 8 %; double takes longer. All
+points count again when radii are computed.
+"""
 SUPPORT_DISTANCE = 1e-9
 """Distance from the boundary, relative to the radius, within which a point supports the shape. It
 is far above the rounding of radii, 1e-12. Half or double: other points count as supports; no set

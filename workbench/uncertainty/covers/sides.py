@@ -15,12 +15,13 @@ from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.nominal import mean_response
 
 TRIED = (1, 2)
-"""Tried numbers of poles right of the axis. More poles right of the axis need a model that the user
-states. With other numbers the question would be asked of other plants.
+"""Tried numbers of poles right of the axis. More of them need a model that the user states. Half or
+double asks the question of other plants: of none with one such pole, or of four.
 """
 FAR_BETTER = 0.2
 """The plants seem unstable if the error of an unstable fit is below this share of the stable fit's
-error.
+error. Two more free roots alone may halve an error. With half of it fewer users are asked; with
+double of it also those whose stable plants need a higher order.
 """
 POOR = 0.1
 """A stable fit with a relative error above this is poor. With half of it the question is asked of

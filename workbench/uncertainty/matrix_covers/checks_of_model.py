@@ -19,7 +19,10 @@ from workbench.uncertainty.matrix_covers.responses import MatrixResponses
 from workbench.uncertainty.matrix_covers.sets.shapes import WeightShape, ctranspose
 
 REALISED = 1e-6
-"""Tolerance of the second opinion: excess of a norm of Delta over 1, and distance of a plant."""
+"""Tolerance of the second opinion: excess of a norm of Delta over 1, and distance of a plant.
+Realisations in doubles lose half of the digits where orders are high. With half of it a true cover
+may be contradicted; double overlooks 2e-6.
+"""
 
 
 def stays_stable(name: str, system: StateSpace) -> Check:

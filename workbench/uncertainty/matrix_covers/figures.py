@@ -10,7 +10,9 @@ from workbench._core.heavy_types import Figure
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
 
 MOST_DRAWN = 60
-"""Largest number of plants that are drawn."""
+"""Largest number of plants that are drawn. More lines cannot be told apart. Half or double changes
+the figure only.
+"""
 
 
 def magnitudes_figure(

@@ -35,7 +35,10 @@ the plant, its input or its output (the inverse forms); or added to the coprime 
 """
 
 REACHED = 1e-8
-"""A part of a plant that no X gives counts as rounding up to this size, relative to the plant."""
+"""A part of a plant that no X gives counts as rounding up to this size, relative to the plant. It
+is half of the digits of a double. Half or double moves the border between rounding and the error
+that names the plant.
+"""
 
 
 def delta_shape(form: MatrixForm, p: int, m: int) -> tuple[int, int]:

@@ -11,13 +11,13 @@ from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.fitting.magnitude.gain import COVER_GAIN_MARGIN
 from workbench.fitting.rational import Rational
 from workbench.program import Claim, method
 from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
-from workbench.uncertainty.covers.weights import GAIN_MARGIN
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.descent import weights_by_descent, weights_by_evolution
 from workbench.uncertainty.matrix_covers.found import FoundCover
@@ -35,7 +35,8 @@ from workbench.uncertainty.matrix_covers.weights import (
 
 MOST_RAISES = 8
 """Largest number of times that W_1 is raised. One raise may not be enough, because the proven norm
-of a scaled system is not exactly the scaled norm.
+of a scaled system is not exactly the scaled norm. Raises end once the norm is below 1. With half of
+them a hard cover may end in the error; double takes longer to get there.
 """
 
 
@@ -171,7 +172,7 @@ def _model_with_all_plants(program: MatrixCover, W_1: StateSpace, W_2: StateSpac
     model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
     need = _largest_norm(program, model)
     for _ in range(MOST_RAISES):
-        factor = need * (1 + GAIN_MARGIN)
+        factor = need * (1 + COVER_GAIN_MARGIN)
         W_1 = realisation((W_1.A, W_1.B, factor * W_1.C, factor * W_1.D), dt)
         model = MatrixModel(program.nominal, W_1, W_2, form=program.form)
         need = _largest_norm(program, model)

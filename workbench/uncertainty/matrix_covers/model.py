@@ -30,7 +30,9 @@ from workbench.uncertainty.matrix_covers.sets.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
 DRAWN = 200
-"""Number of frequencies of a figure, besides those near poles."""
+"""Number of frequencies of a figure, besides those near poles. Corners are not seen at the size of
+a page. Half or double changes the figure only.
+"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,9 @@ from workbench.systems.range_hints import warn_far_frequencies
 from workbench.uncertainty.responses.plants import Responses
 
 SAME_FREQUENCIES = 1e-9
-"""Largest relative difference of frequencies that count as the same."""
+"""Largest relative difference of frequencies that count as the same. It is the rounding of files
+with nine digits. Half or double decides the same.
+"""
 
 
 @dataclass(frozen=True, eq=False)

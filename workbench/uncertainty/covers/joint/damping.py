@@ -10,7 +10,10 @@ from workbench.uncertainty.covers.joint.size_data import SizeData
 from workbench.uncertainty.covers.weights import SUFFICIENT_DAMPING
 
 RESOLVED_MARGIN = 1.02
-"""Least damping of roots of weights, relative to the damping that the frequencies resolve."""
+"""Least damping of roots of weights, relative to the damping that the frequencies resolve. The
+search works on a coarser grid, and a root on the limit would be moved at the end. With half of the
+distance from 1 it may still be moved; with double of it roots are damped a little more.
+"""
 
 
 @unchecked

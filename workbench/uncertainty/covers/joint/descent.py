@@ -13,10 +13,13 @@ from workbench.uncertainty.covers.joint.size_data import SizeData
 
 FALL, RISE = 1e-4, 0.9
 """Constants of the weak Wolfe conditions: least share of the predicted decrease of a step, and
-largest share of the slope that may remain at its end.
+largest share of the slope that may remain at its end. They are the usual ones for quasi-Newton
+methods. Half or double: a line search ends a trial earlier or later.
 """
 STEP_LENGTHS = 30
-"""Largest number of lengths tried for a step."""
+"""Largest number of lengths tried for a step. Halving 30 times leaves 1e-9 of a step; then the
+slope is rounding. With half of them a search may end early; double changes nothing.
+"""
 
 
 @unchecked

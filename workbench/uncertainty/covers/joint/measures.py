@@ -12,7 +12,10 @@ from workbench.uncertainty.covers.joint.radii import to_power
 from workbench.uncertainty.covers.joint.size_data import SizeData
 
 BLEND = 8.0
-"""Power of the norm that replaces the larger one of two ratios."""
+"""Power of the norm that replaces the larger one of two ratios. The norm exceeds the larger one by
+9 % at most, where both are equal. With half of it by 19 %, and the smaller one counts too much;
+with double of it by 4 %, and the descent bends more sharply.
+"""
 
 Measure = tuple[float, RealArray, float, RealArray, RealArray, float]
 """A size and its derivatives: by the logarithms of |W_c| (R,) and of the norm, by |W_r| in its unit

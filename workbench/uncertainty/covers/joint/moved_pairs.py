@@ -19,7 +19,8 @@ frequencies; more makes real roots. Half or double changes which starts are draw
 """
 NEW_SPREAD, APART = 0.15, 0.05
 """Standard deviation of the logarithm of a new frequency from the wanted one, and of the distance
-between its poles and zeros.
+between its poles and zeros. The first is a fifth of an octave; the second makes pairs that change
+the response near their frequency only. Half or double changes which starts are drawn.
 """
 
 

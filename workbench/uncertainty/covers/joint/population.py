@@ -21,15 +21,27 @@ from workbench.uncertainty.covers.sizes.inflation import extent
 from workbench.uncertainty.covers.weights import needed_radius
 
 GENERATIONS, KEPT = 6, 5
-"""Number of generations, and of models that each one starts from."""
+"""Number of generations, and of models that each one starts from. Most searches end by `PATIENCE`.
+With half of them inflations may be larger; double takes up to twice as long.
+"""
 PATIENCE = 3
-"""The search ends after this many generations that improve nothing."""
+"""The search ends after this many generations that improve nothing. A generation improves by
+chance, so one or two idle ones say little. With half of them the search ends earlier, at a larger
+inflation; double takes longer.
+"""
 SEARCH_POWERS = (8, 16, 32)
-"""Powers of the norms in the search."""
+"""Powers of the norms in the search. Each norm is nearer to the largest value and harder to
+descend. Half of all minds peaks less; double of all ends at worse local optima.
+"""
 SEARCH_STEPS = 100
-"""Largest number of quasi-Newton steps with each power."""
+"""Largest number of quasi-Newton steps with each power. Half stops searches before their optimum;
+double costs time, since `ALIKE` asks for no more.
+"""
 SPREADS = (0.5, 0.2)
-"""Standard deviations of random starts near a model, in units of the parameters."""
+"""Standard deviations of random starts near a model, in units of the parameters. The larger one
+leaves a local optimum, the smaller one tries its neighbours. Half or double: starts mostly lead
+back, or are no better than random ones.
+"""
 ALIKE = 6e-3
 """Relative difference of inflations below which two models count as alike. The search is stopped
 before its optimum, so two runs to one optimum differ a little. With half of it copies may fill the

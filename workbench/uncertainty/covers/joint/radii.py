@@ -9,7 +9,9 @@ from workbench._core.compiled import unchecked
 from workbench.uncertainty.covers.joint.size_data import TINY, SizeData
 
 LEAST_PULL = 1e-18
-"""A ratio below this share of the largest one is neglected in the norm."""
+"""A ratio below this share of the largest one is neglected in the norm. A hundred of them stay
+below the rounding of the sum. Half or double changes nothing but the last bit.
+"""
 
 
 @unchecked

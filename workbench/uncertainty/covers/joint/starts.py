@@ -36,11 +36,16 @@ from workbench.uncertainty.covers.weights import (
 )
 
 STARTING_HALF_LENGTH_SHARE = 0.1
-"""Factor of a stadium's half-length in the size used to weight the errors of a starting weight."""
+"""Factor of a stadium's half-length in the size used to weight the errors of a starting weight. It
+starts with narrow sets, whose length the search then settles. With half of it lengths are fitted
+more closely at first; with double of it widths are. Half or double changes the start only.
+"""
 STARTING_CIRCLES = ("sk", "sb10yd")
 """Methods of the magnitude fit that give starts for the complex weight."""
 STARTING_POWER = 8
-"""Power of the norm that compares starts."""
+"""Power of the norm that compares starts. It is the first of `SEARCH_POWERS`. Half or double may
+choose another start.
+"""
 
 Start = tuple[str, FoundModel | None, str]
 """Name of a start, the model, and the reason if there is no model."""

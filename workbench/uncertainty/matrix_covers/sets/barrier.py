@@ -30,12 +30,18 @@ Newton's method, or more and shorter ones, to the same last barrier.
 """
 DECREMENT = 1e-6
 """Newton's method with the last barrier stops below this: half the squared Newton decrement,
-relative to the barrier's weight. After one step more the error is about the square of it.
+relative to the barrier's weight. After one step more the error is about the square of it. Half or
+double: the same number of steps or one more or less; the gap to the optimum is proven afterwards.
 """
 NEAR_ENOUGH = 0.05
-"""The same, for the barriers before the last one."""
+"""The same, for the barriers before the last one. A start for the next barrier needs no more. Half
+takes a step more for each barrier; double starts farther away, and the next one takes longer.
+"""
 GAP_SHARE = 0.3
-"""Error of the size that the last barrier leaves, as a share of the tolerance."""
+"""Error of the size that the last barrier leaves, as a share of the tolerance. The rest is for
+`DECREMENT` and the proof. With half of it a barrier more is solved at times; with double of it the
+proof may not reach the tolerance.
+"""
 
 
 @method(MatrixSets, "barrier", optimal=True)

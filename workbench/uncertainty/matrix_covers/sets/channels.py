@@ -7,7 +7,9 @@ import numpy as np
 from workbench._core.arrays import RealArray
 
 EQUILIBRATIONS = 30
-"""Number of rounds that compute the sizes."""
+"""Number of rounds that compute the sizes. Each halves the logarithm of what is left, so 30 leave
+1e-9. Half still leaves 3e-5, which is enough for units; double changes nothing.
+"""
 
 
 def equilibrated(entries: RealArray) -> tuple[RealArray, RealArray]:

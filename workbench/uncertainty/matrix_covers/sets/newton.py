@@ -25,21 +25,30 @@ from workbench.uncertainty.matrix_covers.sets.shapes import (
 from workbench.uncertainty.matrix_covers.sets.size import size_derivatives
 
 START = 0.5
-"""Largest norm of a deviation, in units of the first sets."""
+"""Largest norm of a deviation, in units of the first sets. It must be below 1, where the barrier
+ends. Half or double: a step more, or a start on the border, which no barrier allows.
+"""
 STEPS = 60
 """Largest number of Newton steps for one weight of the barrier. With half of them a frequency may
 end before the decrement does, and its proof tells a larger gap; double costs time only.
 """
 SAFE = 0.05
 """Full steps are taken if half the squared decrement, relative to the barrier's weight, is below
-this.
+this. Newton's method converges quadratically below 0.07, by the theory of self-concordant barriers.
+Half searches along a line once more; double may take a step too far, which the next one mends.
 """
 LONGEST = 3.0
-"""Longest step: largest change of the logarithms of weights in one step."""
+"""Longest step: largest change of the logarithms of weights in one step. It is a factor of 20. Half
+or double changes the number of steps far from the optimum.
+"""
 SHORTEST = 2.0**-30
-"""Shortest step along a Newton direction."""
+"""Shortest step along a Newton direction. Then the decrease is rounding. Half or double: a halving
+more or less before a step is given up.
+"""
 FLAT = 1e-15
-"""Curvatures below this, relative to the largest, are rounding."""
+"""Curvatures below this, relative to the largest, are rounding. It is four roundings. With half of
+it a step may follow rounding; with double of it directions that flat are left a little earlier.
+"""
 
 
 @dataclass

@@ -43,13 +43,20 @@ Size = Literal["volume", "trace", "mu"]
 Centre = Literal["zero", "free"]
 
 CONTAINED = 1e-9
-"""Excess of a norm of Delta over 1 that counts as rounding."""
+"""Excess of a norm of Delta over 1 that counts as rounding. Norms are rounded up, so a little is
+left for another processor. With half of it a run may be refused there for an ill-conditioned set;
+double accepts 2e-9.
+"""
 SQUARES_CONTAINED = 1e-7
-"""The same excess for the squares in the second opinion."""
+"""The same excess for the squares in the second opinion. Squares of ill-conditioned weights cost
+half of the digits. With half of it a true answer may be contradicted; double overlooks 2e-7.
+"""
 ALIKE = 64 * EPS
 """Spread of deviations, relative to their size, that counts as rounding."""
 SHAPED = 1e-9
-"""Largest relative part of a weight outside its shape that counts as rounding."""
+"""Largest relative part of a weight outside its shape that counts as rounding. It is far above the
+rounding of a product and far below an entry that means anything. Half or double decides the same.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
