@@ -7,7 +7,7 @@ from workbench.plants.cd_drive.uncertainty.measured_drives import measured_drive
 import workbench as wb
 from workbench.fitting import Rational
 from workbench.uncertainty import CircleCover, Responses, StadiumCover
-from workbench.uncertainty.covers.weights import resolved
+from workbench.uncertainty.covers.weights import between, beyond, needed_radius, resolved
 
 OMEGA = np.geomspace(1.0, 100.0, 60)
 
@@ -49,3 +49,14 @@ def test_a_complex_weight_has_no_resonance_between_coarse_frequencies():
     joined = np.exp(np.interp(np.log(dense), np.log(drives.omega), at_drives))
     assert solution.certificate.holds
     assert np.max(np.abs(weight.response(dense)) / joined) < 3
+
+
+def test_frequencies_between_resolve_two_percent_and_those_beyond_reach_two_decades():
+    steps = np.diff(np.log(np.union1d(OMEGA, between(OMEGA))))
+    assert steps.min() > 0.01 and steps.max() <= 0.02
+    assert beyond(OMEGA)[[0, -1]] == pytest.approx([0.01, 1e4])
+
+
+def test_a_set_on_a_line_has_a_thousandth_of_its_extent_as_radius():
+    away = np.array([[-2.0, 1.0, 2.0], [-2.0, 0.5j, 2.0]])
+    assert needed_radius(away, np.array([2.0, 2.0 + 0j])) == pytest.approx([0.002, 0.5])
