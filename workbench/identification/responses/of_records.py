@@ -16,6 +16,7 @@ from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
+from workbench.identification.responses.dry_friction import dry_friction
 from workbench.identification.responses.local_response import averaged_models, spaced_in_log
 from workbench.identification.responses.periodic import (
     PeriodicResponse,
@@ -114,17 +115,37 @@ def _periodic(
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
-    alone = [
-        _with_rounding(periodic_response(frequency, U[chosen], Y[chosen]), U[chosen], pair, samples)
-        for (U, Y), pair in zip(spectra, pairs, strict=True)
-    ]
     found = [
-        with_neighbours(one, U, Y, lines, chosen)
-        for one, (U, Y) in zip(alone, spectra, strict=True)
+        _of_periods(U, Y, lines, chosen, frequency, pair, samples)
+        for (U, Y), pair in zip(spectra, pairs, strict=True)
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
     told = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
     return found, "; ".join(told)
+
+
+def _of_periods(
+    U: np.ndarray,
+    Y: np.ndarray,
+    lines: IntegerArray,
+    chosen: IntegerArray,
+    frequency: RealArray,
+    pair: tuple[RealArray, ...],
+    samples: int,
+) -> PeriodicResponse:
+    """Response of a record (u, y) at chosen lines, from amplitudes U, Y (lines, periods)."""
+
+    def estimated(drive: np.ndarray) -> PeriodicResponse:
+        alone = periodic_response(frequency, drive[chosen], Y[chosen])
+        noisy = _with_rounding(alone, drive[chosen], pair, samples)
+        return with_neighbours(noisy, drive, Y, lines, chosen)
+
+    found = estimated(U)
+    rounding = samples * repeated_rounding(pair[1], samples, 2)
+    friction = dry_friction(U, Y, lines, samples, rounding)
+    if friction is None:
+        return found
+    return friction.taken_out(estimated(U - friction.amplitudes[:, None]), found)
 
 
 def _with_rounding(
