@@ -135,7 +135,9 @@ def _of_velocity(
         if power == 0.0:
             break
         size = max(float(np.sum((way.conj() * left).real)) / power, 0.0)
-        # Noise has a power of 1 at each line, and explains 1/2 where there is no friction.
-        beyond = max(float(np.sum(np.abs(left) ** 2)) - silent.size, SURE**2)
+        # Noise has a power of 1 at each line, which varies by as much. Where there is no friction,
+        # it explains 1/2.
+        unsure = SURE * silent.size**0.5
+        beyond = max(float(np.sum(np.abs(left) ** 2)) - silent.size, unsure)
         explained = (size**2 * power - 0.5) / beyond
     return DryFriction(size, size * direction, explained)
