@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.identification.responses.dry_friction import dry_friction
+from workbench.identification.responses.dry_friction import dry_friction, is_certain
 from workbench.identification.responses.of_records import record_responses
 
 SAMPLES, PERIODS, STEP = 1001, 4, 0.05
@@ -47,7 +47,7 @@ def spectra(u, y):
 def test_dry_friction_is_found_and_its_damping_taken_out(size):
     u, y = record(friction(size))
     found = dry_friction(*spectra(u, y), LINES, SAMPLES)
-    assert found.size == pytest.approx(size, rel=0.2)
+    assert found.size == pytest.approx(size, rel=0.2) and is_certain([found])
     U, Y = (one.mean(axis=1) for one in spectra(u, y))
     before, after = (
         np.abs(Y[LINES] / drive[LINES] / truth() - 1).max() for drive in (U, U - found.amplitudes)
@@ -76,7 +76,7 @@ def test_regions_hold_the_plant_that_moves(size):
 )
 def test_what_is_no_dry_friction_is_left(force):
     u, y = record(force)
-    assert dry_friction(*spectra(u, y), LINES, SAMPLES) is None
+    assert not is_certain([dry_friction(*spectra(u, y), LINES, SAMPLES)])
     (found,), _ = record_responses([(u, y)], 1.0, 500)
     assert found.dry_friction == 0.0
 
@@ -94,6 +94,15 @@ def test_friction_is_found_where_the_output_counts_in_the_other_direction():
     u, y = record(friction(0.2))
     found, turned = (dry_friction(*spectra(u, one), LINES, SAMPLES) for one in (y, -y))
     assert turned.size == pytest.approx(found.size, rel=1e-9)
+
+
+def test_records_of_one_kind_are_judged_together():
+    """Of three plants one has no friction: the median decides, and its own size is taken out."""
+    records = [record(friction(size), seed=seed) for seed, size in enumerate((0.2, 0.0, 0.2))]
+    found, _ = record_responses(records, 1.0, 500)
+    assert [one.dry_friction > 0.1 for one in found] == [True, False, True]
+    found, _ = record_responses([records[0], records[1], records[1]], 1.0, 500)
+    assert [one.dry_friction for one in found] == [0.0] * 3
 
 
 def test_few_silent_lines_or_one_period_show_no_friction():

@@ -16,7 +16,11 @@ from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
-from workbench.identification.responses.dry_friction import dry_friction
+from workbench.identification.responses.dry_friction import (
+    DryFriction,
+    dry_friction,
+    is_certain,
+)
 from workbench.identification.responses.local_response import averaged_models, spaced_in_log
 from workbench.identification.responses.periodic import (
     PeriodicResponse,
@@ -115,9 +119,15 @@ def _periodic(
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
+    friction = [
+        dry_friction(U, Y, lines, samples, samples * repeated_rounding(y, samples, 2))
+        for (U, Y), (_, y) in zip(spectra, pairs, strict=True)
+    ]
+    if not is_certain(friction):
+        friction = [None] * len(pairs)
     found = [
-        _of_periods(U, Y, lines, chosen, frequency, pair, samples)
-        for (U, Y), pair in zip(spectra, pairs, strict=True)
+        _of_periods(U, Y, lines, chosen, frequency, pair, samples, lost)
+        for (U, Y), pair, lost in zip(spectra, pairs, friction, strict=True)
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
     told = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
@@ -132,8 +142,11 @@ def _of_periods(
     frequency: RealArray,
     pair: tuple[RealArray, ...],
     samples: int,
+    friction: DryFriction | None,
 ) -> PeriodicResponse:
-    """Response of a record (u, y) at chosen lines, from amplitudes U, Y (lines, periods)."""
+    """Response of a record (u, y) at chosen lines, from amplitudes U, Y (lines, periods), without
+    its friction.
+    """
 
     def estimated(drive: np.ndarray) -> PeriodicResponse:
         alone = periodic_response(frequency, drive[chosen], Y[chosen])
@@ -141,8 +154,6 @@ def _of_periods(
         return with_neighbours(noisy, drive, Y, lines, chosen)
 
     found = estimated(U)
-    rounding = samples * repeated_rounding(pair[1], samples, 2)
-    friction = dry_friction(U, Y, lines, samples, rounding)
     if friction is None:
         return found
     return friction.taken_out(estimated(U - friction.amplitudes[:, None]), found)
