@@ -17,6 +17,8 @@ from workbench.identification.record_tests.levels import resolution
 from workbench.identification.record_tests.periods import period
 from workbench.identification.record_tests.record import RecordData
 
+LINEAR = "the plant is linear"
+"""Name of the tested assumption."""
 FEWEST_PERIODS = 3
 """Fewest periods: one to settle, and two to determine the noise."""
 EXCITED = 1e-3
@@ -41,14 +43,13 @@ CHANCE = 1e-6
 
 def nonlinearity(record: RecordData) -> TestedAssumption:
     """Test whether the plant is linear, as far as a periodic input shows it."""
-    assumption = "the plant is linear"
     clean = unflagged(record)
     if len(record.starts) > 1:
-        return TestedAssumption(assumption, "several experiments", testable=False)
+        return TestedAssumption(LINEAR, "several experiments", testable=False)
     lengths = {period(u) for u in clean.u.T}
     samples = lengths.pop() if len(lengths) == 1 else None
     if samples is None or len(clean.u) < FEWEST_PERIODS * samples:
-        return TestedAssumption(assumption, "the inputs do not repeat three times", testable=False)
+        return TestedAssumption(LINEAR, "the inputs do not repeat three times", testable=False)
     inputs = [_lines(u, samples) for u in clean.u.T]
     sizes = np.sqrt(sum(np.mean(np.abs(U), axis=0) ** 2 for U in inputs))
     excited = np.flatnonzero(sizes > EXCITED * sizes[1:].max())
@@ -57,7 +58,7 @@ def nonlinearity(record: RecordData) -> TestedAssumption:
         np.arange(1, min(HARMONICS * int(excited.max()), samples // 2 - 1) + 1), excited
     )
     if not silent.size:
-        return TestedAssumption(assumption, "the inputs excite every line", testable=False)
+        return TestedAssumption(LINEAR, "the inputs excite every line", testable=False)
     found, told = [], []
     for name, y in zip(record.outputs, clean.y.T, strict=True):
         if np.mean(y[1:] == y[:-1]) > HELD:
@@ -82,7 +83,7 @@ def nonlinearity(record: RecordData) -> TestedAssumption:
                 )
             )
     testable = not all(np.mean(y[1:] == y[:-1]) > HELD for y in clean.y.T)
-    return TestedAssumption(assumption, "; ".join(told), testable=testable, findings=tuple(found))
+    return TestedAssumption(LINEAR, "; ".join(told), testable=testable, findings=tuple(found))
 
 
 def _lines(signal: RealArray, samples: int) -> ComplexArray:

@@ -16,6 +16,11 @@ from workbench._core.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
+from workbench.identification.responses.dry_friction import (
+    DryFriction,
+    dry_friction,
+    is_certain,
+)
 from workbench.identification.responses.local_response import averaged_models, spaced_in_log
 from workbench.identification.responses.periodic import (
     PeriodicResponse,
@@ -114,17 +119,44 @@ def _periodic(
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
-    alone = [
-        _with_rounding(periodic_response(frequency, U[chosen], Y[chosen]), U[chosen], pair, samples)
-        for (U, Y), pair in zip(spectra, pairs, strict=True)
+    friction = [
+        dry_friction(U, Y, lines, samples, samples * repeated_rounding(y, samples, 2))
+        for (U, Y), (_, y) in zip(spectra, pairs, strict=True)
     ]
+    if not is_certain(friction):
+        friction = [None] * len(pairs)
     found = [
-        with_neighbours(one, U, Y, lines, chosen)
-        for one, (U, Y) in zip(alone, spectra, strict=True)
+        _of_periods(U, Y, lines, chosen, frequency, pair, samples, lost)
+        for (U, Y), pair, lost in zip(spectra, pairs, friction, strict=True)
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
     told = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
     return found, "; ".join(told)
+
+
+def _of_periods(
+    U: np.ndarray,
+    Y: np.ndarray,
+    lines: IntegerArray,
+    chosen: IntegerArray,
+    frequency: RealArray,
+    pair: tuple[RealArray, ...],
+    samples: int,
+    friction: DryFriction | None,
+) -> PeriodicResponse:
+    """Response of a record (u, y) at chosen lines, from amplitudes U, Y (lines, periods), without
+    its friction.
+    """
+
+    def estimated(drive: np.ndarray) -> PeriodicResponse:
+        alone = periodic_response(frequency, drive[chosen], Y[chosen])
+        noisy = _with_rounding(alone, drive[chosen], pair, samples)
+        return with_neighbours(noisy, drive, Y, lines, chosen)
+
+    found = estimated(U)
+    if friction is None:
+        return found
+    return friction.taken_out(estimated(U - friction.amplitudes[:, None]), found)
 
 
 def _with_rounding(

@@ -45,6 +45,8 @@ class ResponseEstimate:
         Number of real degrees of freedom of the variance.
     report
         Report of the record, if there is one.
+    dry_friction
+        Size of the dry friction that was taken out of the input, in its unit; 0 if none was found.
 
     Examples
     --------
@@ -64,6 +66,7 @@ class ResponseEstimate:
     variance: np.ndarray
     degrees: float
     report: RecordReport | None = field(default=None, kw_only=True, repr=False)
+    dry_friction: float = field(default=0.0, kw_only=True)
 
     def __repr__(self) -> str:
         size = np.abs(self.response)

@@ -22,6 +22,7 @@ from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.records import read_record
 from workbench.identification.experiments.reports import record_report
 from workbench.identification.files.variables import need_path
+from workbench.identification.record_tests.nonlinearity import LINEAR
 from workbench.identification.record_tests.report import RecordReport
 from workbench.identification.responses.driven_parts import pulses
 from workbench.identification.responses.of_excitation import (
@@ -51,6 +52,11 @@ STATE_ONE = (
     "resonance_shift=0.05 for 5 % of its frequencies (--spread 20%, --resonance-shift 5%)"
 )
 """Advice to a user who has only one plant."""
+TAKEN_OUT = (
+    "dry friction of {size:.3g} units of {input!r}, found at silent lines, is taken out: the "
+    "response is that of the plant while it moves"
+)
+"""Why a plant with dry friction counts as linear."""
 SAME_RATE = 1e-4
 """Relative difference of sampling frequencies that counts as rounding of the instants."""
 SAME_FREQUENCY = 1e-9
@@ -332,6 +338,12 @@ def _of_records(
     estimates: Sequence[ResponseEstimate]
     if driven is None:
         estimates, said = record_responses(records, rate, most)
+        reports = [
+            report.with_reasons({LINEAR: TAKEN_OUT.format(size=one.dry_friction, input=input)})
+            if one.dry_friction
+            else report
+            for report, one in zip(reports, estimates, strict=True)
+        ]
     else:
         each = zip(records, driven, strict=True)
         triples = [
