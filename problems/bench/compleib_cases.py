@@ -43,13 +43,17 @@ ZERO = {"AC1": 0.0}
 """A plant whose least norm is zero: larger gains suppress the disturbance ever more."""
 
 UNPUBLISHED = {
-    0: ("AC4", "AC5", "AC18", "TF1", "TF2", "DIS5", "WEC1", "TMD", "FS", "NN13", "NN14", "CM1"),
+    0: (
+        *("AC4", "AC5", "AC18", "TF1", "TF2", "DIS5", "WEC1", "TMD", "FS", "NN13", "NN14", "CM1"),
+        *("HF2D10", "HF2D11", "HF2D14", "HF2D16", "HF2D_CD5", "HF2D_IS5", "HF2D_IS7"),
+        *("UWV", "DLR1", "TF3", "REA4", "HE6"),
+    ),
     1: ("AC4", "AC17", "HE1", "HE5", "REA2", "NN1", "NN2", "NN9", "NN15", "NN17", "EB1"),
     2: ("AC7", "HE2", "REA3", "MFP", "NN3", "NN8"),
     3: ("AC8", "HE1", "REA1", "TG1"),
 }
 """Plants, by order, without a published norm at hand. They are compared with the lower bound for
-any order, or with the best of long runs of every method.
+any order, and some of them with HIFOO 3.501, run on the same machine.
 """
 
 STABLE = {1: ("AC4", "HE2", "NN1", "NN2", "REA1"), 2: ("AC8", "NN8", "DIS2")}
