@@ -22,7 +22,9 @@ LEAST_DISTANCE = 1e-10
 are used.
 """
 ROUNDING = 1e-6
-"""Share by which a level is lowered, larger than its rounding error at such frequencies."""
+"""Largest rounding error of a level at such frequencies, relative to the norm of P11. Levels are
+lowered by it.
+"""
 STEPS = 40
 """Most steps of the search around the best frequency of the grid."""
 
@@ -53,7 +55,7 @@ def single_frequency_level(plant: StandardPlant) -> float:
             lambda x: -level(float(np.exp(x))), bounds=ends, method="bounded", options=options
         )
         levels.append(-float(found.fun))
-    return (1.0 - ROUNDING) * max(levels)
+    return max(levels)
 
 
 def _response(
@@ -85,4 +87,4 @@ def _level(response: ComplexArray, plant: StandardPlant) -> float:
     if w > plant.measurements:
         right = np.linalg.svd(P21)[2][plant.measurements :]
         levels.append(float(np.linalg.norm(P11 @ right.conj().T, 2)))
-    return max(levels)
+    return max(0.0, max(levels) - ROUNDING * float(np.linalg.norm(P11, 2)))
