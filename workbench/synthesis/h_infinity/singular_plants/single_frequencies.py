@@ -69,7 +69,7 @@ def _response(
     sizes = np.linalg.svd(inside, compute_uv=False)
     if not sizes[-1] > LEAST_DISTANCE * sizes[0]:
         return None
-    found: ComplexArray = D + C @ np.linalg.solve(inside, B)
+    found: ComplexArray = np.asarray(D + C @ np.linalg.solve(inside, B), dtype=complex)
     return found
 
 
