@@ -6,12 +6,16 @@ import pytest
 
 import workbench as wb
 from workbench import Options
+from workbench.executor import Context
 from workbench.synthesis import PI, HinfSynthesis, MuSynthesis
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.free import FreeMatrices
+from workbench.synthesis.mu.structured.least_norm import without_perturbation
+from workbench.synthesis.mu.structured.norm import descents
 from workbench.synthesis.mu.structured.norm.drawn import stable_draws
+from workbench.synthesis.mu.structured.norm.ends import FURTHER, descended_further
 from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
-from workbench.synthesis.mu.structured.norm.search import NormPoint
+from workbench.synthesis.mu.structured.norm.search import NormPoint, NormSearch
 from workbench.systems.standard_plant import standard_plant
 from workbench.uncertainty import GeneralisedPlant
 
@@ -108,6 +112,18 @@ def test_random_starts_stabilise_a_flexible_plant():
     found = list(stable_draws(norm, family, np.random.default_rng(0), 6))
     assert found
     assert all(np.isfinite(norm.value(x)) for x in found)
+
+
+def test_all_starts_and_further_ones_descend_unless_the_level_is_reached():
+    stated = without_perturbation(HinfSynthesis(first_order(), order=0))
+    search = NormSearch(stated, Context(options=Options(seed=0)))
+    starts = sorted(search.drawn(0, 2), key=lambda point: point.value)
+    found = descended_further(search, starts, starts, 0.0)
+    norms = [point.value for point in found]
+    assert len(starts) + FURTHER // 2 < len(norms) <= len(starts) + FURTHER
+    assert norms[0] == pytest.approx(descents.by_bfgs(starts[0]).value)
+    assert min(norms) == pytest.approx(1 + np.sqrt(3), rel=1e-3)
+    assert not descended_further(search, starts, starts, 2 * starts[0].value)
 
 
 def crossed():

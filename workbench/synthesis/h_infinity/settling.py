@@ -36,6 +36,9 @@ from workbench.synthesis.h_infinity.singular_plants.known_states import (
 )
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.synthesis.h_infinity.singular_plants.regularised import narrowly_regularised
+from workbench.synthesis.h_infinity.singular_plants.single_frequencies import (
+    single_frequency_level,
+)
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.norms import hinf_norm
 from workbench.systems.realisation import Matrices, realisation
@@ -141,14 +144,14 @@ def _with_least_level(program: HinfSynthesis, found: HinfController) -> HinfCont
 
 
 def level_of_more_known(program: HinfSynthesis, reached: float) -> float:
-    """A level that no controller reaches, not even one that measures or moves all states; NaN if
-    none is known.
+    """A level that no controller reaches, not even one that measures or moves all states, or that
+    may have any response at a single frequency; NaN if none is known.
 
     ``reached`` is the norm of a loop, an upper bound on the least level.
     """
     given = _given_plant(program)
     levels = [informed_level(side, reached, SETTLED_CHANGE / 2) for side in (given, given.dual)]
-    known = [level for level in levels if not math.isnan(level)]
+    known = [level for level in (*levels, single_frequency_level(given)) if level > 0.0]
     return max(known, default=math.nan)
 
 

@@ -73,9 +73,9 @@ def least_of_all(program: HinfSynthesis, reached: float) -> float:
 
     It is the largest of the levels for each plant, since a controller for all plants is a
     controller for each. For a plant that does not meet an assumption, it is a level that no
-    controller reaches even if it measures all states and disturbances, or moves every state. The
-    least level of a perturbed plant is no such bound, since it is larger than that of the given
-    plant.
+    controller reaches even if it measures all states and disturbances, moves every state, or may
+    have any response at a single frequency. The least level of a perturbed plant is no such bound,
+    since it is larger than that of the given plant.
     """
     others = map(HinfSynthesis, program.further_plants)
     levels = [_least_of_one(one, reached) for one in (program, *others)]

@@ -2,9 +2,9 @@
 
 All have the same starts. They differ in the descent: BFGS and gradient sampling, a trust region on
 all linearisations near the peak, IPOPT on smoothed norms, or evolution. Method "fixed" begins with
-BFGS from every start and continues from the best ones. If its two best ends differ, it uses random
-hops and evolution from the best one. For several plants or a limit on the gain, it uses the trust
-region.
+BFGS from every start and continues from the best ones. If its two best ends differ, it continues
+from the other starts and from further random ones; then it uses random hops and evolution from the
+best one. For several plants or a limit on the gain, it uses the trust region.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from workbench.synthesis.mu.structured.nonsmooth.bfgs import stationarity
 from workbench.synthesis.mu.structured.norm import descents
 from workbench.synthesis.mu.structured.norm.ends import (
     Descent,
+    bfgs,
     bfgs_along_kinks,
     hops_and_evolution,
     search_ends,
@@ -54,10 +55,10 @@ def _unfit(program: HinfSynthesis) -> str | None:
 
 @method(HinfSynthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: HinfSynthesis, context: Context) -> Claim:
-    """BFGS from several starts; then gradient sampling, random hops and evolution at kinks."""
+    """BFGS from several starts, and more if their ends differ; then hops and evolution at kinks."""
     if _limited(program):
         return by_trust_region(program, context)
-    return _claim(program, context, on=hops_and_evolution)
+    return _claim(program, context, bfgs, hops_and_evolution)
 
 
 @method(HinfSynthesis, "bfgs", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
@@ -86,15 +87,11 @@ def _by_evolution(point: NormPoint, context: Context) -> NormPoint:
     return descents.by_evolution(point, context.rng)
 
 
-def _no_further(point: NormPoint, _: Context) -> NormPoint:
-    return point
-
-
 def _claim(
     program: HinfSynthesis,
     context: Context,
     descent: Descent = bfgs_along_kinks,
-    on: Descent = _no_further,
+    on: Descent | None = None,
 ) -> Claim:
     """The controller at the end of the best descent, with the norms that the other starts
     reached.

@@ -1,12 +1,15 @@
 """Where descents of the norm from several starts end.
 
 Starts for an order are also the ends of lower orders with one more state, so that more states are
-seldom worse. Where the two best ends differ, the search hops and evolves from the best one.
+seldom worse. A few starts go on after the first steps of each. Where their two best ends differ,
+there are several minima, and the norm after a few steps does not tell which is the lowest. Then the
+other starts go on too, and further random ones, before the search hops and evolves from the best.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 from workbench.executor import Context
@@ -17,6 +20,10 @@ from workbench.synthesis.mu.structured.norm.search import NormPoint, NormSearch
 
 FINALISTS = 3
 """Starts that go on after the first steps of each."""
+FURTHER, FURTHER_SHARE = 12, 0.5
+"""Further random starts where the best ends differ, and the share of the time left that these and
+the other starts may take.
+"""
 HOPS, ROUNDS = 6, 2
 """Hops from the best point before an evolution, and rounds of hops and evolution."""
 GAINED = 1e-3
@@ -40,6 +47,11 @@ class Ends(NamedTuple):
     starts: int
 
 
+def bfgs(point: NormPoint, _: Context) -> NormPoint:
+    """The end of BFGS."""
+    return descents.by_bfgs(point)
+
+
 def bfgs_along_kinks(point: NormPoint, context: Context) -> NormPoint:
     """BFGS, then sampled gradients."""
     return descents.along_kinks(descents.by_bfgs(point), context.rng)
@@ -60,21 +72,30 @@ def search_ends(
     stated: MuSynthesis,
     context: Context,
     level: float,
-    descent: Descent = bfgs_along_kinks,
-    on: Descent = hops_and_evolution,
+    descent: Descent = bfgs,
+    on: Descent | None = hops_and_evolution,
 ) -> Ends:
     """The ends of a search over the controllers of a continuous plant without perturbation.
 
-    It ends at a norm of ``level``. Raises SolverError where there is no start, and
-    NoStabilisingGainError where none can be.
+    Where the best ends differ, the search descends from more starts. From the best end it follows
+    sampled gradients and, where the best ends still differ, goes ``on``. With None, the descents
+    from the first starts are all. The search ends at a norm of ``level``. Raises SolverError where
+    there is no start, and NoStabilisingGainError where none can be.
     """
     search = NormSearch(stated, context)
     starts = [*search.starts(), *_from_lower_orders(search)]
-    ended = _descended(starts, context, descent, level)
+    ended, others = _descended(starts, context, descent, level)
+    more: list[NormPoint] = []
+    if on is not None and ended[0].value > level and not _agreed(ended):
+        more = descended_further(search, ended, others, level)
+        others = others[len(more) :]
+        ended = sorted([*ended, *more], key=_value)
     best = ended[0]
-    if best.value > level and not _agreed(ended):
-        best = on(best, context)
-    return Ends(best, tuple(sorted(point.value for point in ended)), len(starts))
+    if on is not None and best.value > level:
+        best = descents.along_kinks(best, context.rng)
+        best = best if best.value <= level or _agreed(ended) else on(best, context)
+    reached = sorted(point.value for point in [*ended, *others])
+    return Ends(best, tuple(reached), len(reached))
 
 
 def _from_lower_orders(search: NormSearch) -> list[NormPoint]:
@@ -96,8 +117,10 @@ def _from_lower_orders(search: NormSearch) -> list[NormPoint]:
 
 def _descended(
     starts: Sequence[NormPoint], context: Context, descent: Descent, level: float
-) -> list[NormPoint]:
-    """Where descents from the best starts end, the best first: first some steps from each."""
+) -> tuple[list[NormPoint], list[NormPoint]]:
+    """Where descents from the best starts end, the best first, and the other starts after their
+    first steps.
+    """
     ahead = []
     for start in starts:
         ahead.append(start if time_is_up("first steps") else descents.first_steps(start))
@@ -109,7 +132,31 @@ def _descended(
         ended.append(point if late else descent(point, context))
         context.record({"start": number, "norm": ended[-1].value})
         context.progress("descents", number, FINALISTS)
-    return sorted([*ended, *ahead[FINALISTS:]], key=_value)
+    return sorted(ended, key=_value), ahead[FINALISTS:]
+
+
+def descended_further(
+    search: NormSearch, ended: Sequence[NormPoint], others: Sequence[NormPoint], level: float
+) -> list[NormPoint]:
+    """Where BFGS ends from the other starts and then from further random ones, unless one reaches
+    the level. That two ends agree does not stop it: many starts may lead to a poor minimum.
+    """
+    found: list[NormPoint] = []
+    with clocked_by(search.share_of_time(FURTHER_SHARE)):
+        for point in chain(others, _drawn_one_by_one(search)):
+            reached = min([*ended, *found], key=_value).value <= level
+            if reached or time_is_up("further starts"):
+                break
+            found.append(descents.by_bfgs(point))
+            search.context.progress("further starts", len(found), len(others) + FURTHER)
+    return found
+
+
+def _drawn_one_by_one(search: NormSearch) -> Iterator[NormPoint]:
+    """Random controllers of the order that stabilise, if an order is searched from random ones."""
+    if search.order is not None and search.mu.start is None:
+        for _ in range(FURTHER):
+            yield from search.drawn(search.order, 1)
 
 
 def _value(point: NormPoint) -> float:

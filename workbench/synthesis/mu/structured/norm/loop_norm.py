@@ -19,6 +19,7 @@ from workbench._core.arrays import RealArray
 from workbench.solvers import slicot_routine
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
+from workbench.systems.balancing import balanced
 from workbench.systems.norms import stable
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
@@ -115,8 +116,12 @@ class LoopNorm:
 
 
 def peak_of(loop: Matrices) -> tuple[float, float]:
-    """The norm of a stable loop and the frequency of its peak [rad/s]; infinite if SLICOT fails."""
-    A, B, C, D = loop
+    """The norm of a stable loop and the frequency of its peak [rad/s]; infinite if SLICOT fails.
+
+    The states are balanced first: SLICOT overlooks peaks where their units are too different.
+    """
+    A, B, C = balanced(*loop[:3])
+    D = loop[3]
     if not len(A):
         return float(np.linalg.norm(D, 2)), 1.0
     sizes = len(A), B.shape[1], len(C)
