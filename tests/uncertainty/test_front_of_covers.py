@@ -59,6 +59,18 @@ def test_mu_of_a_loop_is_the_cost():
     assert front.value == point.mu == peak_weight(point.cover.model)
 
 
+def test_larger_orders_never_cost_more():
+    """No search minimises the stand-in of mu, so a cover of larger orders alone may cost more."""
+    orders = [(1, 1, 0), (2, 1, 0), (1, 2, 0), (2, 2, 0)]
+    front = cover_front(lags(5), orders=orders, shape="circle", loop=peak_weight)
+    cost = {point.orders: point.cost for point in front.points}
+    assert front.holds and len(cost) == len(orders)
+    for small in orders:
+        for large in orders:
+            if np.less_equal(small, large).all():
+                assert cost[large] <= cost[small]
+
+
 def point(states, cost):
     return FrontCover((states, 0, 0), "joint", None, cost, cost, 1.0, cost, float("nan"))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -36,8 +37,10 @@ def cover_front(
 ) -> CoverFront:
     """Covers of several orders, and how large their sets are, or what they cost a loop in mu.
 
-    For each of the orders, covers are made by the methods "inflation" and "joint", and the cheaper
-    one is kept. The front consists of those covers that no other cover beats in states and cost.
+    For each of the orders, covers are made by the methods "inflation" and "joint", and the cheapest
+    one is kept. A cheaper cover of smaller orders is kept instead, since it is a cover of these
+    orders too. So the cost never rises with the orders. The front consists of those covers that no
+    other cover beats in states and cost.
     `least_inflation` says how small the sets can be with a nominal of the order, so that a reader
     sees what the order costs.
 
@@ -85,9 +88,10 @@ def cover_front(
     if loop is not None and not callable(loop):
         raise InputError(f"loop must be a function of a model, not {loop!r}")
     programs = {each: _program(responses, each, shape, form) for each in _orders(orders, shape)}
-    points, failures = [], {}
-    for each, program in programs.items():
-        found, said = [], ""
+    points: list[FrontCover] = []
+    failures = {}
+    for each in sorted(programs, key=sum):
+        program, found, said = programs[each], [], ""
         for method in METHODS:
             solution = solve(program, method=method, options=options)
             if solution.certificate is not None and solution.certificate.valid:
@@ -95,6 +99,9 @@ def cover_front(
             else:
                 said = solution.message
         if found:
+            found += [
+                replace(p, orders=each) for p in points if np.less_equal(p.orders, each).all()
+            ]
             points.append(min(found, key=lambda point: point.cost))
         else:
             failures[each] = said or "no certificate is valid"

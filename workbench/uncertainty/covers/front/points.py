@@ -35,6 +35,8 @@ Loop = Callable[[UncertaintyModel], float]
 class FrontCover:
     """One certified cover of a front.
 
+    ``orders`` are those that were asked for. The functions of the cover may have less, see
+    `cover_front`.
     ``inflation`` and ``rms`` compare its sets with the narrowest ones about its nominal,
     ``inflation_free`` and ``rms_free`` with those whose centres are free: the largest radius plus
     half-length, and the root mean square of the radius. ``mu`` is that of the loop, NaN without
