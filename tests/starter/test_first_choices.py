@@ -135,3 +135,23 @@ def test_noise_at_the_lowest_lines_does_not_limit_it(spread, kept):
     assert 2 * np.pi * chosen.band_hz[0] == pytest.approx(OMEGA[OMEGA > 3.0][0])
     assert "noise lets the plants differ by" in chosen.reasons["band_hz"]
     assert chosen.bandwidth_hz * 2 * np.pi > 100
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.2, 5.0])
+def test_integrating_plants_are_recognised_within_their_regions(lag):
+    """A pole that noise hides is told from no integrator; one that is seen is."""
+    gains, rng = 1 + 0.1 * SPREAD[0], np.random.default_rng(8)
+    truth = gains / ((S + lag) * (S / 300 + 1))
+    error = rng.standard_normal(truth.shape) + 1j * rng.standard_normal(truth.shape)
+    noisy = plants(
+        truth + 0.1 * np.abs(truth) * error, variance=0.02 * np.abs(truth) ** 2, degrees=40
+    )
+    told = "behaves as an integrator down to 0.1592 Hz"
+    assert (told in first_choices(noisy, dt=1e-3).reasons["order"]) == (lag < 1.0)
+
+
+def test_a_slow_pole_that_is_seen_is_no_integrator():
+    values = (1 + 0.1 * SPREAD[0]) / (S * (S / 300 + 1))
+    assert "integrator" in first_choices(plants(values), dt=1e-3).reasons["order"]
+    slow = plants(values * (S / 0.01) / (S / 0.01 + 1))  # a pole at 1 % of the lowest frequency
+    assert "integrator" not in first_choices(slow, dt=1e-3).reasons["order"]

@@ -249,6 +249,14 @@ def test_the_band_of_a_study_holds_the_lines_at_its_ends(records, tmp_path, untr
 
 
 @pytest.mark.usefixtures("untried")
+def test_the_tries_of_a_study_end_by_counts(records, tmp_path):
+    """A limit in seconds would find another design on a busy computer."""
+    write_study(tmp_path / "servo", str(records))
+    text = (tmp_path / "servo/problems/servo/design.py").read_text(encoding="utf-8")
+    assert "time_limit" not in text
+
+
+@pytest.mark.usefixtures("untried")
 def test_the_simulated_step_is_one_that_a_record_has_seen(records, tmp_path):
     """An integrator has no static gain by which a step could be chosen."""
     write_study(tmp_path / "servo", str(records))

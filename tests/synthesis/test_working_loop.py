@@ -1,5 +1,6 @@
 """The loop about its working point: what it stores, draws and says, and what it refuses."""
 
+import re
 from functools import cache
 
 import control
@@ -34,8 +35,27 @@ def test_it_rests_steps_and_settles_within_its_limits():
     assert (y[:, 0] == 20.0).all() and (u[:, 0] == 50.0).all()
     assert u.max() <= 100.0
     assert done.metrics["static_error"] < 1e-3
-    assert "extrapolated" in done.task.tables(done.answer)["constant-signals"]
+    told = done.task.tables(done.answer)["constant-signals"]
+    assert "extrapolated" in told and "at 0.001592 Hz, the lowest measured frequency" in told
+    assert float(done.answer["step_size"]) == pytest.approx(0.3 * 50 * 0.9, rel=1e-3)
     assert list(done.task.figures(done.answer)) == ["working-point"]
+
+
+def test_the_step_for_slow_plants_is_one_that_the_records_show():
+    """A fit to records of a slow plant has any static gain, here 1e5."""
+    slow = Responses(
+        omega=OMEGA, values=np.array([gain / (1j * OMEGA + 1e-5) for gain in (0.9, 1.0, 1.1)]).T
+    )
+    cover = wb.solve(CircleCover(slow, order=1, zeros=0), method="steps")
+    K = control.tf([2.0, 0.2], [1.0, 0.0])
+    given = {"limits": (0.0, 100.0), "working_point": POINT}
+    made = wb.solve(Implementation(cover, K, dt=0.1, **given))
+    (told,) = (one for one in made.task.facts(made.answer) if one.startswith("constant signals"))
+    assert "static gains are extrapolated" in told
+    numbers = [float(one) for one in re.findall(r"up to (\S+) K below", told)]
+    assert 0 < numbers[0] <= 50 * 0.9 / OMEGA[0]
+    step = float(wb.solve(WorkingLoop(slow, made)).answer["step_size"])
+    assert step == pytest.approx(0.3 * 50 * 0.9 / OMEGA[0], rel=1e-3)
 
 
 @pytest.mark.cases(0)

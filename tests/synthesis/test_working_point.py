@@ -10,6 +10,7 @@ from heaters import REST, Heater
 
 from workbench.solution import solve
 from workbench.synthesis import Implementation, WorkingPoint
+from workbench.synthesis.implementation.working_point.constant_signals import constant_signals
 from workbench.uncertainty import UncertaintyModel
 
 PERIOD, LIMITS = 1.0, (0.0, 100.0)
@@ -116,6 +117,15 @@ def test_the_certificate_says_what_constant_signals_do():
     assert "the controller has no integrator" in " ".join(leaky.task.facts(leaky.answer))
     check = next(one for one in leaky.certificate.checks if one.name == "constant signals")
     assert check.value == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.cases(0)
+def test_the_statement_on_integrating_plants_names_no_static_gain():
+    made = board()
+    model = UncertaintyModel(2 / (s * (4 * s + 1)), 0.1 * (1 + 4 * s) / (1 + s))
+    told = constant_signals(model, made.answer.K, -1, made.task.actuator).words("mm")
+    assert "no static error" in told and "every plant integrates" in told
+    assert "mm" not in told and "inf" not in told
 
 
 @pytest.mark.cases(0)

@@ -19,6 +19,7 @@ from workbench.fitting.response.vector_fitting import relocated_fits, vector_fit
 from workbench.geometry.exact_circle import exact_circle
 from workbench.input_checks import need_positive
 from workbench.solvers import Options
+from workbench.starter.integrator import integrates_down_to
 from workbench.uncertainty import Responses
 from workbench.uncertainty.covers.nominal import mean_response
 from workbench.uncertainty.covers.sets import CoverForm
@@ -164,6 +165,9 @@ def first_choices(
     reasons = {}
     used, reasons["band_hz"] = _seen_band(responses)
     nominal, reasons["order"] = _nominal(used)
+    lowest = integrates_down_to(used)
+    if lowest is not None:
+        reasons["order"] += f"; every plant behaves as an integrator down to {lowest:.4g} Hz"
     unstable = int((nominal.poles.real > 0).sum())
     bandwidth, reasons["bandwidth_hz"] = _bandwidth(used, nominal, dt, delay_samples, at_most_hz)
     stabilised = OVER_UNSTABLE * float(nominal.poles.real.max(initial=0.0)) / (2 * np.pi)

@@ -6,7 +6,8 @@ gives a better estimate than that at one line.
 A nonlinear plant responds to a multisine at silent lines too. A response there that repeats in
 every period is not noise, and does not make periods scatter. Distortion is also at excited lines,
 where it changes the response with the phases of the excitation. Its size there is that at silent
-lines near by, relative to the output.
+lines near by, over the plant's gain: that of a signal added to the input. In a closed loop the
+controller makes the input small at low frequencies, but not this signal.
 
 Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd edition,
 2012, sections 2.5 and 4.3.
@@ -62,7 +63,7 @@ def with_neighbours(
     noise = scatter[nearest(every, chosen) - lines[0]].mean(axis=1) / periods
     power = np.abs(u[chosen].mean(axis=1)) ** 2
     gain = np.abs(estimate.response[:, 0, 0]) ** 2
-    near_by = noise / power + gain * distortion(left, y, lines, chosen)
+    near_by = (noise + gain * distortion(left, u, y, lines, chosen)) / power
     variance = np.maximum(estimate.variance[:, 0, 0], near_by)[:, None, None]
     degrees = 2.0 * NEAR * (periods - 1)
     return replace(estimate, variance=variance, covariance=variance, degrees=degrees)
@@ -89,17 +90,23 @@ def nearest(those: IntegerArray, chosen: IntegerArray) -> IntegerArray:
 
 
 def distortion(
-    left: ComplexArray, y: ComplexArray, lines: IntegerArray, chosen: IntegerArray
+    left: ComplexArray,
+    u: ComplexArray,
+    y: ComplexArray,
+    lines: IntegerArray,
+    chosen: IntegerArray,
 ) -> RealArray:
-    """Power of distortion relative to the output's (F,) at chosen lines; 0 if none is certain.
+    """Power (F,) of the input that would cause the distortion at chosen lines; 0 if none is
+    certain.
 
     ``left`` is the unexplained part, as from `unexplained`.
     """
     silent = np.setdiff1d(np.arange(lines[0], lines[-1]), lines)
-    size = np.interp(np.log(silent), np.log(lines), np.log(np.abs(y[lines].mean(axis=1))))
-    relative = left[silent - lines[0]] * np.exp(-size)[:, None]
-    noise = relative.var(axis=1, ddof=1) / y.shape[1]
-    beyond = np.abs(relative.mean(axis=1)) ** 2 - noise
+    gain = np.abs(y[lines].mean(axis=1) / u[lines].mean(axis=1))
+    between = np.interp(np.log(silent), np.log(lines), np.log(gain))
+    added = left[silent - lines[0]] * np.exp(-between)[:, None]
+    noise = added.var(axis=1, ddof=1) / y.shape[1]
+    beyond = np.abs(added.mean(axis=1)) ** 2 - noise
     near = np.searchsorted(silent, nearest(silent, chosen))
     mean = beyond[near].mean(axis=1)
     deviation = np.sqrt(np.sum(noise[near] ** 2, axis=1)) / NEAR

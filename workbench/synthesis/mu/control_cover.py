@@ -270,7 +270,8 @@ class ControlCover:
         else:
             W_c = reaching(W_c, omega, radius)
         W_c = reaching_known(self.responses, nominal, W_c, W_r, "multiplicative")
-        return UncertaintyModel(nominal, W_c, W_r, tested=self.responses.tested)
+        tested, ends = self.responses.tested, self.responses.ends
+        return UncertaintyModel(nominal, W_c, W_r, tested=tested, measured=ends)
 
     def _with_circular_weight(
         self, parts: dict[CoverPart, Rational], context: Context

@@ -36,8 +36,8 @@ from workbench.uncertainty import Responses
 REST_SHARE = 0.05
 """Share of a phase at its start during which the loop is at rest."""
 STEP_SHARE, DISTURBANCE_SHARE = 0.3, 0.1
-"""Step of the set-point relative to the largest one that the limits allow, and disturbance relative
-to the range of the limits.
+"""Step of the set-point relative to the slowest oscillation that the limits allow, and disturbance
+relative to the range of the limits.
 """
 BUMP = 1e-6
 """Largest change of the control before the step that counts as rounding, relative to its change by
@@ -67,7 +67,8 @@ class WorkingLoop(Study):
     board
         The Run or Solution of a certified `Implementation`.
     step
-        Step of the set-point [units of y]; None for a part of the step that the limits allow.
+        Step of the set-point [units of y]; None for a part of the oscillation that the limits allow
+        at the lowest measured frequency.
     disturbance
         Signal added to the control in the second half [units of u]; None for a tenth of the limits'
         range.
@@ -171,13 +172,17 @@ class WorkingLoop(Study):
         return samples_to_settle(max(float(poles.max()), filtered))
 
     @part
-    def sizes(self, models: Any) -> tuple[float, float]:
-        """The step of the set-point and the disturbance."""
+    def sizes(self) -> tuple[float, float]:
+        """The step of the set-point and the disturbance.
+
+        The limits allow an oscillation of a certain size at the lowest frequency at which a plant
+        was measured. A static gain would be extrapolated, and endless for an integrating plant.
+        """
         limits = self.actuator.deviations
         low, high = (-1.0, 1.0) if limits is None else (float(limits[0][0]), float(limits[1][0]))
-        gains = [abs(float(np.real(one(0.0)))) for one in models[0] if _finite_at_zero(one)]
-        room = high * min(gains, default=1.0)
-        step = STEP_SHARE * room if self.step is None else self.step
+        there, size = self.responses.present, np.abs(self.responses.values)
+        lowest = size[there.argmax(axis=0), np.arange(size.shape[1])]
+        step = STEP_SHARE * high * float(lowest.min()) if self.step is None else self.step
         disturbance = DISTURBANCE_SHARE * (high - low)
         return step, -disturbance if self.disturbance is None else self.disturbance
 
@@ -319,16 +324,8 @@ class WorkingLoop(Study):
         constant = self.constant
         if constant is None:
             return "Constant signals: not known, since not every plant of the set is stabilised.\n"
-        first = self.responses.frequency_hz[0]
-        far = (
-            f" The static gains, {constant.gains[0]:.4g} to {constant.gains[1]:.4g}, are "
-            f"**extrapolated**: the lowest measured frequency is {first:.4g} Hz, and the mean of "
-            "the records is not used."
-            if first > 0
-            else ""
-        )
         words = constant.words(self.point.y_unit)
-        return f"{words[0].upper()}{words[1:]}.{far}\n"
+        return f"{words[0].upper()}{words[1:]}.\n"
 
     @table
     def plants(self, signals: DataArray, step_size: DataArray, model_error: DataArray) -> Any:
@@ -367,11 +364,6 @@ class WorkingLoop(Study):
 
 def _axis(name: str, unit: str) -> str:
     return name if unit in ("", "1") else f"{name} [{unit}]"
-
-
-def _finite_at_zero(plant: StateSpace) -> bool:
-    """Whether a plant has a static gain."""
-    return bool(np.abs(plant.poles()).min(initial=np.inf) > 0)
 
 
 def _filtered(setpoint: RealArray, task: Implementation, first: float) -> RealArray:

@@ -444,6 +444,7 @@ class UncertaintyCover(Program):
             form=self.form,
             dt=self.responses.dt,
             tested=self.responses.tested,
+            measured=self.responses.ends,
         )
         first: Circle | Stadium = cover_sets(data, "first")
         if self.shape == "circle":

@@ -92,7 +92,13 @@ def _steps(
 ) -> CoverSteps:
     responses = program.responses
     model = UncertaintyModel(
-        nominal, W_c, W_r, form=program.form, dt=responses.dt, tested=responses.tested
+        nominal,
+        W_c,
+        W_r,
+        form=program.form,
+        dt=responses.dt,
+        tested=responses.tested,
+        measured=responses.ends,
     )
     second = program.second_set(program.deviations_from(nominal, program.points))
     return CoverSteps(model, first, second, third)

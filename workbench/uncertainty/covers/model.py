@@ -56,6 +56,9 @@ class UncertaintyModel(Algebraic):
         Sampling time [s]; 0 for continuous time, None for that of the nominal.
     tested
         Results of tests on the records from which the model was identified, for certificates.
+    measured
+        Least and largest frequency [rad/s] of the responses from which the model was identified;
+        None for a model that is stated.
     """
 
     nominal: Any  # all three are Rational after construction
@@ -65,6 +68,7 @@ class UncertaintyModel(Algebraic):
     form: CoverForm = "multiplicative"
     dt: Any = None  # it is a float after construction
     tested: tuple[str, ...] = field(default=(), kw_only=True)
+    measured: tuple[float, float] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         need_choice(self.form, CoverForm, "form")

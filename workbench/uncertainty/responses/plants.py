@@ -376,6 +376,11 @@ class Responses:
         return self.omega / (2 * np.pi)
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest frequency [rad/s]."""
+        return float(self.omega[0]), float(self.omega[-1])
+
+    @property
     def axis(self) -> RealArray:
         """Frequencies (F,) [rad/s]; for sampled plants those of the bilinear plane, in which they
         are fitted.

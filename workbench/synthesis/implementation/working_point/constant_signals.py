@@ -24,16 +24,24 @@ class ConstantSignals:
     """Static errors of a loop that is stable for every plant of a set.
 
     ``integral`` is True if the controller has an exact integrator. ``gains`` are the least and the
-    largest static gain of the plants; infinite for an integrating plant. ``error`` is the largest
+    largest static gain of the plants; infinite for integrating plants. ``error`` is the largest
     static error for a constant set-point or a disturbance at the output, relative to its size.
-    ``room`` is how far below and above its rest every plant can be held within the limits; infinite
-    without limits.
+    ``room`` is how far below and above its rest every plant can be held within the limits; None
+    without limits or for integrating plants. ``lowest_hz`` [Hz] is the lowest frequency of the
+    responses from which the plants are known. The static gains are then extrapolated, and the room
+    is that of a slow oscillation at this frequency. It is None for a stated model.
     """
 
     integral: bool
     gains: tuple[float, float]
     error: float
-    room: tuple[float, float]
+    room: tuple[float, float] | None
+    lowest_hz: float | None = None
+
+    @property
+    def integrating(self) -> bool:
+        """Whether every plant of the set has a pole at frequency zero."""
+        return not math.isfinite(self.gains[0])
 
     @property
     def vanishes(self) -> bool:
@@ -49,16 +57,34 @@ class ConstantSignals:
             return (
                 f"constant signals: at most {100 * self.error:.3g} % of a step of the set-point, "
                 "or of a disturbance at the output, is left for every plant of the set: the "
-                "controller has no integrator"
+                "controller has no integrator" + self._extrapolated()
             )
+        return f"constant signals: no static error for every plant of the set, {self._limits(unit)}"
+
+    def _limits(self, unit: str) -> str:
+        """The condition on the limits of the control."""
+        if self.integrating:
+            return (
+                "while the control stays within its limits: every plant integrates, so without a "
+                "load it holds any output with the control at which it rests"
+            )
+        if self.room is None:
+            return "while the control is not limited"
         below, above = (told((side,), unit) for side in self.room)
-        limits = (
-            f"while the control stays within its limits: up to {below} below and {above} above "
-            "where a plant rests at the working point"
-            if math.isfinite(sum(self.room))
-            else "while the control is not limited"
+        held = f"up to {below} below and {above} above where a plant rests at the working point"
+        if self.lowest_hz is None:
+            return f"while the control stays within its limits: {held}"
+        return (
+            f"while the control stays within its limits{self._extrapolated()}; at "
+            f"{self.lowest_hz:.4g} Hz, the lowest measured frequency, the limits allow "
+            f"oscillations {held}"
         )
-        return f"constant signals: no static error for every plant of the set, {limits}"
+
+    def _extrapolated(self) -> str:
+        """A remark on static gains that no record shows."""
+        if self.lowest_hz is None or self.integrating:
+            return ""
+        return "; the static gains are extrapolated from the records"
 
     def check(self) -> Check:
         """Check that the static error is smaller than the step; it is zero with an integrator."""
@@ -80,25 +106,45 @@ def constant_signals(
     static = 0.0 if integral else float(np.real(as_system(K, "K")(1.0)))
     ends = [abs(1.0 / (1.0 - sign * gain * static)) for gain in gains if math.isfinite(gain)]
     error = 0.0 if integral else max(ends, default=0.0)
-    least = min(abs(gain) for gain in gains)
-    limits = actuator.deviations
-    room = math.inf, math.inf
-    if limits is not None and math.isfinite(least):
-        below, above = -float(limits[0][0]) * least, float(limits[1][0]) * least
+    lowest = None if model.measured is None else model.measured[0]
+    room = None
+    if actuator.deviations is not None and math.isfinite(gains[0]):
+        low, high = actuator.deviations
+        least = _least_gain(model, lowest or 0.0)
+        below, above = -float(low[0]) * least, float(high[0]) * least
         room = (below, above) if gains[0] > 0 else (above, below)
-    return ConstantSignals(integral, gains, error, room)
+    lowest_hz = None if lowest is None else lowest / (2 * math.pi)
+    return ConstantSignals(integral, gains, error, room, lowest_hz)
 
 
 def static_gains(model: UncertaintyModel) -> tuple[float, float]:
-    """Least and largest gain at frequency zero over the plants of a model."""
+    """Least and largest gain at frequency zero over the plants of a model.
+
+    Below the measured frequencies a weight may have any size. The plants are taken to differ there
+    at least as much as at the lowest of these.
+    """
     zero = np.zeros(1)
     with np.errstate(divide="ignore", invalid="ignore"):
         centre = float(np.real(model.nominal.response(zero)[0]))
     if not math.isfinite(centre):
         return math.inf, math.inf
-    radius, length = (float(size[0]) for size in model.sizes(zero))
-    away = (radius + length) * (abs(centre) if model.form == "multiplicative" else 1.0)
+    lowest = 0.0 if model.measured is None else model.measured[0]
+    away = max(_away(model, 0.0), _away(model, lowest))
+    away *= abs(centre) if model.form == "multiplicative" else 1.0
     return centre - away, centre + away
+
+
+def _least_gain(model: UncertaintyModel, omega: float) -> float:
+    """Least gain of the plants of a model at a frequency [rad/s]; 0 where one may vanish."""
+    centre = abs(complex(model.nominal.response(np.array([omega]))[0]))
+    away = _away(model, omega) * (centre if model.form == "multiplicative" else 1.0)
+    return max(centre - away, 0.0)
+
+
+def _away(model: UncertaintyModel, omega: float) -> float:
+    """Largest deviation from the nominal at a frequency [rad/s], in the units of the weights."""
+    radius, length = model.sizes(np.array([omega]))
+    return float(radius[0] + length[0])
 
 
 def has_pole_at_one(K: StateSpace) -> bool:
