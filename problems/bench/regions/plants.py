@@ -96,24 +96,28 @@ class Friction:
     steps: int = 4
 
     def output(self, u: RealArray) -> RealArray:
-        """Speed for records (..., N) of the force, by the classical Runge-Kutta method."""
-        h = 1.0 / self.steps
-
-        def slope(v: RealArray, force: RealArray) -> RealArray:
-            drag: RealArray = (force - v - self.dry * np.tanh(v / 0.05)) / self.lag
-            return drag
-
+        """Speed for records (..., N) of the force, from rest."""
         v, found = np.zeros(u.shape[:-1]), np.empty(u.shape)
         for k in range(u.shape[-1]):
             found[..., k] = v
-            force = u[..., k]
-            for _ in range(self.steps):
-                a = slope(v, force)
-                b = slope(v + h / 2 * a, force)
-                c = slope(v + h / 2 * b, force)
-                d = slope(v + h * c, force)
-                v = v + h / 6 * (a + 2 * b + 2 * c + d)
+            v = self.step(v, u[..., k])
         return found
+
+    def step(self, v: RealArray, force: RealArray) -> RealArray:
+        """Speed one sample after a speed, by the classical Runge-Kutta method."""
+        h = 1.0 / self.steps
+
+        def slope(v: RealArray) -> RealArray:
+            drag: RealArray = (force - v - self.dry * np.tanh(v / 0.05)) / self.lag
+            return drag
+
+        for _ in range(self.steps):
+            a = slope(v)
+            b = slope(v + h / 2 * a)
+            c = slope(v + h / 2 * b)
+            d = slope(v + h * c)
+            v = v + h / 6 * (a + 2 * b + 2 * c + d)
+        return v
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,10 @@ plant, and the loop's noise at the output add up to the plant's own noise: y min
 response to the *measured* input. So the terms use that noise, and not the errors that two-stage
 methods minimise.
 
+Distortion of the plant repeats with a periodic excitation, and what a plant has beyond its model
+moves every part alike, so the scatter of parts does not show them. Where the errors do
+(`distortion`), deviations are at least those of a larger model.
+
 Sources: L. Ljung, System Identification, 2nd ed., 1999, section 9.2 (the covariance if the model of
 the noise is wrong); B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics
 9(3), 1981 (instruments: each part is left out).
@@ -31,23 +35,24 @@ from numpy.typing import ArrayLike
 
 from workbench._core.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
+from workbench.identification.closed_loop.distortion import distortion_in_loop
 from workbench.identification.closed_loop.instruments import filtered_by_poles, instrumental_arx
 from workbench.identification.closed_loop.methods import (
     CleanInput,
-    all_but_gain,
     explained_input,
     rebuilt_input,
 )
 from workbench.identification.closed_loop.of_lines import moves_of_lines
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.criterion import Criterion, all_but_gain
 from workbench.identification.innovations.curvature import (
     covariance_of_moves,
     estimates_of,
     response_along,
     root_of_inverse,
 )
+from workbench.identification.innovations.distortion import Distortion, distortion_of
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.whiteness import whiteness_of_errors
 
@@ -71,16 +76,21 @@ def closed_loop_deviations(
 
     They describe the estimate's scatter from record to record. The noise may have any spectrum, if
     its correlation ends within a part: a thirtieth of the record or, with a period, one period or
-    more. They are of first order: if a criterion has several minima, estimates scatter more. They
-    do not contain a bias of the model: the order must be that of the plant. For the direct method
-    it must be that of plant and noise together. If its errors are not white, all deviations are
-    infinite; if they seem white, deviations count by how much the response would change if the
-    noise had 12 parameters more, but a record seldom tells whether the order suffices. Deviations
-    of the other methods are infinite if more than a hundredth of what the excitation explains of
-    the input is noise, or more than a tenth of what it explains of the output. Without a period, so
-    are those of the other methods if the model has a mode slower than a tenth of the record, and
-    those of "two-stage" and "indirect" if the responses to the excitation have not died out where
-    their estimates end. With thirty parts a deviation is accurate to about 13 percent.
+    more. They are of first order: if a criterion has several minima, estimates scatter more. If the
+    errors show that the plant is distorted or of higher order, deviations are about its best linear
+    approximation, the mean over realisations of the excitation. They count how far a larger model
+    would be from this one, and its scatter over thirty parts of the record or, if the input
+    repeats, over the lines of its spectrum. A bias that the errors do not show is not contained.
+
+    For the direct method the order must be that of plant and noise together. If its errors are not
+    white, all deviations are infinite; if they seem white, deviations count by how much the
+    response would change if the noise had 12 parameters more, but a record seldom tells whether the
+    order suffices. Deviations of the other methods are infinite if more than a hundredth of what
+    the excitation explains of the input is noise, or more than a tenth of what it explains of the
+    output. Without a period, so are those of the other methods if the model has a mode slower than
+    a tenth of the record, and those of "two-stage" and "indirect" if the responses to the
+    excitation have not died out where their estimates end. With thirty parts a deviation is
+    accurate to about 13 percent.
 
     They are far too large if the model has a mode that is hardly excited.
 
@@ -173,7 +183,23 @@ def closed_loop_covariance(
     else:
         moves = _of_errors(program, clean_input, model, record, parts, cycles_per_sample)
     share = (len(moves) - 1) / len(moves)
-    return np.asarray(share * covariance_of_moves(moves - moves.mean(axis=0)))
+    found = share * covariance_of_moves(moves - moves.mean(axis=0))
+    drive = clean_input(program, record, _explained(program, record))
+    beyond = distortion_in_loop(
+        model, record, drive, program.direct, program.washout_samples, program.period_samples
+    )
+    return _with_distortion(found, beyond, cycles_per_sample)
+
+
+def _with_distortion(
+    covariance: RealArray, beyond: Distortion | None, frequency: ArrayLike
+) -> RealArray:
+    """Covariances (F, ny, nu, 2, 2), and those of a larger model if the errors ask for it."""
+    if beyond is None or not beyond.found:
+        return covariance
+    values, vectors = np.linalg.eigh(covariance_of_moves(beyond.moves(frequency)) - covariance)
+    more = np.einsum("...ik,...k,...jk->...ij", vectors, np.maximum(values, 0.0), vectors)
+    return np.asarray(covariance + more)
 
 
 def _of_direct(program: ClosedLoopFit, model: InnovationsModel, frequency: ArrayLike) -> RealArray:
@@ -182,12 +208,15 @@ def _of_direct(program: ClosedLoopFit, model: InnovationsModel, frequency: Array
     def change(criterion: Criterion, theta: RealArray, step: RealArray) -> ComplexArray:
         return response_along(criterion, theta, step, frequency)
 
-    own = estimates_of(model, program.estimation_record, program.direct, program.known)[0]
+    record, direct, known = program.estimation_record, program.direct, program.known
+    own = estimates_of(model, record, direct, known)[0]
     white = whiteness_of_errors(own.criterion, own.theta, own.free)
     if not white.holds:
         return _infinite(model.response(frequency).shape)
     moves = np.array([change(own.criterion, own.theta, move) for move in white.moves.T])
-    return own.covariances(change) + covariance_of_moves(moves)
+    found = own.covariances(change) + covariance_of_moves(moves)
+    beyond = distortion_of(model, record, direct, known, program.period_samples)
+    return _with_distortion(found, beyond, frequency)
 
 
 def _infinite(shape: tuple[int, ...]) -> RealArray:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench._core.arrays import BoolArray, ComplexArray, RealArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.errors import InputError
 from workbench.executor import Context
@@ -25,6 +25,7 @@ from workbench.identification.closed_loop.starts import (
     with_gain,
 )
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.criterion import all_but_gain
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import refine
 from workbench.identification.state_space.methods import (
@@ -195,9 +196,3 @@ def _simulator(
     return refine(start, record, 0.0, direct=program.direct, largest_radius=largest, entries=free)[
         0
     ]
-
-
-def all_but_gain(model: InnovationsModel) -> BoolArray:
-    """Mask of the entries of A, B, C, D among the entries of A, B, C, D, K."""
-    sizes = [getattr(model, name).size for name in "ABCDK"]
-    return np.arange(sum(sizes)) < sum(sizes[:4])

@@ -11,6 +11,7 @@ import numpy as np
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
+from workbench.identification.closed_loop.distortion import distortion_in_loop
 from workbench.identification.closed_loop.explained import (
     explained_part,
     noise_shares,
@@ -20,8 +21,9 @@ from workbench.identification.closed_loop.explained import (
 from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.facts import (
-    LINEAR,
+    distortion_told,
     facts_of,
+    is_tested,
     not_white,
 )
 from workbench.identification.state_space.folds import scored_fit
@@ -244,12 +246,22 @@ class ClosedLoopFit(StateSpaceFit):
             "standard deviations depend on the method: closed_loop_deviations tells them; those of "
             "direct hold only if its states suffice for plant and noise, which few records tell"
         )
-        found = [*facts_of(self, answer, self.tasks), where, LINEAR]
+        found = [*facts_of(self, answer, self.tasks), where, self._distortion(answer.simulator)]
         found += self.doubts(answer.simulator, "two-stage")
         white = not_white(self, answer.predictor, "predictor")
         if white:
             found.append(f"{white}: those of method direct are infinite; take more states")
         return found
+
+    def _distortion(self, model: InnovationsModel) -> str:
+        """A sentence on distortion of the plant, which the explained part of the record shows."""
+        record, beyond = self.estimation_record, None
+        clean = self.explained_part(record)
+        if clean is not None and is_tested(model):
+            beyond = distortion_in_loop(
+                model, record, clean.u, self.direct, self.washout_samples, self.period_samples
+            )
+        return distortion_told(beyond, "simulator")
 
     def deviations(self, answer: IdentifiedModels, cycles_per_sample: RealArray) -> None:
         """None, because they depend on the method; see `closed_loop_deviations`."""

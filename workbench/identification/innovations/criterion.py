@@ -268,6 +268,12 @@ class Criterion:
                 yield columns, errors, rows if everything else rows[:, :, kept]
 
 
+def all_but_gain(model: InnovationsModel) -> BoolArray:
+    """Mask of the entries of A, B, C, D among the entries of A, B, C, D, K."""
+    sizes = [getattr(model, name).size for name in "ABCDK"]
+    return np.arange(sum(sizes)) < sum(sizes[:4])
+
+
 def whitening(covariance: RealArray) -> RealArray:
     """W (n, n) with W W^T = covariance^-1, for positive definite covariances (n, n) of any scale.
 

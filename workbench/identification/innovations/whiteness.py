@@ -17,13 +17,15 @@ Source: J. Hausman, "Specification tests in econometrics", Econometrica 46(6), 1
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from workbench._core.arrays import RealArray
+from workbench._core.arrays import IntegerArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion, whitening
 from workbench.identification.innovations.curvature import root_of_inverse
@@ -73,11 +75,12 @@ def whiteness_of_errors(criterion: Criterion, theta: RealArray, free: RealArray)
 
     The parameters were free along the columns of ``free`` (P, q).
     """
-    white, _ = whitened_errors(criterion, theta)
+    errors = whitened_errors(criterion, theta)
+    white = errors.white
     past = np.zeros((*white.shape, LAGS))
     for lag in range(1, min(LAGS, len(white) - 1) + 1):
         past[lag:, :, lag - 1] = white[:-lag]
-    beside = added_regressors(criterion, theta, free, past)
+    beside = added_regressors(errors, free, past)
     factors = roots_where_new(beside.inner, beside.sizes)
     found = factors.T @ beside.score
     size = float(found @ found)
@@ -86,45 +89,77 @@ def whiteness_of_errors(criterion: Criterion, theta: RealArray, free: RealArray)
 
 
 @dataclass(frozen=True, eq=False)
+class WhitenedErrors:
+    """One-step errors of a criterion's parameters, made independent with variance 1.
+
+    Each output's errors pass a filter of ``filters``, a polynomial in the delay of a sample. Then
+    the matrix ``whiten`` (ny, ny) makes them ``white`` (N, ny).
+    """
+
+    criterion: Criterion
+    theta: RealArray
+    filters: list[RealArray]
+    white: RealArray
+    whiten: RealArray
+
+    def rows(self) -> Iterator[tuple[slice, IntegerArray, RealArray]]:
+        """Samples of a block, the columns of its parameters, and derivatives (T, ny, columns)."""
+        first = 0
+        for columns, rows in self.criterion.filtered_rows(self.theta, self.filters):
+            block = slice(first, first + len(rows))
+            yield block, columns, np.einsum("toc,op->tpc", rows, self.whiten)
+            first = block.stop
+
+
+def whitened_errors(
+    criterion: Criterion, theta: RealArray, filters: list[RealArray] | None = None
+) -> WhitenedErrors:
+    """Errors of parameters (P,), through a filter for each output; None: through none."""
+    errors = criterion.errors(theta)
+    if filters is None:
+        filters = [np.ones(1)] * errors.shape[1]
+    else:
+        columns = zip(filters, errors.T, strict=True)
+        errors = np.column_stack([lfilter(a, 1.0, v) for a, v in columns])
+    whiten = whitening(errors.T @ errors / len(errors) + criterion.floor)
+    return WhitenedErrors(criterion, theta, filters, errors @ whiten, whiten)
+
+
+@dataclass(frozen=True, eq=False)
 class AddedRegressors:
     """Regressors (m,) that are added to the parameters of a criterion, to tell its errors.
 
-    ``root`` (P, q): the parameters' standard deviations; ``told`` (q, m): the part of the
-    regressors along them; ``inner`` (m, m): inner products of the rest; ``sizes`` (m,): of the
-    whole; ``score`` (m,): inner products of the rest with the errors.
+    ``root`` (P, q): the parameters' standard deviations; ``slope`` (q,): of the criterion along
+    them, zero at its minimum; ``told`` (q, m): the part of the regressors along them; ``inner``
+    (m, m): inner products of the rest; ``sizes`` (m,): of the whole; ``score`` (m,): inner products
+    of the rest with the errors.
     """
 
     root: RealArray
+    slope: RealArray
     told: RealArray
     inner: RealArray
     sizes: RealArray
     score: RealArray
 
 
-def whitened_errors(criterion: Criterion, theta: RealArray) -> tuple[RealArray, RealArray]:
-    """One-step errors (N, ny), made independent with variance 1 by W (ny, ny), and W."""
-    errors = criterion.errors(theta)
-    whiten = whitening(errors.T @ errors / len(errors) + criterion.floor)
-    return errors @ whiten, whiten
-
-
-def added_regressors(
-    criterion: Criterion, theta: RealArray, free: RealArray, added: RealArray
-) -> AddedRegressors:
+def added_regressors(errors: WhitenedErrors, free: RealArray, added: RealArray) -> AddedRegressors:
     """What is new in regressors ``added`` (N, ny, k) of the whitened errors of each output."""
-    white, whiten = whitened_errors(criterion, theta)
     outputs, count = added.shape[1:]
-    _, gradient, hessian = criterion.expand(theta)
-    root, first = free @ root_of_inverse(free.T @ hessian @ free), 0
-    crossed = np.zeros((len(theta), outputs * count))
-    for columns, rows in criterion.filtered_rows(theta, [np.ones(1)] * outputs):
-        each = np.einsum("toc,op,tpk->cpk", rows, whiten, added[first : first + len(rows)])
+    size = len(errors.theta)
+    gradient, hessian = np.zeros(size), np.zeros((size, size))
+    crossed = np.zeros((size, outputs * count))
+    for block, columns, slopes in errors.rows():
+        gradient[columns] += np.einsum("tpc,tp->c", slopes, errors.white[block])
+        flat = slopes.reshape(-1, len(columns))
+        hessian[np.ix_(columns, columns)] += flat.T @ flat
+        each = np.einsum("tpc,tpk->cpk", slopes, added[block])
         crossed[columns] += each.reshape(len(columns), -1)
-        first += len(rows)
-    told = root.T @ crossed
+    root = free @ root_of_inverse(free.T @ hessian @ free)
+    slope, told = root.T @ gradient, root.T @ crossed
     own = block_diag(*np.einsum("tok,tol->okl", added, added))
-    score = np.einsum("tok,to->ok", added, white).ravel() - told.T @ (root.T @ gradient)
-    return AddedRegressors(root, told, own - told.T @ told, np.diag(own), score)
+    score = np.einsum("tok,to->ok", added, errors.white).ravel() - told.T @ slope
+    return AddedRegressors(root, slope, told, own - told.T @ told, np.diag(own), score)
 
 
 def roots_where_new(inner: RealArray, sizes: RealArray) -> RealArray:

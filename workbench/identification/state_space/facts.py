@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench._core.arrays import RealArray
-from workbench.identification.innovations.distortion import distortion_of
+from workbench.identification.innovations.distortion import Distortion, distortion_of
 from workbench.identification.innovations.impulse_responses import (
     has_finite_response,
     impulse_response_changes,
@@ -91,18 +91,18 @@ def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list
     words = []
     for name in MODELS:
         model = getattr(answer, name)
-        words += [_distortion_told(program, model, name), *_uncertainty(program, model, name)]
+        beyond = None
+        if is_tested(model):
+            beyond = distortion_of(model, program.estimation_record, program.direct, program.known)
+        words += [distortion_told(beyond, name), *_uncertainty(program, model, name)]
         white = not_white(program, model, name)
         if white:
             words.append(f"{white}: deviations do not count what plant or noise have beyond it")
     return words
 
 
-def _distortion_told(program: RecordedQuestion, model: InnovationsModel, name: str) -> str:
-    """A sentence on distortion of the plant, which deviations count if the errors show it."""
-    beyond = None
-    if is_tested(model):
-        beyond = distortion_of(model, program.estimation_record, program.direct, program.known)
+def distortion_told(beyond: Distortion | None, name: str) -> str:
+    """A sentence on distortion, which deviations count if the errors show it; None: not tested."""
     if beyond is None:
         return f"{name}: {LINEAR}"
     return f"{name}: {beyond.words}; {COUNTED}" if beyond.found else f"{name}: {UNSEEN}"
