@@ -39,7 +39,8 @@ class Variable:
     """A question that the text leaves open.
 
     values: each with its meaning; the natural one is first. touches: patterns of the problems whose
-    numbers depend on the variable, whether or not they can be run with another value.
+    numbers depend on the variable, whether or not they can be run with another value. spares:
+    exceptions from these patterns.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Variable:
     values: Mapping[str, str]
     settings: tuple[Setting, ...]
     touches: tuple[str, ...]
+    spares: tuple[str, ...]
 
     @property
     def natural(self) -> str:
@@ -59,7 +61,8 @@ class Variable:
 
     def touching(self, problem: str) -> bool:
         """Whether numbers of a problem depend on the variable."""
-        return self.setting(problem) is not None or _fits(problem, self.touches)
+        touched = _fits(problem, self.touches) and not _fits(problem, self.spares)
+        return touched or self.setting(problem) is not None
 
 
 @cache
@@ -96,7 +99,8 @@ def _variable(name: str, row: Mapping[str, Any]) -> Variable:
         )
         for one in row.get("settings", ())
     )
-    return Variable(name, row["question"], row["values"], settings, tuple(row.get("touches", ())))
+    touches, spares = (tuple(row.get(each, ())) for each in ("touches", "spares"))
+    return Variable(name, row["question"], row["values"], settings, touches, spares)
 
 
 def natural() -> dict[str, str]:

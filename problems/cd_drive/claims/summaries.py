@@ -29,6 +29,8 @@ SHORTER: dict[str, dict[str, Any]] = {
     "open-loop": {"draws": 6},
     "closed-loop": {"draws": 4},
     "excursion": {"draws": 6},
+    "linearity": {"draws": 2},
+    "optical-gain": {"draws": 2},
 }
 """Parameters that make runs under another reading shorter than the reference results."""
 Key = tuple[str, str, str]

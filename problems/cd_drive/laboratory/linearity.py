@@ -40,6 +40,7 @@ from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, Values
 from .bench_setup import PERIOD, RATE
 from .experiment import STILL, Laboratory
+from .printed_noise import Amplitude, Fixed, position_noise
 
 LOOPS = ("open", "closed")
 CHANNELS = ("input", "output")
@@ -68,13 +69,21 @@ RUN_UP = 0.5
 """Time [s] from the start of the loop to its first period."""
 
 
-@problem("cd/{axis}/linearity", axis=("focus", "radial"), data=TABLES)
+@problem(
+    "cd/{axis}/linearity",
+    axis=("focus", "radial"),
+    data=TABLES,
+    added=("delay", "noise", "noise_fixed"),
+)
 def linearity(
     axis: Axis,
     drive: str = "CD1",
     frequencies: Annotated[int, Field(ge=4, le=1000)] = 40,
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
     values: Values = "printed",
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
 ) -> Linearity:
     """Harmonic distortion of input and output in open and closed loop (figure 4.9).
 
@@ -95,9 +104,12 @@ def linearity(
     The excitation is designed for the nominal drive, whichever drive is measured.
 
     drive: CD1 ... CD12. frequencies: number of frequencies in each loop, evenly spaced. draws:
-    number of draws of the noise. values: tables "printed" or "corrected".
+    number of draws of the noise. values: tables "printed" or "corrected". delay [samples]: of the
+    computer. noise, noise_fixed: reading of the printed amplitude of 0.15 um (`printed_noise`).
     """
-    return Linearity(Laboratory(axis, drive, values), frequencies, draws)
+    size = position_noise(axis, drive, noise, noise_fixed)
+    bench = Laboratory(axis, drive, values, delay=delay, noise=size)
+    return Linearity(bench, frequencies, draws)
 
 
 @dataclass(frozen=True, eq=False)

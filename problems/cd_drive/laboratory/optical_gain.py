@@ -36,6 +36,7 @@ from ..drive.photo_diodes import S_CURVE_PEAK, TRACK_PITCH
 from ..drive.shared_parameters import TABLES, spread
 from ..drive.tables import Axis, drives
 from .experiment import Laboratory
+from .printed_noise import Amplitude, Fixed, position_noise
 from .scans import Scan, focus_scan, radial_scan
 from .unknowns import DISTANCE_DEVIATION, Told, experiment_seeds
 
@@ -62,11 +63,20 @@ SPREAD_SLACK = 0.02
 """Amount by which errors of the told distance may widen a spread over the drives."""
 
 
-@problem("cd/{axis}/optical-gain", slow=True, axis=("focus", "radial"), data=TABLES)
+@problem(
+    "cd/{axis}/optical-gain",
+    slow=True,
+    axis=("focus", "radial"),
+    data=TABLES,
+    added=("delay", "noise", "noise_fixed"),
+)
 def optical_gain(
     axis: Axis,
     passes: Annotated[int, Field(ge=2, le=1000)] = 10,
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
 ) -> OpticalGain:
     """Optical gains of the twelve drives from scans of s-curve and tracks (figures 4.6, 4.7).
 
@@ -80,9 +90,10 @@ def optical_gain(
     gains if no shape of the s-curve is assumed.
 
     passes: number of averaged passes to and fro (focus), or of half rotations (radial). draws:
-    number of draws of the noise and of the told distance on each drive.
+    number of draws of the noise and of the told distance on each drive. delay [samples]: of the
+    computer. noise, noise_fixed: reading of the printed amplitude of 0.15 um (`printed_noise`).
     """
-    return OpticalGain(axis, passes, draws)
+    return OpticalGain(axis, passes, draws, delay, noise, noise_fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +103,9 @@ class OpticalGain(Study):
     axis: Axis
     passes: int
     draws: int
+    delay: float = 1.0
+    noise: Amplitude = "rms"
+    noise_fixed: Fixed = "metres"
 
     headline: ClassVar[str] = "error_K_optn_mean"
 
@@ -111,6 +125,11 @@ class OpticalGain(Study):
         ]
         return np.transpose(every)
 
+    def bench(self, drive: str) -> Laboratory:
+        """The bench with one drive on it."""
+        size = position_noise(self.axis, drive, self.noise, self.noise_fixed)
+        return Laboratory(self.axis, drive, delay=self.delay, noise=size)
+
     @part
     def scans(self, seed: DataArray, context: Context) -> list[list[Scan]]:
         """A scan of every drive in every draw, each with its own noise."""
@@ -118,7 +137,7 @@ class OpticalGain(Study):
 
         def scanned(place: tuple[int, ...]) -> Scan:
             one = seed[place]
-            return scan(Laboratory(self.axis, str(one["drive"].values)), self.passes, int(one))
+            return scan(self.bench(str(one["drive"].values)), self.passes, int(one))
 
         found = context.spread(scanned, list(np.ndindex(seed.shape)), "scans")
         size = seed.sizes["drive"]

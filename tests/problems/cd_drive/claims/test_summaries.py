@@ -21,6 +21,8 @@ WITHOUT_NEEDS = (
     "open-loop",
     "exact-residuals",
     "circles",
+    "optical-gain",
+    "linearity",
 )
 
 
@@ -29,7 +31,7 @@ def question(problem, parameters):
     entry = registry().find(problem)
     bound = entry.bind(parameters)
     task = entry.task(bound, {})
-    return Bound(entry, entry.to_json(bound), {}, task).question(None, Options())
+    return Bound(entry, entry.asked(bound), {}, task).question(None, Options())
 
 
 def test_every_row_is_asked_for():

@@ -6,6 +6,8 @@ from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.laboratory.bench_setup import NOISE
 from workbench.plants.cd_drive.laboratory.closed_loop import closed_loop
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
+from workbench.plants.cd_drive.laboratory.linearity import linearity
+from workbench.plants.cd_drive.laboratory.optical_gain import optical_gain
 from workbench.plants.cd_drive.laboratory.printed_noise import position_noise
 
 
@@ -43,3 +45,15 @@ def test_the_experiment_in_closed_loop_takes_it(reference):
     assert bench.noise == position_noise("focus", "CD1", "peak", "volts") != NOISE["focus"] / 3
     assert bench.delay == 0.5
     assert closed_loop("focus", told).bench.noise == NOISE["focus"]
+
+
+def test_the_experiments_on_gains_and_linearity_take_it():
+    asked = {"delay": 0.5, "noise": "uniform", "noise_fixed": "volts"}
+    size = position_noise("radial", "CD1", "uniform", "volts")
+    for bench in (
+        optical_gain("radial", **asked).bench("CD1"),
+        linearity("radial", **asked).laboratory,
+    ):
+        assert (bench.delay, bench.noise) == (0.5, size)
+    for bench in (optical_gain("radial").bench("CD1"), linearity("radial").laboratory):
+        assert (bench.delay, bench.noise) == (1.0, NOISE["radial"])
