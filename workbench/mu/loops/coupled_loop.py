@@ -26,14 +26,17 @@ from workbench.mu.loops.crossings import PRECISION, Crossing, ExactLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.loops.delayed_modulus import LeastDelta
 from workbench.mu.loops.encirclements import radius_where, zeros_right_of_axis
+from workbench.mu.loops.far_bands import FarBands
 from workbench.mu.loops.isolated_roots import RealFunction
 from workbench.mu.loops.least_quotient import least_quotient
+from workbench.mu.loops.phases import Limits
 from workbench.mu.loops.quasi_polynomials import (
     QuasiPolynomial,
     without_common_factor,
 )
 from workbench.systems.axis_poles import POLE_ROUNDINGS
 
+ZERO = Fraction(0)
 SLOWEST = 2.0**-60
 """Least frequency of a nonzero crossing, relative to the frequency beyond which |L| stays small.
 Slower crossings belong to poles that are integrators up to rounding. Half or double changes
@@ -43,10 +46,14 @@ LEVELS = [2.0**-k for k in range(2, 52, 3)]
 """Crossings of the real axis are reported down to these sizes |L|, in turn until a factor above 1
 is found. With dead time there are infinitely many crossings.
 """
-ABOVE_LIMIT = 1.5
-"""Least level, relative to the size that |L| keeps at infinite frequency. Nearer to the limit
-crossings have no end, since L turns around 0 with nearly that size forever. With half of the
-distance from 1 more crossings are listed; with double of it fewer.
+ABOVE_LIMIT = [0.5 * 5.0**-k for k in range(5)]
+"""Crossings are searched in turn down to these shares above the level that is approached at
+infinite frequency. The last one, 8e-4, is the largest error of a margin that is approached there,
+unless more than two phases are free. Another share of a fifth takes five times as many bands.
+"""
+LIMITED_SHARE = 0.5
+"""Where the terms of lower power are less than this share of the highest one, the frequency counts
+as high. With half or double of it, bands are searched in doubles from twice or half the frequency.
 """
 MODULUS_TOLERANCE = 1e-4
 """Largest relative distance of a proven modulus below the least distance. A modulus margin is
@@ -147,20 +154,15 @@ class CoupledLoop:
         """Crossings with L negative and |L| above a level, low enough to show the nearest factor
         above 1.
 
-        If |L| does not fall to 0 at infinite frequency, its limit is added as a crossing there.
+        If L is, or comes close to, a negative number again and again up to infinite frequency, the
+        largest of them below 1 is added as a crossing there.
+
+        Raises InputError if a factor below 1 makes infinitely many poles unstable.
         """
         if self._in_series:
             return self._in_series.real_crossings()
-        start, limit = self._limit_without_delay, self.limit
-        if 2 * start > limit:  # beyond some frequency, Re L stays positive
-            rest = self.numerator - self.denominator.scaled(start)
-            return self._real_above(0.0, self._end(rest, start / 2))
-        found: list[Crossing] = []
-        for level in [ABOVE_LIMIT * limit] if limit else LEVELS:
-            found = self._real_above(level, self._end(self.numerator, level))
-            if any(one.value.real > -1.0 for one in found):
-                break
-        return [*found, Crossing(math.inf, complex(-limit))] if limit else found
+        found = self._above_limit[0]
+        return [*found, Crossing(math.inf, complex(-self.limit))] if self.limit else found
 
     def stable(self) -> bool:
         """Whether the system with all loops closed is stable, and remains so under rounding."""
@@ -180,10 +182,10 @@ class CoupledLoop:
         closed = self.numerator + self.denominator
         # h = b D + a N with b = a + 1
         h = self.denominator + closed.scaled((skew - 1.0) / 2.0)
-        return least_quotient(closed, h, tolerance)
+        return least_quotient(closed, h, self.whole.channels.delays, tolerance)
 
     def response(self, omega: RealArray) -> ComplexArray:
-        """L at frequencies [rad/s] (F,); at infinity the negative of the limit of its size."""
+        """L at frequencies [rad/s] (F,); at infinity the negative of the `limit`."""
         with ctx.workprec(PRECISION):
             values = [self._value(w) if w < math.inf else -self.limit for w in omega.tolist()]
             return np.array([complex(value) for value in values], dtype=complex)
@@ -195,12 +197,38 @@ class CoupledLoop:
 
     @property
     def limit(self) -> float:
-        """An upper bound of |L| at infinite frequency, from the sizes of its terms."""
-        n = self.denominator.order
-        others = self.denominator.leading(n)
-        first = abs(others.pop(min(others)))
-        room = first - sum(map(abs, others.values()))
-        return sum(map(abs, self.numerator.leading(n).values())) / room
+        """The largest -L below 1 that is approached at infinite frequency; 0 if there is none.
+
+        It is a bound of all -L below 1 beyond the crossings that are known.
+        """
+        return self._above_limit[1]
+
+    @cached_property
+    def _above_limit(self) -> tuple[list[Crossing], float]:
+        """The known crossings, and the `limit`."""
+        ends = self._limits
+        if not ends.swapped.least_size(0.0):
+            raise InputError(
+                f"with a smaller gain in channel {self.channel + 1}, the gains that return with "
+                "dead time add up to 1 or more at infinite frequency: the closed loop then has "
+                "infinitely many unstable poles; add a lag to plant or controller"
+            )
+        approached = ends.largest_crossing()
+        levels = [level for level in LEVELS if level > (1 + ABOVE_LIMIT[0]) * approached]
+        if approached:
+            levels += [min((1 + share) * approached, 1.0) for share in ABOVE_LIMIT]
+        elif ends.f.size and ends.least_size(0.0):
+            levels = [0.0]  # beyond some frequency, L is never negative
+        found: list[Crossing] = []
+        bound = 1.0
+        for level in levels:
+            end = self._last_crossing(level)
+            if end is None:
+                return found, bound
+            found, bound = self._real_above(level, end), level
+            if any(one.value.real > -1.0 for one in found):
+                return found, approached
+        return found, bound if approached else 0.0
 
     def _value(self, omega: Any) -> acb:
         return self.numerator.at(omega) / self.denominator.at(omega)
@@ -208,17 +236,38 @@ class CoupledLoop:
     def _crossing(self, omega: arb) -> Crossing:
         return Crossing(float(omega), complex(self._value(omega)))
 
-    @property
-    def _limit_without_delay(self) -> float:
-        """L at infinite frequency, with all delayed terms left out."""
-        N, D = (one.undelayed[self.denominator.order] for one in self._quotient)
-        return float(arb(N / D))
+    @cached_property
+    def _limits(self) -> Limits:
+        """N and D over their highest power at infinite frequency."""
+        return Limits.of(*self._quotient, self.denominator.order, self.whole.channels.delays)
 
-    def _end(self, above: QuasiPolynomial, share: float) -> float:
-        """A frequency [rad/s] beyond which ``above`` stays below a share of D in size."""
-        end = radius_where(lambda R: self._is_below(above, self.denominator, share, R))
+    @cached_property
+    def _high(self) -> float:
+        """A frequency [rad/s] beyond which terms of lower power are small."""
+        return self._end(
+            LIMITED_SHARE * abs(self.denominator.leading(self.denominator.order)[ZERO])
+        )
+
+    def _last_crossing(self, level: float) -> float | None:
+        """A frequency [rad/s] beyond which L is not negative with a size above a level; None if it
+        is not known, or too far to be searched up to it.
+        """
+        room = min(self._limits.least_size(level), self._limits.swapped.least_size(0.0))
+        end = self._end(room) if room else math.inf
+        return end if end <= self._high or self._far_bands.suffice(end) else None
+
+    def _end(self, room: float) -> float:
+        """A frequency [rad/s] beyond which all terms of lower power of N and D add up to less."""
+        n = self.denominator.order
+        end = radius_where(
+            lambda R: bool(sum((one.lower(R, n) for one in self._quotient), arb(0)) < room)
+        )
         assert end is not None
         return end
+
+    @cached_property
+    def _far_bands(self) -> FarBands:
+        return FarBands(*self._quotient, self.denominator.order, self._high)
 
     def _end_of_unit(self) -> float:
         """A frequency [rad/s] beyond which |L| stays on one side of 1."""
@@ -244,7 +293,11 @@ class CoupledLoop:
         """Crossings with L negative and |L| above a level, up to the frequency ``end`` [rad/s]."""
         with ctx.workprec(PRECISION):
             function = _Imaginary(self.numerator, self.denominator, level)
-            omega = [arb(0), *function.roots(SLOWEST * end, end)]
+            near = min(end, self._high)
+            omega = [arb(0), *function.roots(SLOWEST * near, near)]
+            far = self._far_bands.in_question(level, end) if end > near else []
+            for band in far:
+                omega += function.roots(*band)
             found = [self._crossing(one) for one in omega if abs(self.denominator.at(one)) > 0]
         real = [Crossing(one.omega, complex(one.value.real)) for one in found]
         return [one for one in real if one.value.real < -level and self._seen(one)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
 
@@ -16,8 +17,14 @@ from flint import acb, arb, ctx
 
 from workbench.certify.balls import above
 from workbench.mu.loops.crossings import PRECISION
-from workbench.mu.loops.delayed_modulus import MOST_BANDS, LeastDelta, least_double
+from workbench.mu.loops.delayed_modulus import (
+    LIMIT_TOLERANCE,
+    MOST_BANDS,
+    LeastDelta,
+    least_double,
+)
 from workbench.mu.loops.encirclements import EXPONENT, radius_where
+from workbench.mu.loops.phases import ROUNDING, Limits
 from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
 
 FIRST_BANDS = 16
@@ -38,8 +45,12 @@ double loosens a bound by 2e-9 at most.
 """
 
 
-def least_quotient(f: QuasiPolynomial, h: QuasiPolynomial, tolerance: float) -> LeastDelta:
+def least_quotient(
+    f: QuasiPolynomial, h: QuasiPolynomial, parts: Sequence[Fraction], tolerance: float
+) -> LeastDelta:
     """Bounds of the least |f / h|, for f without zeros on the axis; infinite where h is 0.
+
+    ``parts`` [s] are the dead times of the loop.
 
     Bands are halved until the bounds agree to ``tolerance``, relative, or the number of bands is
     too large.
@@ -47,15 +58,26 @@ def least_quotient(f: QuasiPolynomial, h: QuasiPolynomial, tolerance: float) -> 
     with ctx.workprec(PRECISION):
         if not any(h.terms.values()):
             return LeastDelta(math.inf, math.inf, math.inf)
-        return _Search(f, h).least(1.0 - tolerance)
+        return _Search(f, h, parts, tolerance).least(1.0 - tolerance)
 
 
 class _Search:
-    def __init__(self, f: QuasiPolynomial, h: QuasiPolynomial) -> None:
+    def __init__(
+        self,
+        f: QuasiPolynomial,
+        h: QuasiPolynomial,
+        parts: Sequence[Fraction],
+        tolerance: float,
+    ) -> None:
         self.f, self.h = f, h
+        limits = Limits.of(f, h, f.order, parts)
+        self.least_limit, self.limit = limits.least_ratio(tolerance / 2.0)
+        self.largest_h = limits.g.size * (1.0 + ROUNDING)
 
     def least(self, share: float) -> LeastDelta:
-        first = min([(self._limit(), math.inf), *((self._at(w), w) for w in self._first_omegas())])
+        first = min([(self.limit, math.inf), *((self._at(w), w) for w in self._first_omegas())])
+        if first[1] == math.inf:  # approached, perhaps from above at ever higher frequencies
+            share = min(share, 1.0 - LIMIT_TOLERANCE)
         wanted = min(first[0] * share, self._bound_beyond(FARTHEST) * (1.0 - LIMIT_SHARE))
         end = radius_where(lambda R: self._bound_beyond(R) >= wanted)
         assert end is not None
@@ -78,30 +100,25 @@ class _Search:
         end = radius_where(lambda R: self._bound_beyond(R) > 0)
         return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED_OMEGAS)]
 
-    def _limit(self) -> float:
-        """A value of the quotient that is approached at infinite frequency, where all delays are
-        close to whole turns.
-
-        With a single delay, half turns are tried too.
-        """
-        n = self.f.order
-        found = []
-        for sign in (1, -1):
-            f, h = (
-                abs(sum(c if T == 0 else sign * c for T, c in one.leading(n).items()))
-                for one in (self.f, self.h)
-            )
-            found.append(f / h if h else math.inf)
-        delays = {T for one in (self.f, self.h) for T in one.leading(n)} - {Fraction(0)}
-        return min(found) if len(delays) == 1 else found[0]
-
     def _bound_beyond(self, end: float) -> float:
-        """A lower bound of the quotient beyond a frequency."""
-        (first, others), parts = (one.sums(end, self.f.order) for one in (self.f, self.h))
-        least, most = first - others, sum(parts, arb(0))
-        if not least > 0:
+        """A lower bound of the quotient beyond a frequency.
+
+        There f and h over their highest power differ from their limits by their lower terms. The
+        limits are such that |f| >= max(least_f, least_limit |h|).
+        """
+        (first, others), lower = self.f.sums(end, self.f.order), self.f.lower(end, self.f.order)
+        least_f, more_h = first - others, self.h.lower(end, self.f.order)
+        if not least_f > 0:
             return 0.0
-        return least_double(least / most) if most > 0 else math.inf
+        if not self.largest_h:
+            return least_double(least_f / more_h) if more_h > 0 else math.inf
+        least_f += lower  # of the limit
+        bound, size = arb(self.least_limit), arb(self.largest_h)
+        # The quotient is least at the largest |h| for which least_f is the bound of |f|.
+        if bound * size > least_f:
+            size = least_f / bound
+        least = least_double((least_f - lower) / (size + more_h))
+        return max(least, 0.0)
 
     def _at(self, omega: float) -> float:
         """The quotient at a frequency, rounded up."""

@@ -102,6 +102,16 @@ class QuasiPolynomial:
         first, parts = self._absolute(order)
         return first, sum((p(R) for p in parts), arb(0)) / R**order
 
+    def lower(self, radius: float, order: int) -> arb:
+        """A bound of f(s) / s^order less its limit, for |s| >= radius right of the axis and on it.
+
+        It does not grow with the radius.
+        """
+        R, total = arb(radius), arb(0)
+        for p in self._absolute(order)[1]:
+            total += sum((p[k] * R ** (k - order) for k in range(min(order, len(p)))), arb(0))
+        return total
+
     def _absolute(self, order: int) -> tuple[arb, list[arb_poly]]:
         """The size of the first term of `sums`, and polynomials of the sizes of the others."""
         if order not in self._sizes:

@@ -138,7 +138,11 @@ def in_both_units(omega: float) -> str:
 def _at(rows: RealArray, value: float) -> str:
     """The frequency at which a margin of a table occurs, in words."""
     omega = rows[rows[:, 0] == value, 1]
-    return f" at {in_both_units(float(omega[0]))}" if omega.size else ""
+    if not omega.size:
+        return ""
+    if math.isinf(omega[0]):
+        return " in the limit of infinite frequency"
+    return f" at {in_both_units(float(omega[0]))}"
 
 
 def classical_margins(loop: Any) -> ClassicalMargins:
