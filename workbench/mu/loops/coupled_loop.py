@@ -210,8 +210,9 @@ class CoupledLoop:
         if not ends.swapped.least_size(0.0):
             raise InputError(
                 f"with a smaller gain in channel {self.channel + 1}, the gains that return with "
-                "dead time add up to 1 or more at infinite frequency: the closed loop then has "
-                "infinitely many unstable poles; add a lag to plant or controller"
+                "dead time add up to 1 or more at infinite frequency, or are not proven to stay "
+                "below it: the closed loop may have infinitely many unstable poles; add a lag to "
+                "plant or controller"
             )
         approached = ends.largest_crossing()
         levels = [level for level in LEVELS if level > (1 + ABOVE_LIMIT[0]) * approached]
