@@ -151,7 +151,7 @@ def test_the_unit_of_time_changes_nothing_else(unit):
         (control.frd([1.0], [1.0]), 1.0, "two or more responses"),
         (control.frd([1.0, np.nan], [1.0, 2.0]), 1.0, "finite"),
         (control.frd([1.0, 0.0], [1.0, 2.0]), 1.0, "not zero"),
-        (control.frd(EXACT, OMEGA), control.tf([1], [1, 0.5], 0.1), "sampling time"),
+        (control.frd(EXACT, OMEGA), control.tf([1], [1, 0.5], 0.1), "they must be the same"),
         (control.frd(EXACT, OMEGA), np.eye(2), "2 outputs and 2 inputs"),
         (control.frd(EXACT, OMEGA), "PI", "controller"),
     ],
