@@ -201,6 +201,8 @@ class CoupledLoop:
 
         It is a bound of all -L below 1 beyond the crossings that are known.
         """
+        if self._in_series:
+            return -float(self._in_series.response(np.array([math.inf])).real[0])
         return self._above_limit[1]
 
     @cached_property
