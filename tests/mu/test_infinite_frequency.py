@@ -8,7 +8,7 @@ import pytest
 from coupled_loops import late
 
 from workbench.mu.loops.late_pair import late_pair
-from workbench.mu.loops.phases import Limits, LimitSum, multiples_of
+from workbench.mu.loops.phases import LimitPair, LimitSum, multiples_of
 from workbench.mu.margins.classical import margins_of_late
 from workbench.uncertainty import block, tf
 from workbench.uncertainty.algebra.system import uncertain
@@ -111,7 +111,7 @@ def test_limits_against_a_dense_grid_of_phases():
     line = np.linspace(-np.pi, np.pi, 501)
     grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     ratio = f.at(grid) / g.at(grid)
-    limits = Limits(f, g)
+    limits = LimitPair(f, g)
     touching = (np.abs(ratio.imag) < 2e-3) & (ratio.real < 0)
     largest = -ratio.real[touching].min(initial=0.0)
     assert limits.largest_crossing() == pytest.approx(largest, abs=4e-3)

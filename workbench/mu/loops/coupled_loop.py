@@ -29,7 +29,7 @@ from workbench.mu.loops.encirclements import radius_where, zeros_right_of_axis
 from workbench.mu.loops.far_bands import FarBands
 from workbench.mu.loops.isolated_roots import RealFunction
 from workbench.mu.loops.least_quotient import least_quotient
-from workbench.mu.loops.phases import Limits
+from workbench.mu.loops.phases import LimitPair
 from workbench.mu.loops.quasi_polynomials import (
     QuasiPolynomial,
     without_common_factor,
@@ -240,9 +240,9 @@ class CoupledLoop:
         return Crossing(float(omega), complex(self._value(omega)))
 
     @cached_property
-    def _limits(self) -> Limits:
+    def _limits(self) -> LimitPair:
         """N and D over their highest power at infinite frequency."""
-        return Limits.of(*self._quotient, self.denominator.order, self.whole.channels.delays)
+        return LimitPair.of(*self._quotient, self.denominator.order, self.whole.channels.delays)
 
     @cached_property
     def _high(self) -> float:

@@ -24,7 +24,7 @@ from workbench.mu.loops.delayed_modulus import (
     least_double,
 )
 from workbench.mu.loops.encirclements import EXPONENT, radius_where
-from workbench.mu.loops.phases import ROUNDING, Limits
+from workbench.mu.loops.phases import ROUNDING, LimitPair
 from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
 
 FIRST_BANDS = 16
@@ -70,7 +70,7 @@ class _Search:
         tolerance: float,
     ) -> None:
         self.f, self.h = f, h
-        limits = Limits.of(f, h, f.order, parts)
+        limits = LimitPair.of(f, h, f.order, parts)
         self.least_limit, self.limit = limits.least_ratio(tolerance / 2.0)
         self.largest_h = limits.g.size * (1.0 + ROUNDING)
 

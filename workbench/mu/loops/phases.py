@@ -127,7 +127,7 @@ class LimitSum:
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class LimitPair:
     """Two quasi-polynomials f and g at infinite frequency, with the same free phases.
 
     Unlike a `LimitSum`, it is of a pair.
@@ -139,15 +139,15 @@ class Limits:
     @classmethod
     def of(
         cls, f: QuasiPolynomial, g: QuasiPolynomial, order: int, parts: Sequence[Fraction]
-    ) -> Limits:
+    ) -> LimitPair:
         """The limits of both over s^order; ``parts`` [s] are the dead times of the loop."""
         delays = sorted({T for one in (f, g) for T in one.leading(order)} | {Fraction(0)})
         multiples = multiples_of(delays, parts)
         return cls(LimitSum.of(f, order, multiples), LimitSum.of(g, order, multiples))
 
     @property
-    def swapped(self) -> Limits:
-        return Limits(self.g, self.f)
+    def swapped(self) -> LimitPair:
+        return LimitPair(self.g, self.f)
 
     def least_size(self, level: float) -> float:
         """A lower bound of |f + x g| for all phases and all x from a level to 1.
