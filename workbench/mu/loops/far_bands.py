@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from flint import acb, arb, ctx
 
-from workbench._core.arrays import EPS, ComplexArray, RealArray
+from workbench._core.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.mu.loops.crossings import PRECISION
 from workbench.mu.loops.phases import ROUNDING, distance_to_segment
 from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
@@ -64,13 +64,13 @@ class FarBands:
             found += zip(low.tolist(), high.tolist(), strict=True)
         return _merged(found)
 
-    def _may_cross(self, level: float, low: RealArray, high: RealArray) -> RealArray:
+    def _may_cross(self, level: float, low: RealArray, high: RealArray) -> BoolArray:
         middle = (low + high) / 2
         N, D = self.N.at(middle), self.D.at(middle)
         moved = (self.N.rate(low) + self.D.rate(low)) * (high - low) / 2
         moved = moved + self.N.rounding(high) + self.D.rounding(high)
         near = np.minimum(distance_to_segment(N + level * D, N + D), distance_to_segment(N + D, D))
-        found: RealArray = near <= moved
+        found: BoolArray = near <= moved
         return found
 
 
@@ -95,7 +95,7 @@ class _FarSum:
     def at(self, omega: RealArray) -> ComplexArray:
         total = np.zeros(omega.shape, dtype=complex)
         for T, factors in zip(self.delays, self.factors, strict=True):
-            total += _horner(factors, self.start / omega) * np.exp(-1j * omega * T)
+            total += np.polyval(factors[::-1], self.start / omega) * np.exp(-1j * omega * T)
         return total
 
     def rate(self, low: RealArray) -> RealArray:
@@ -104,20 +104,15 @@ class _FarSum:
         for T, factors in zip(self.delays, self.factors, strict=True):
             sizes = np.abs(factors)
             slopes = sizes[1:] * np.arange(1, len(sizes))
-            total += T * _horner(sizes, v) + _horner(slopes, v) * v**2 / self.start
+            total += (
+                T * np.polyval(sizes[::-1], v) + np.polyval(slopes[::-1], v) * v**2 / self.start
+            )
         return total
 
     def rounding(self, omega: RealArray) -> RealArray:
         size = sum(float(np.abs(one).sum()) for one in self.factors)
         found: RealArray = (ROUNDING + 4.0 * EPS * omega * self.delays.max(initial=0.0)) * size
         return found
-
-
-def _horner(factors: RealArray | ComplexArray, v: RealArray) -> RealArray:
-    total = np.zeros(v.shape, dtype=factors.dtype)
-    for one in factors[::-1]:
-        total = total * v + one
-    return total
 
 
 def _merged(bands: list[tuple[float, float]]) -> list[tuple[float, float]]:
