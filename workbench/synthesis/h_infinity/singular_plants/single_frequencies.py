@@ -17,7 +17,7 @@ from workbench.systems.balancing import state_units
 from workbench.systems.frequency_grid import starting_grid
 from workbench.systems.standard_plant import StandardPlant
 
-LEAST_DISTANCE = 1e-10
+LEAST_DISTANCE = 1e-8
 """Least distance of j omega - A from a singular matrix, relative to its norm, at frequencies that
 are used.
 """
