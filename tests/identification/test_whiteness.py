@@ -24,12 +24,12 @@ def record(seed, above=(1.0,), below=(1.0, -0.8), samples=600):
 
 
 def test_errors_of_the_right_model_are_white_as_often_as_chance_says():
-    """Of 200 records one in twenty has a chance below 0.05, within four standard deviations."""
+    """Of 60 records one in twenty has a chance below 0.05, within four standard deviations."""
     found = [
         model_whiteness(arx(told, 1, direct=False), told, False).chance
-        for told in (record([seed, 1]) for seed in range(200))
+        for told in (record([seed, 1]) for seed in range(60))
     ]
-    assert np.mean(np.array(found) < 0.05) <= 0.05 + 4 * np.sqrt(0.05 * 0.95 / 200)
+    assert np.mean(np.array(found) < 0.05) <= 0.05 + 4 * np.sqrt(0.05 * 0.95 / 60)
     assert 0.35 < np.mean(found) < 0.65
 
 

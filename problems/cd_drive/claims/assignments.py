@@ -115,6 +115,11 @@ def assignments(names: Iterable[str]) -> Iterator[dict[str, str]]:
         yield dict(zip(chosen, values, strict=True))
 
 
+def changes(reading: Assignment) -> int:
+    """Number of answers by which a reading, or a part of one, differs from the natural one."""
+    return sum(value != variables()[name].natural for name, value in reading.items())
+
+
 def asked(problem: str, reading: Assignment, told: Iterable[str] = ()) -> dict[str, Any] | None:
     """Parameters of the run that shows a problem under a reading; empty for the reference result.
 

@@ -9,7 +9,7 @@ from itertools import islice
 
 from workbench.study import markdown_table
 
-from .assignments import Assignment, assignments, natural, settable
+from .assignments import Assignment, assignments, changes, natural, settable
 from .items import Found, Item, Number, Quantity
 from .summaries import Made
 from .verdicts import Lookup, Verdict, standings, stands
@@ -27,12 +27,12 @@ command that makes it again: first those that give these numbers, then those tha
 [readings](thesis.md#readings)."""
 TRUTH = {True: "true", False: "false", None: "not decided"}
 WHY_OPEN = {
-    "false": "{} make it false",
-    "true": "{} make it true",
-    "not decided": "{} leave a limit within the interval of a number",
-    "not run": "{} were not run",
+    "false": "it is false under {}",
+    "true": "it is true under {}",
+    "not decided": "under {} a limit is within the interval of a number",
+    "not run": "{} not run",
 }
-"""Readings of an open item, counted."""
+"""Readings of an item, counted."""
 
 
 def numbered(judged: Judged) -> Iterator[tuple[str, Item, Verdict]]:
@@ -62,7 +62,7 @@ def every_number(judged: Judged, found: Lookup, runs: Runs) -> str:
 def _section(name: str, item: Item, verdict: Verdict, found: Lookup, runs: Runs) -> Iterator[str]:
     """An item: what it says, its numbers, and its runs."""
     yield f"### Item {name}"
-    why = f" {_why_open(item, found)}" if verdict is Verdict.OPEN else ""
+    why = f" {_why(item, found)}" if verdict in (Verdict.OPEN, Verdict.NATURAL) else ""
     yield f"{item.place}: {item.says}. Verdict: **{verdict}**.{why}"
     if not item.numbers:
         yield "It has no numbers."
@@ -77,19 +77,34 @@ def _section(name: str, item: Item, verdict: Verdict, found: Lookup, runs: Runs)
     yield _runs(item, found, runs)
 
 
-def _why_open(item: Item, found: Lookup) -> str:
+def _why(item: Item, found: Lookup) -> str:
     """What stands in the way of another verdict."""
     if item.needs:
         return f"{item.needs}."
+    every = counted(item, found)
+    one_answer = counted(item, found, most=1)
+    words = f"Of {sum(every.values())} readings {_counts(every)}."
+    if every["not run"] and every != one_answer:
+        words += f" {sum(one_answer.values())} change at most one answer: {_counts(one_answer)}."
+    taken = " Its words may be meant otherwise than they are taken here." if item.reading else ""
+    return words + taken
+
+
+def counted(item: Item, found: Lookup, most: int | None = None) -> dict[str, int]:
+    """Numbers of the readings of an item by what is known of it; `most`: changes of an answer."""
     deciding = [number for number in item.numbers if number.decides]
     counts = dict.fromkeys(WHY_OPEN, 0)
     for own, told in standings(item, found):
+        if most is not None and changes(own) > most:
+            continue
         missing = any(found(number, natural() | own) is None for number in deciding)
         counts["not run" if told is None and missing else TRUTH[told]] += 1
-    some = [WHY_OPEN[name].format(count) for name, count in counts.items() if count]
-    words = f"Of {sum(counts.values())} readings {', '.join(some)}."
-    taken = " Its words may be meant otherwise than they are taken here." if item.reading else ""
-    return words + taken
+    return counts
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    """Numbers of readings as words."""
+    return ", ".join(WHY_OPEN[name].format(count) for name, count in counts.items() if count)
 
 
 def _runs(item: Item, found: Lookup, runs: Runs) -> str:

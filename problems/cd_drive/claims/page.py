@@ -7,10 +7,11 @@ from itertools import islice
 
 from workbench.study import markdown_table
 
-from .assignments import TABLES, natural, variables
-from .items import Item
-from .numbers_page import Judged, link, numbered, value
+from .assignments import TABLES, Assignment, changes, natural, variables
+from .items import Found, Item, Number
+from .numbers_page import Judged, counted, link, numbered, value
 from .readings import Together, together
+from .summaries import one_change
 from .verdicts import Lookup, Verdict
 
 INTRODUCTION = """\
@@ -43,7 +44,7 @@ def thesis(judged: Judged, found: Lookup) -> str:
     parts = [
         "# What the thesis says, and what became of it",
         " ".join(INTRODUCTION.split("\n")),
-        _headline(judged),
+        _headline(judged, found),
         "The page is made by `make thesis`.",
         "## Ten findings",
         *_findings(judged),
@@ -63,11 +64,23 @@ def thesis(judged: Judged, found: Lookup) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _headline(judged: Judged) -> str:
+def _headline(judged: Judged, found: Lookup) -> str:
     """Number of items with each verdict, and the verdict's meaning."""
     told = [one for every in judged.values() for _, one in every]
-    lines = [f"- **{told.count(one)} {one}**: {words}." for one, words in RULE.items()]
-    return "\n".join(lines)
+    lines = {one: f"- **{told.count(one)} {one}**: {words}." for one, words in RULE.items()}
+    known = [
+        counted(item, found, most=1)
+        for every in judged.values()
+        for item, one in every
+        if one is Verdict.NATURAL
+    ]
+    stands = sum(one["true"] == sum(one.values()) for one in known)
+    falls = sum(one["false"] > 0 for one in known)
+    lines[Verdict.NATURAL] += (
+        f" {stands} are true under every reading that changes one answer, and {falls} are false "
+        "under one of these."
+    )
+    return "\n".join(lines.values())
 
 
 def _findings(judged: Judged) -> list[str]:
@@ -93,13 +106,18 @@ def _questions() -> str:
 
 def _together(judged: Judged, found: Lookup) -> list[str]:
     """The reading under which most items are true, compared with the natural one."""
-    rows = together((item for every in judged.values() for item, _ in every), found)
+
+    def combined(number: Number, reading: Assignment) -> Found | None:
+        """A number, unless its problem was not run under every combination of answers."""
+        return None if one_change(number.run) and changes(reading) else found(number, reading)
+
+    rows = together((item for every in judged.values() for item, _ in every), combined)
     usual = next(row for row in rows if row.reading == natural())
     best = rows[0]
     count = usual.true + usual.false
     words = (
-        f"{count} items were run under more than one reading. The natural reading makes "
-        f"{usual.true} of them true. The reading that makes most of them true, {best.true}, "
+        f"{count} items were run under every combination of some answers. The natural reading "
+        f"makes {usual.true} of them true. The reading that makes most of them true, {best.true}, "
         f"{_changes(best)}"
     )
     return [words]

@@ -7,12 +7,22 @@ to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
 from workbench.diagnosis import drop_detector, quality_signal
-from workbench.simulation import Controller
+from workbench.simulation import Controller, kernel
+from workbench.types import RealArray
 
 from ..laboratory.experiment import MEASUREMENTS
 
 DIODES = (MEASUREMENTS.index("d1"), MEASUREMENTS.index("d2"))
+Quality = Literal["graded", "binary", "prompt"]
+"""Signal that opens an estimator: the quality of eq. 7.13; 1 or 0 by the binary detector; 0 exactly
+where light is missing, and 1 elsewhere.
+"""
 DARK = 0.02
 """Share of the clean disc's light below which no error can be read from the diodes."""
 
@@ -39,3 +49,34 @@ def dimming_detector(
     return drop_detector(
         level, below=below, release=release, noise=noise, signal=MEASUREMENTS.index("sum")
     )
+
+
+def no_alarm() -> Controller:
+    """Part that reads an alarm a, 0 or 1, and gives 1 - a."""
+    return Controller(_no_alarm, np.zeros(0), np.zeros(0), reads=1)
+
+
+def prompt_quality(intervals: Sequence[tuple[float, float]], dt: float) -> Controller:
+    """Part that gives 0 in intervals (from, until) [s], and 1 elsewhere.
+
+    Time starts when the part is first in charge; dt: sampling period [s].
+    """
+    times = np.array(intervals, float).ravel()
+    # Half a sample of offset makes the comparison insensitive to rounding.
+    return Controller(_prompt, np.zeros(1), times / dt - 0.5, dt=dt)
+
+
+@kernel
+def _no_alarm(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `no_alarm`."""
+    told[0] = 1.0 - given[0]
+
+
+@kernel
+def _prompt(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `prompt_quality`; the state counts samples; parameters: the intervals in samples."""
+    told[0] = 1.0
+    for i in range(0, len(parameters), 2):
+        if parameters[i] <= state[0] < parameters[i + 1]:
+            told[0] = 0.0
+    state[0] += 1.0

@@ -144,6 +144,14 @@ class Disc:
             false += shift
         return light, false
 
+    def dimmed(self, defects: Sequence[Defect], time: RealArray) -> list[tuple[float, float]]:
+        """Intervals (from, until) of times [s] (N,) in which a defect takes light."""
+        dark = self.surface(defects, time)[0] < self.reflectivity
+        change = np.diff(np.concatenate([[False], dark, [False]]).astype(int))
+        step = float(time[1] - time[0])
+        starts, ends = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
+        return [(step * a, step * b) for a, b in zip(starts, ends, strict=True)]
+
     def turned(self, time: RealArray) -> tuple[RealArray, RealArray]:
         """Revolutions since the start, and rotation frequency [Hz], at times [s] (N,): each
         (N,).

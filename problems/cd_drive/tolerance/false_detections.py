@@ -34,11 +34,14 @@ from workbench.study import (
 from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ..diagnosis.defect_runs import ROTATION
+from ..diagnosis.quality import Quality
 from ..diagnosis.scratch_draws import ScratchDraw
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis
+from ..laboratory.bench_reading import BenchReading
 from ..laboratory.bench_setup import RATE
+from ..laboratory.printed_noise import Amplitude, Fixed
 from ..laboratory.record import Record
 from .strategies.runs import AFTER, FALSE, Experiment
 from .strategy_looks import COLOURS, titled
@@ -55,12 +58,17 @@ CASES = ("with", "without")
     "cd/{axis}/false-detections",
     axis=("focus", "radial"),
     data=(*TABLES, "data/red_book.csv"),
+    added=("delay", "noise", "noise_fixed", "quality"),
 )
 def false_detections(
     axis: Axis,
     drive: str = "nominal",
     lasts: Annotated[float, Field(gt=0, le=5e-3)] = FALSE[1],
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
+    quality: Quality = "graded",
 ) -> FalseDetections:
     """What a false detection costs each strategy on a disc of the largest deviation (appendix A.3).
 
@@ -70,9 +78,12 @@ def false_detections(
     detection, and how often the detector itself calls a clean disc bad.
 
     drive: "CD1" to "CD12", or "nominal". lasts: duration of the false detection [s]. draws: number
-    of draws of noise and of the disc's angle at the detection.
+    of draws of noise and of the disc's angle at the detection. delay, noise, noise_fixed,
+    quality: as in `cd/<axis>/strategies`.
     """
-    return FalseDetections(Experiment(axis), drive, lasts, draws)
+    reading = BenchReading(delay=delay, noise=noise, noise_fixed=noise_fixed)
+    experiment = Experiment(axis, reading=reading, quality=quality)
+    return FalseDetections(experiment, drive, lasts, draws)
 
 
 @dataclass(frozen=True)

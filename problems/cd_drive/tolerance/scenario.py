@@ -45,6 +45,7 @@ from pydantic import TypeAdapter, ValidationError, with_config
 from workbench.errors import InputError
 
 from ..diagnosis.defect_kinds import SHOCK_DURATION, shocks
+from ..diagnosis.quality import Quality
 from ..drive.disc import STRICT, Defect, Disc
 from ..laboratory.bench_setup import RATE
 from ..laboratory.experiment import STILL, Laboratory
@@ -97,6 +98,8 @@ class Scenario:
         Rotation frequency [Hz] that the strategies assume. Default: the disc's own.
     bumpless
         Whether K and K' follow each other.
+    quality
+        Signal that opens the strategies' estimators, see `Strategies`.
     duration
         Length of the run [s].
     seed
@@ -114,6 +117,7 @@ class Scenario:
     stages: tuple[Stage, ...] = (Stage("reference"),)
     rotation: float | None = None
     bumpless: bool = True
+    quality: Quality = "graded"
     duration: float = 1.0
     seed: int = 0
 
@@ -156,6 +160,8 @@ class Scenario:
             self.disc.rotation if self.rotation is None else self.rotation,
             bumpless=self.bumpless,
             false=self.false_alarms,
+            quality=self.quality,
+            dimmed=self.disc.dimmed(self.defects, np.arange(round(self.duration * RATE)) / RATE),
             **designs,
         )
 

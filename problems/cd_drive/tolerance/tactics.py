@@ -29,7 +29,13 @@ from workbench.types import StateSpace
 
 from ..diagnosis.position_estimator.model import kalman
 from ..diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN
-from ..diagnosis.quality import diode_quality
+from ..diagnosis.quality import (
+    Quality,
+    dimming_detector,
+    diode_quality,
+    no_alarm,
+    prompt_quality,
+)
 from ..diagnosis.stand_in import low_pass
 from ..drive.plants import controller
 from ..drive.tables import Axis
@@ -79,6 +85,10 @@ class Strategies:
         Controller. Default: the axis' reference controller.
     corner
         Corner of the repetitive control's low-pass [Hz].
+    quality
+        Signal that is w_Q: graded (eq. 7.13), binary, or prompt.
+    dimmed
+        Start and end [s] of what dims the light, which only a prompt quality knows.
     """
 
     axis: Axis
@@ -90,6 +100,8 @@ class Strategies:
     false: Sequence[tuple[float, float]] = ()
     K: StateSpace | None = None
     corner: float = CORNER
+    quality: Quality = "graded"
+    dimmed: Sequence[tuple[float, float]] = ()
 
     def named(self, name: str) -> Cascade:
         """Return a strategy by its name in STRATEGIES. Raises UnknownNameError for another name."""
@@ -109,12 +121,21 @@ class Strategies:
 
     @property
     def detector(self) -> list[Part]:
-        """Parts that compute the quality w_Q (eq. 7.13), which is 0 in false detections."""
+        """Parts that compute the quality w_Q, which is 0 in false detections."""
+        return [*self._quality, Part("w_Q", interval_gate(self.false, PERIOD), ["quality"])]
+
+    @property
+    def _quality(self) -> list[Part]:
+        """Parts that compute the quality."""
+        if self.quality == "prompt":
+            return [Part("quality", prompt_quality(self.dimmed, PERIOD), [])]
+        if self.quality == "binary":
+            return [
+                Part("alarm", dimming_detector(self.level), MEASUREMENTS),
+                Part("quality", no_alarm(), ["alarm"]),
+            ]
         seen = diode_quality(self.level, DIST_MIN, DIST_MAX)
-        return [
-            Part("detector", seen, MEASUREMENTS, outputs=("quality", "dist", "error_read")),
-            Part("w_Q", interval_gate(self.false, PERIOD), ["quality"]),
-        ]
+        return [Part("detector", seen, MEASUREMENTS, outputs=("quality", "dist", "error_read"))]
 
     @property
     def _law(self) -> Controller:

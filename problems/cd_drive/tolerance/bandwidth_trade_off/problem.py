@@ -38,7 +38,9 @@ from workbench.types import DataArray, Dataset, Figure, RealArray
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
+from ...laboratory.printed_noise import Amplitude, Fixed
 from .figures import SHOWN, one_record, reactions
 from .runs import CONTROLLERS, THIRD, PlainLoop, Reaction
 
@@ -54,6 +56,7 @@ FULL, SLOW = CONTROLLERS[0], list(CONTROLLERS[1:])
     axis=("focus", "radial"),
     needs=lambda axis, **_: {"lower": ref(f"cd/{axis}/lower-bandwidth")},
     data=(*TABLES, "data/red_book.csv"),
+    added=("delay", "noise", "noise_fixed"),
 )
 def bandwidth_trade_off(
     axis: Axis,
@@ -62,6 +65,9 @@ def bandwidth_trade_off(
     depth: Annotated[float, Field(gt=0, le=1)] = 0.7,
     swing: Annotated[float, Field(ge=0, le=5)] = 0.5,
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
 ) -> BandwidthTradeOff:
     """What a high bandwidth gains on the disc and costs in a scratch, with no detector (fig. 6.7).
 
@@ -72,9 +78,10 @@ def bandwidth_trade_off(
 
     drive: "CD1" to "CD12", or "nominal". depth: share of the light that a scratch takes. swing: its
     false displacement, over the acceptable error. draws: number of draws of place, sign, edge and
-    noise.
+    noise. delay, noise, noise_fixed: as in `cd/<axis>/strategies`.
     """
-    loop = PlainLoop(axis, discretise(lower.answer.K, PERIOD), drive, depth, swing)
+    reading = BenchReading(delay=delay, noise=noise, noise_fixed=noise_fixed)
+    loop = PlainLoop(axis, discretise(lower.answer.K, PERIOD), drive, depth, swing, reading)
     return BandwidthTradeOff(loop, draws)
 
 

@@ -6,7 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -20,8 +20,8 @@ from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.plants import controller
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, red_book
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD, RATE, find_drive
-from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 
 MET = 0.45
@@ -60,7 +60,8 @@ class PlainLoop:
     """The loop of one drive on a disc with a scratch, as in figure 6.7.
 
     slower: discrete K' of `cd/<axis>/lower-bandwidth`. depth: share of the light that a scratch
-    takes. swing: its false displacement, over the acceptable error.
+    takes. swing: its false displacement, over the acceptable error. reading: of what the
+    text leaves open about the bench.
     """
 
     axis: Axis
@@ -68,6 +69,7 @@ class PlainLoop:
     drive: str
     depth: float
     swing: float
+    reading: BenchReading = field(default_factory=BenchReading)
 
     @cached_property
     def laws(self) -> dict[str, Controller]:
@@ -90,7 +92,7 @@ class PlainLoop:
             edge=scratch.edge,
             present=(MET - 1e-6, MET + 1.5 * length / VELOCITY),
         )
-        return Laboratory(self.axis, self.drive).closed_loop(
+        return self.reading.laboratory(self.axis, self.drive).closed_loop(
             self.laws[law],
             duration=MET + length / VELOCITY + AFTER,
             disc=disc,

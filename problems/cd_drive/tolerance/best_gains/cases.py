@@ -5,7 +5,7 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -13,8 +13,9 @@ import numpy as np
 from workbench.simulation import Cascade, Part, linear_controller
 from workbench.types import RealArray, StateSpace
 
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
-from ...laboratory.experiment import MEASUREMENTS, Laboratory
+from ...laboratory.experiment import MEASUREMENTS
 from ..ensemble import Circumstance
 from ..playability.runs import evaluated, sampled_controller, scored
 from ..tactics import Strategies, clean_level
@@ -57,12 +58,13 @@ CASES = (
 class Cases:
     """Every case on several drives in one circumstance, as a task for an executor.
 
-    slower: discrete K'.
+    slower: discrete K'. reading: of what the text leaves open about the bench.
     """
 
     slower: StateSpace
     drives: tuple[str, ...]
     duration: float = 1.0
+    reading: BenchReading = field(default_factory=BenchReading)
 
     def cascade(self, case: Case, one: Circumstance, level: float) -> Cascade:
         """The controller of a case; ``level`` [V] is that of a clean disc."""
@@ -81,7 +83,7 @@ class Cases:
 
     def error(self, case: Case, one: Circumstance, drive: str) -> RealArray:
         """True error [m] (N,) in the scored part of a run."""
-        bench = Laboratory(one.axis, drive)
+        bench = self.reading.laboratory(one.axis, drive)
         record = bench.closed_loop(
             self.cascade(case, one, clean_level(bench, one.disc.reflectivity)),
             one.excitation(bench, self.duration),

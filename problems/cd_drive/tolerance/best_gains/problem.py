@@ -30,9 +30,12 @@ from workbench.study import (
 from workbench.synthesis import discretise
 from workbench.types import DataArray, Dataset, Figure, RealArray
 
+from ...drive.plants import Gain
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
+from ...laboratory.printed_noise import Amplitude, Fixed
 from ..ensemble import GROUPS, circumstances, groups
 from ..playability.runs import chosen, met, sampled_controller
 from ..playability.search import LARGEST_SENSITIVITY, peak_sensitivity
@@ -50,6 +53,7 @@ HALVES = ("chosen on", "judged on")
     axis=("focus", "radial"),
     needs=lambda axis, **_: {"lower": ref(f"cd/{axis}/lower-bandwidth")},
     data=(*TABLES, "data/red_book.csv"),
+    added=("gain", "delay", "noise", "noise_fixed"),
 )
 def best_gains(
     axis: Axis,
@@ -57,6 +61,10 @@ def best_gains(
     scenarios: Annotated[int, Field(ge=14, le=100_000)] = 84,
     drives: Annotated[int, Field(ge=1, le=12)] = 2,
     workers: Annotated[int, Field(ge=1, le=256)] = 2,
+    gain: Gain = "own",
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
 ) -> BestGains:
     """The best gain of every strategy, and what a second controller gains (1.3, 2.5.1, 9.1).
 
@@ -67,9 +75,11 @@ def best_gains(
     separately, too.
 
     scenarios: number of circumstances, 7 kinds in turn, for both halves. drives: how many of the
-    twelve. workers: number of threads; the answer does not depend on it.
+    twelve. workers: number of threads; the answer does not depend on it. gain,
+    delay, noise, noise_fixed: as in `cd/<axis>/strategies`.
     """
-    cases = Cases(discretise(lower.answer.K, PERIOD), chosen(drives))
+    reading = BenchReading(gain, delay, noise, noise_fixed)
+    cases = Cases(discretise(lower.answer.K, PERIOD), chosen(drives), reading=reading)
     return BestGains(axis, cases, scenarios - scenarios % (2 * len(GROUPS)), workers)
 
 

@@ -40,7 +40,9 @@ from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, red_book
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
+from ...laboratory.printed_noise import Amplitude, Fixed
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES, stand_in_filter
 from .cells import cells_table
@@ -79,7 +81,7 @@ def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, 
     axis=("focus", "radial"),
     needs=needs,
     data=(*TABLES, "data/red_book.csv"),
-    added=("fault_filter",),
+    added=("fault_filter", "delay", "noise", "noise_fixed"),
 )
 def excursion(
     axis: Axis,
@@ -93,6 +95,9 @@ def excursion(
     swing: Annotated[float, Field(ge=0, le=5)] = 0.5,
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
     fault_filter: Filter = "high-pass",
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
 ) -> Excursion:
     """Excursion of the lens in a defect (eq. 8.1), and a map of the defects that are survived.
 
@@ -106,7 +111,8 @@ def excursion(
     disc is fastest) to below 180 degrees. lengths: number of lengths from 0.3 to 2.5 mm. depth:
     share of the light that the defect takes. swing: its false displacement, over the acceptable
     error. draws: number of draws for each defect. fault_filter: of C, the "high-pass" with the
-    margins of figure 8.10, or the one "with margins" of `cd/<axis>/designed-filter`.
+    margins of figure 8.10, or the one "with margins" of `cd/<axis>/designed-filter`. delay,
+    noise, noise_fixed: as in `cd/<axis>/strategies`.
     """
     K_prime = discretise(slower.answer.K, PERIOD)
     F = stand_in_filter()
@@ -114,7 +120,8 @@ def excursion(
         if designed is None:
             raise InputError("the designed fault filter is asked for, and no run of it is given")
         F = restored_system(designed.data, "designed")
-    crossing = Crossing(axis, K_prime, F, drive, rotation, depth, swing)
+    reading = BenchReading(delay=delay, noise=noise, noise_fixed=noise_fixed)
+    crossing = Crossing(axis, K_prime, F, drive, rotation, depth, swing, reading)
     return Excursion(crossing, angles, lengths, draws)
 
 

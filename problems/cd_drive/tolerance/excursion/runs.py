@@ -6,9 +6,9 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, red_book
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import RATE
-from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 from ..tactics import STRATEGIES, Strategies, clean_level
 from .theory import BlindLens
@@ -50,7 +50,7 @@ class Crossing:
 
     replacement: discrete K'. F: discrete fault filter of strategy C. rotation: of the disc [Hz].
     depth: share of the light that a defect takes. swing: its false displacement, over the
-    acceptable error.
+    acceptable error. reading: of what the text leaves open about the bench.
     """
 
     axis: Axis
@@ -60,6 +60,7 @@ class Crossing:
     rotation: float
     depth: float
     swing: float
+    reading: BenchReading = field(default_factory=BenchReading)
 
     @property
     def allowed(self) -> float:
@@ -100,8 +101,8 @@ class Crossing:
         """Simulate a strategy from the disc's run-up until RECORDED_AFTER the defect; without a
         seed, without noise.
         """
-        quiet: dict[str, Any] = {"noise": 0.0, "electronics": 0.0} if seed is None else {}
-        bench = Laboratory(self.axis, self.drive, refine=refine, **quiet)
+        noisy = seed is not None
+        bench = self.reading.laboratory(self.axis, self.drive, noisy=noisy, refine=refine)
         return bench.closed_loop(
             self.strategies[strategy],
             duration=MET + cell.length / VELOCITY + RECORDED_AFTER,
@@ -113,7 +114,7 @@ class Crossing:
     @cached_property
     def strategies(self) -> dict[str, Cascade]:
         """All strategies, by name."""
-        level = clean_level(Laboratory(self.axis, self.drive))
+        level = clean_level(self.reading.laboratory(self.axis, self.drive))
         made = Strategies(self.axis, level, self.rotation, self.F, self.replacement)
         return {name: made.named(name) for name in STRATEGIES}
 

@@ -35,17 +35,20 @@ from workbench.systems import restored_system
 from workbench.types import DataArray, StateSpace
 
 from ...diagnosis.defect_runs import ROTATION
+from ...diagnosis.quality import Quality
 from ...diagnosis.scratch_draws import ScratchDraw
+from ...drive.plants import Gain
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values, drives
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
-from ...laboratory.experiment import Laboratory
+from ...laboratory.printed_noise import Amplitude, Fixed
 from ...laboratory.record import Record
 from ..tactics import STRATEGIES, Strategies, stand_in_filter
 from .claims import CLAIMED, LEVELS, claims_table, error_tables, over_reference, unmet
 from .figures import strategy_figures
-from .runs import Experiment, StrategyOutcome, envelope
+from .runs import LENGTH, Experiment, StrategyOutcome, envelope
 from .stability import estimated_decay, repetitive_level
 
 SHOWN = ("u", "f_en", "error", "w_Q")
@@ -61,14 +64,16 @@ strategy, relative; their open loops are the same (section 8.6).
 HALF_STEP_CHANGE = 0.05
 """Largest accepted change of an excursion when the step of the simulation is halved, relative."""
 
-Filter = Literal["high-pass", "robust"]
+Filter = Literal["high-pass", "robust", "with margins"]
+DESIGNED = {"robust": ("fault-filter", "discrete"), "with margins": ("designed-filter", "designed")}
+"""Problem that designs a filter, and the name of the filter in its run."""
 
 
 def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, Any]:
     """References to K', and to the designed fault filter if it is asked for."""
     found: dict[str, Any] = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
-    if fault_filter == "robust":
-        found["designed"] = ref(f"cd/{axis}/fault-filter")
+    if fault_filter in DESIGNED:
+        found["designed"] = ref(f"cd/{axis}/{DESIGNED[fault_filter][0]}")
     return found
 
 
@@ -77,6 +82,7 @@ def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, 
     axis=("focus", "radial"),
     needs=needs,
     data=(*TABLES, "data/red_book.csv"),
+    added=("gain", "delay", "noise", "noise_fixed", "quality", "length"),
 )
 def strategies(
     axis: Axis,
@@ -88,6 +94,12 @@ def strategies(
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
     values: Values = "printed",
     fault_filter: Filter = "high-pass",
+    gain: Gain = "own",
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
+    quality: Quality = "graded",
+    length: Annotated[float, Field(gt=0, le=2.5e-3)] = LENGTH,
 ) -> StrategiesStudy:
     """Strategies against surface defects (figures 8.7-8.9, A.1-A.6).
 
@@ -103,19 +115,24 @@ def strategies(
 
     depth, displacement: of the scratches, the latter in errors that can be read (2 um in focus,
     0.2 um radially). drive_count: how many of the twelve drives. draws: on each drive. values: of
-    the drives.
-    fault_filter: of C, the "high-pass" with the margins of figure 8.10, or the "robust" one of
-    `cd/<axis>/fault-filter`. The latter is designed for an estimate outside the loop, so C's loop
-    is unstable with it while a defect lasts. `cd/<axis>/designed-filter` compares both with a
-    filter that has margins.
+    the drives. fault_filter: of C, the "high-pass" with the margins of figure 8.10, the "robust"
+    one of `cd/<axis>/fault-filter`, or the one "with margins" of `cd/<axis>/designed-filter`. The
+    robust one is designed for an estimate outside the loop, so C's loop is unstable with it while a
+    defect lasts. gain: of the loops, each drive's "own", "equal", or as the "agc" sets it. delay
+    [samples]: of the computer. noise, noise_fixed: reading of the printed amplitude of 0.15 um
+    (`printed_noise`). quality: signal w_Q, "graded", "binary", or "prompt", which knows the
+    scratches. length: of the larger scratch along the track [m].
     """
     F = stand_in_filter()
-    if fault_filter == "robust":
+    if fault_filter in DESIGNED:
         if designed is None:
-            raise InputError("the robust fault filter is asked for, and no run of it is given")
-        F = restored_system(designed.data, "discrete")
+            raise InputError(f"the fault filter {fault_filter!r} is asked for, and no run of it")
+        F = restored_system(designed.data, DESIGNED[fault_filter][1])
     K_prime = discretise(slower.answer.K, PERIOD)
-    experiment = Experiment(axis, values, depth, displacement)
+    reading = BenchReading(gain, delay, noise, noise_fixed)
+    experiment = Experiment(
+        axis, values, depth, displacement, length=length, reading=reading, quality=quality
+    )
     return StrategiesStudy(experiment, drive_count, draws, F, K_prime)
 
 
@@ -244,7 +261,8 @@ class StrategiesStudy(Study):
         """A stability measure of the strategies' loops with each drive."""
         axis, values = self.experiment.axis, self.experiment.values
         believed = Strategies(axis, 1.0, ROTATION)
-        return [level(believed, Laboratory(axis, name, values)) for name in self.names]
+        bench = self.experiment.reading.laboratory
+        return [level(believed, bench(axis, name, values)) for name in self.names]
 
     repetitive_level = array(
         dims=drive, unit="", meaning="", value=lambda self: self.on_drives(repetitive_level)

@@ -6,7 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -15,12 +15,13 @@ import numpy as np
 from workbench.types import RealArray
 
 from ...diagnosis.defect_runs import ROTATION
+from ...diagnosis.quality import Quality
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, Values, red_book
+from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD, RATE
-from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 from ..scenario import Scenario, Stage
 
@@ -65,7 +66,7 @@ class Experiment:
     depth, displacement: of both scratches; the displacement is over the largest error that can be
     read. settling: number of revolutions in which the other strategy settles. revolutions: number
     of those after it, whose scratches are evaluated. length: of the larger scratch along the track
-    [m].
+    [m]. reading: of what the text leaves open about the bench. quality: as in `Strategies`.
     """
 
     axis: Axis
@@ -75,6 +76,8 @@ class Experiment:
     settling: int = 3
     revolutions: int = 3
     length: float = LENGTH
+    reading: BenchReading = field(default_factory=BenchReading)
+    quality: Quality = "graded"
 
     @property
     def first(self) -> float:
@@ -100,9 +103,8 @@ class Experiment:
         swing = scratch.sign * self.displacement * ACCEPTABLE_ERROR[self.axis]
         start, lasts = FALSE
         again = start + np.ceil((self.first - start) * ROTATION) / ROTATION
-        quiet: dict[str, Any] = {} if noisy else {"noise": 0.0, "electronics": 0.0}
         return Scenario(
-            Laboratory(self.axis, drive, self.values, refine=refine, **quiet),
+            self.reading.laboratory(self.axis, drive, self.values, noisy=noisy, refine=refine),
             self.disc,
             tuple(
                 Defect(
@@ -117,6 +119,7 @@ class Experiment:
             ),
             false_alarms=tuple((at, at + lasts) for at in (start, float(again))),
             stages=(Stage("reference"), Stage(strategy, ENGAGED)),
+            quality=self.quality,
             duration=self.duration,
             seed=scratch.seed,
         )

@@ -33,11 +33,14 @@ from workbench.study import (
 from workbench.types import DataArray, Dataset, Figure, RealArray
 
 from ...diagnosis.defect_runs import ROTATION
+from ...diagnosis.quality import Quality
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
-from ..strategies.runs import Experiment, StrategyOutcome
+from ...laboratory.bench_reading import BenchReading
+from ...laboratory.printed_noise import Amplitude, Fixed
+from ..strategies.runs import LENGTH, Experiment, StrategyOutcome
 from ..strategy_looks import titled
 
 WRONG = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
@@ -46,9 +49,21 @@ TOLD = ("A", "B")
 """The strategies that need the rotation frequency."""
 
 
-@problem("cd/{axis}/wrong-rotation", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/wrong-rotation",
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+    added=("delay", "noise", "noise_fixed", "quality", "length"),
+)
 def wrong_rotation(
-    axis: Axis, drive: str = "nominal", draws: Annotated[int, Field(ge=1, le=1000)] = 12
+    axis: Axis,
+    drive: str = "nominal",
+    draws: Annotated[int, Field(ge=1, le=1000)] = 12,
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
+    quality: Quality = "graded",
+    length: Annotated[float, Field(gt=0, le=2.5e-3)] = LENGTH,
 ) -> WrongRotation:
     """Strategies A and B with a wrong rotation frequency, beside the reference strategy (8.7).
 
@@ -57,9 +72,11 @@ def wrong_rotation(
     error within 5 ms after the scratch, in the same draws for all.
 
     drive: "CD1" to "CD12", or "nominal". draws: number of draws of noise, place, sign and edge of
-    the scratch.
+    the scratch. delay, noise, noise_fixed, quality, length: as in `cd/<axis>/strategies`.
     """
-    return WrongRotation(Experiment(axis), drive, draws)
+    reading = BenchReading(delay=delay, noise=noise, noise_fixed=noise_fixed)
+    experiment = Experiment(axis, length=length, reading=reading, quality=quality)
+    return WrongRotation(experiment, drive, draws)
 
 
 @dataclass(frozen=True, eq=False)

@@ -156,3 +156,19 @@ def test_files_that_are_none(tmp_path):
     path.write_text("duration = ")
     with pytest.raises(InputError, match=r"wrong\.toml"):
         read_scenario(path)
+
+
+@pytest.mark.parametrize("quality", ["binary", "prompt"])
+def test_a_quality_that_is_not_graded_is_0_or_1(quality):
+    """The prompt one is 0 exactly where light is missing, and in the false alarm."""
+    given = scenario(SCRIPT | {"quality": quality})
+    record = given.run()
+    seen, dimmed = record.signals["w_Q"], record.light < 1.0
+    assert set(seen.tolist()) == {0.0, 1.0}
+    (alarm,) = given.false_alarms
+    false = (record.time >= alarm[0] - 1e-9) & (record.time < alarm[1] - 1e-9)
+    assert (seen[false] == 0.0).all()
+    if quality == "prompt":
+        np.testing.assert_array_equal(seen == 0.0, dimmed | false)
+    else:
+        assert 0 < (seen[~false] == 0.0).sum() < 3 * dimmed.sum()
