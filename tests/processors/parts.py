@@ -57,7 +57,9 @@ def files_of_rooms() -> dict[str, list[str]]:
 
 def pytest_of(python: str, workers: int, *words: str) -> list[str]:
     """The command of tests, which names what fails."""
-    return [python, "-m", "pytest", "-n", str(workers), "--dist", "worksteal", "-rfE", *words]
+    # Limits of processor seconds are for `make test` on an idle processor of the usual kind.
+    options = ["-n", str(workers), "--dist", "worksteal", "-rfE", "-p", "no:cpu-seconds"]
+    return [python, "-m", "pytest", *options, *words]
 
 
 @dataclass(frozen=True)
@@ -80,10 +82,8 @@ class Part:
             return [python, "-m", "workbench", "--results", str(results), "run", CHAIN]
         chosen = ["-m", "not slow"] if self.kind == "tests" else []
         files = files_of(self.kind)[self.chunk :: CHUNKS[self.kind]]
-        # Processor seconds are those of another processor, and of threads that wait for each other.
-        left_out = ["-p", "no:cacheprovider", "-p", "no:cpu-seconds"]
         workers = 2 // self.emulation.threads
-        return pytest_of(python, workers, *left_out, *chosen, *files)
+        return pytest_of(python, workers, "-p", "no:cacheprovider", *chosen, *files)
 
 
 @dataclass(frozen=True)
