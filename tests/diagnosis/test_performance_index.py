@@ -12,6 +12,7 @@ from workbench.diagnosis import (
     FaultModel,
     fault_detection,
     fault_isolation,
+    null_space_generator,
     performance_index,
     residual_response,
 )
@@ -97,3 +98,16 @@ def test_bad_questions():
         performance_index(Q, model, (1.0, 2.0), disturbances=())
     with pytest.raises(InputError, match="residual 2 shows none of f_u1"):
         performance_index(Q, model, (1.0, 2.0), faults=["f_u1"])
+
+
+@pytest.mark.parametrize(("fault", "disturbance"), [(1e12, 1.0), (1.0, 1e-12), (1e-9, 1e6)])
+def test_units_of_faults_and_disturbances_do_not_count(fault, disturbance):
+    """An index below 1e-10 in the units at hand counted as decoupled."""
+    A, C = [[-2.0, 0.0], [1.0, -0.5]], [[0.0, 1.0]]
+    B = [[0.0, 2.0 * fault], [0.3 * disturbance, 0.0]]
+    plant = control.ss(A, B, C, 0, inputs=["d", "f"], outputs=["y"])
+    model = FaultModel(plant, faults=("f",), noise=("d",))
+    found = performance_index(null_space_generator(model, poles=-4.0).Q, model, band=(0.01, 100.0))
+    truth = 0.15 * abs(100j + 2.0) * disturbance / fault  # 0.3 (s + 2) / 2 at the upper end
+    assert found.lower[0] == pytest.approx(truth) and truth <= found.upper[0] < 1.002 * truth
+    assert found.holds

@@ -99,3 +99,20 @@ def test_bad_questions():
     for bad in (-1.0, np.nan, "small"):
         with pytest.raises(InputError, match="regularisation is"):
             whitened_residual(scalar(3.0), -1.0, regularisation=bad)
+
+
+@pytest.mark.parametrize("dt", [0.01, 1e-3])
+@pytest.mark.parametrize("den", [[1, 0.2, 1], [1, 1, 0], [1, 2, 3, 1]])
+def test_noise_of_a_transfer_function_that_is_sampled_fast_is_made_white(den, dt):
+    """SciPy's solver refused one of these, and was far off for others."""
+    G = control.ss(control.sample_system(control.tf([1], den), dt))
+    B, D = np.hstack([G.B, G.B, 0 * G.B]), [[0.0, 0.0, 1.0]]
+    model = FaultModel(
+        control.ss(G.A, B, G.C, D, dt, inputs=["f", "w", "v"], outputs=["y"]),
+        faults=("f",),
+        noise=("w", "v"),
+    )
+    R = whitened_residual(model, poles=0.9).generator.R
+    z = np.exp(1j * np.geomspace(1e-2, 3.0, 40))
+    response = np.moveaxis(R(z), -1, 0)[:, 0, 1:]
+    np.testing.assert_allclose((np.abs(response) ** 2).sum(axis=1), 1.0, rtol=1e-4)

@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from workbench import solve
+from workbench.errors import InputError
 from workbench.identification import Experiments, StateSpaceFit, arx, impulse_response
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.structures import polynomial_start
@@ -137,3 +138,15 @@ def test_a_difference_has_the_standard_error_of_its_blocks():
         told.append(found.deviation[0, 1 - found.best(0)])
     assert np.mean(lost) == pytest.approx(50 * (np.sqrt(1.02) - 1), abs=0.2)
     assert np.mean(told) == pytest.approx(np.std(lost), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [("2", "order is '2'; it must be a whole number"), (1.5, "order is 1.5"), (-1, "order is -1")],
+)
+def test_an_order_that_is_none_is_named(order, words):
+    u = np.random.default_rng(0).standard_normal((200, 1))
+    with pytest.raises(InputError, match=words):
+        arx(Experiments(u, 0.5 * u), order)
+    with pytest.raises(InputError, match="record must be a Experiments, not ndarray"):
+        arx(u, 1)

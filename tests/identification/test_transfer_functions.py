@@ -218,3 +218,20 @@ def test_iterations_that_do_not_settle_are_an_error(benchmark, monkeypatch):
         refined_instruments(record, start)
     with pytest.raises(SolverError, match="still falls"):
         output_error(record, start)
+
+
+def test_a_record_or_a_start_of_another_kind_is_named():
+    u = np.sign(np.sin(np.arange(300) ** 1.3))
+    record = SampledRecord(u, 0.5 * u, dt=0.01)
+    for call in (refined_instruments, output_error):
+        with pytest.raises(InputError, match="start must be a TransferFunctionEstimate, not int"):
+            call(record, 2)
+    with pytest.raises(InputError, match="record must be a SampledRecord, not ndarray"):
+        filtered_least_squares(u, (0, 1), [1.0, 2.0])
+    for degrees, words in (
+        (2, "degrees must be a list"),
+        ((1, 2, 3), "give two"),
+        ((0, 1.5), "1.5"),
+    ):
+        with pytest.raises(InputError, match=words):
+            filtered_least_squares(record, degrees, [1.0, 2.0])

@@ -153,3 +153,24 @@ def test_wrong_claims_fail():
     same = minimal_realisation(LAG)
     other = dataclasses.replace(same, system=control.ss(control.tf([1.0], [1.0, 5.1])))
     assert not other.with_checker(same._checked_by[0]).holds
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-14, 1e12])
+def test_an_output_in_another_unit_keeps_its_states(unit):
+    """An output in metres beside one in volts lost both states of its resonance."""
+    A = np.array([[-1.0, 0, 0, 0], [0, -3.0, 0, 0], [0, 0, 0, 1.0], [0, 0, -1.0, -0.02]])
+    B = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    C = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, unit, 0.0]])
+    found = minimal_realisation(control.ss(A, B, C, 0.0, remove_useless_states=False))
+    assert found.system.nstates == 3 and found.holds
+    assert found.removed_poles.real == pytest.approx([-3.0])
+    for s in (0.3j, 1j, 5j):
+        assert found.system(s)[1, 1] == pytest.approx(unit / (s**2 + 0.02 * s + 1.0), rel=1e-9)
+
+
+def test_what_rounding_leaves_of_an_output_is_no_unit():
+    """Two equal lags that cancel in the second output but for 5e-17 are not shown by it."""
+    A, C = np.diag([-1.0, -2.0, -2.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -1.0]])
+    G = control.ss(A, [[1.0], [0.1 + 0.2], [0.3]], C, 0, remove_useless_states=False)
+    assert abs(G(0.0)[1]) > 0.0
+    assert minimal_realisation(G).system.nstates == 1

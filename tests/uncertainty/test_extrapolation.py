@@ -129,6 +129,14 @@ def test_what_an_assumption_needs_is_not_left_out():
         CircleCover(wide, 1, zeros=0, complex_order=1, leave_out=1)
 
 
+def test_a_share_of_linearity_only_widens_variances_and_lets_plants_be_left_out():
+    bent = Responses(omega=OMEGA, values=plants(), variance=1e-6).linear_within(0.01)
+    program = CircleCover(bent, 1, zeros=0, complex_order=1, leave_out=1)
+    assert program.points.shape[1] <= bent.values.shape[1]
+    with pytest.raises(InputError, match="leave_out counts plants, confidence covers regions"):
+        CircleCover(bent, 1, confidence=0.95, leave_out=1)
+
+
 @pytest.mark.parametrize("content", [0, 1, -0.1, 2, np.nan])
 def test_refused_contents(content):
     with pytest.raises(InputError, match="content is a probability between 0 and 1, it is"):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray
+from workbench._core.arrays import ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
 from workbench.certificate import THIS_SYSTEM, Check, Checker, relative_excess
@@ -25,7 +25,7 @@ from workbench.realisations.system_parts import (
     stable_part,
 )
 from workbench.second_opinion.responses import farthest_apart
-from workbench.systems.balancing import speed, state_units
+from workbench.systems.balancing import balancing, speed, state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.equations.gramians import balancing_projections, gramian_factors
 from workbench.systems.frequency_response import frequency_response
@@ -96,7 +96,7 @@ def minimal_realisation(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) ->
         As of `gramians`; it need not be stable.
     tolerance
         Largest change of the gain, relative to the gain of the system near the poles that are left
-        out.
+        out, with signals in units that make the gains of all channels similar.
 
     Raises
     ------
@@ -167,8 +167,11 @@ def _reduced(part: Matrices, system: StateSpace, tolerance: float) -> Matrices:
         return part
     rate = 1.0 if system.dt else speed(A, B, C)
     a, b = A / rate, B / rate
-    units = state_units(a, b, C)
-    a, b, c = a * units[:, None] / units, b * units[:, None], C / units
+    poles = np.linalg.eigvals(A).astype(complex)
+    into, out = _channel_units(system, poles)
+    b, c = b * into, out[:, None] * C
+    units = state_units(a, b, c)
+    a, b, c = a * units[:, None] / units, b * units[:, None], c / units
     if system.dt:
         shifted = np.eye(len(a)) + a
         back = np.linalg.inv(shifted)
@@ -178,24 +181,47 @@ def _reduced(part: Matrices, system: StateSpace, tolerance: float) -> Matrices:
     else:
         S, R = gramian_factors(a, b, c)
     left, right, values = balancing_projections(S, R)
-    size = max(
-        _size_about(system, np.linalg.eigvals(A).astype(complex)), float(values.max(initial=0.0))
-    )
+    whole = matrices_of(system)
+    gains = out[:, None] * (_values_about(system, poles, whole[:3]) + whole[3]) * into
+    sizes = np.append(np.linalg.norm(gains, axis=(-2, -1)), values)
+    size = float(sizes.max(initial=0.0))
     tails = 2.0 * np.append(np.cumsum(values[::-1])[::-1], 0.0)
     order = int(np.argmax(tails <= tolerance * size))
     T, V = left[:order], right[:, :order]
-    return rate * (T @ a @ V), rate * (T @ b), c @ V, D
+    return rate * (T @ a @ V), rate * (T @ b) / into, (c @ V) / out[:, None], D
 
 
-def _size_about(system: StateSpace, poles: ComplexArray) -> float:
-    """The largest gain of a system at points of the plane around poles, off the boundary."""
+def _channel_units(system: StateSpace, poles: ComplexArray) -> tuple[RealArray, RealArray]:
+    """Factors of the inputs and of the outputs with which all channels have gains of similar size.
+
+    Otherwise an output in metres would have no effect beside one in volts. The sizes are those of
+    the terms of a gain, so that what rounding leaves where terms cancel is no small unit.
+    """
+    A, B, C, D = matrices_of(system)
+    n = len(A)
+    from_u, to_y = (
+        _values_about(system, poles, (A, B, np.eye(n))),
+        _values_about(system, poles, (A, np.eye(n), C)),
+    )
+    terms = np.maximum(np.abs(C) @ np.abs(from_u), np.abs(to_y) @ np.abs(B)) + np.abs(D)
+    out, into = balancing(terms.max(axis=0, initial=0.0), 0)
+    return into, out
+
+
+def _values_about(
+    system: StateSpace, poles: ComplexArray, parts: tuple[RealArray, RealArray, RealArray]
+) -> ComplexArray:
+    """The values (K, p, m) of C (s - A)^-1 B at points of the plane around poles of the system, off
+    the boundary.
+    """
+    A, B, C = parts
     turned = np.exp(1.2j)
     points = 1.0 + np.abs(poles - 1.0) * turned if system.dt else np.abs(poles) * turned
-    A, B, C, D = matrices_of(system)
     with np.errstate(all="ignore"):
-        values = frequency_response(np.block([[A, B], [C, D]]), len(A), points)
-        sizes = np.linalg.norm(values, axis=(-2, -1))
-    return float(sizes[np.isfinite(sizes)].max(initial=0.0))
+        M = np.block([[A, B], [C, np.zeros((len(C), B.shape[1]))]])
+        values = frequency_response(M, len(A), points)
+    found: ComplexArray = values[np.isfinite(values).all(axis=(-2, -1))]
+    return found
 
 
 def _mirrored(part: Matrices) -> Matrices:

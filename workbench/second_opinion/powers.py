@@ -205,18 +205,8 @@ def root_energy(A: Any, B: Any, C: Any, D: Any, dt: float) -> float:
     if not len(A):
         return float(np.linalg.norm(D))
     A, (scale, _) = matrix_balance(A, permute=False, separate=True)
-    B, C = B / scale[:, None], C * scale
-    if not dt:
-        rates = np.abs(np.linalg.eigvals(A))
-        a = float(np.exp(np.mean(np.log(np.maximum(rates, 1e-12 * rates.max())))))
-        inverse = np.linalg.inv(a * np.eye(len(A)) - A)
-        A, C = inverse @ (a * np.eye(len(A)) + A), math.sqrt(2.0 * a) * C @ inverse
-    Q, power = C.T @ C, A
-    for _ in range(DOUBLINGS):
-        more = power.T @ Q @ power
-        Q, power = Q + more, power @ power
-        if np.abs(more).max() <= np.finfo(float).eps * np.abs(Q).max():
-            break
+    B = B / scale[:, None]
+    Q = _summed(A.T, (C * scale).T, dt)
     return float(math.sqrt(max(float(np.trace(B.T @ Q @ B)) + float(np.sum(D**2)), 0.0)))
 
 

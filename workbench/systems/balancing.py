@@ -209,13 +209,19 @@ def _balancing(size: RealArray, channels: int) -> tuple[Array, Array]:
 
 
 def singular(a: Array) -> bool:
-    """Whether a square matrix is singular up to rounding, in any units of rows and columns."""
+    """Whether a square matrix is singular up to rounding, in any units of rows and columns.
+
+    The spectral radius of |a^-1| |a| is the condition number for changes of each entry by a share
+    of its size. It does not depend on these units.
+    """
     if not a.size:
         return False
     if not np.isfinite(a).all():
         return True
-    rows = abs(a).max(axis=1, keepdims=True)
-    scaled = a / np.where(rows > 0.0, rows, 1.0)
-    columns = abs(scaled).max(axis=0)
-    scaled = scaled / np.where(columns > 0.0, columns, 1.0)
-    return not np.linalg.cond(scaled) < 1e14  # true for NaN
+    rows, columns = balancing(a, 0)
+    scaled = rows[:, None] * a * columns
+    try:
+        growth = np.abs(np.linalg.inv(scaled)) @ np.abs(scaled)
+    except np.linalg.LinAlgError:
+        return True
+    return not np.abs(np.linalg.eigvals(growth)).max() < 1e14 if np.isfinite(growth).all() else True

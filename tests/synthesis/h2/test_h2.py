@@ -3,6 +3,7 @@
 import math
 
 import control
+import flint
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -186,6 +187,47 @@ def test_a_sampled_lqg_answers_to_the_newest_measurement():
     assert answer.K.D[0, 0] != 0.0
 
 
+def riccati_in_digits(A, B, Q, R):
+    """X = A'X (1 + G X)^-1 A + Q with G = B B' / R, by doubling in 400 bits."""
+    with flint.ctx.workprec(400):
+        a, b, X = (flint.arb_mat(part.tolist()) for part in (A, B, Q))
+        one, G = flint.arb_mat(np.eye(len(A)).tolist()), b * b.transpose() / R
+        for _ in range(60):
+            between = (one + G * X).inv()
+            G = (G + a * between * G * a.transpose()).mid()
+            X, a = (X + a.transpose() * X * between * a).mid(), (a * between * a).mid()
+        return np.array([[float(x) for x in row] for row in X.tolist()])
+
+
+@pytest.mark.parametrize("dt", [0.01, 1e-3])
+@pytest.mark.parametrize("den", [[1, 0.2, 1], [1, 0, 0], [1, 1, 0], [1, 0, -1]])
+def test_a_transfer_function_that_is_sampled_fast_has_its_lqg(den, dt):
+    """Its states are nearly parallel; SciPy's sorted QZ form fails for most of these."""
+    G = control.ss(control.sample_system(control.tf([1], den), dt))
+    answer = lqg(G, 1.0, 1.0, 1.0, 1.0)
+    A, B, C = G.A, G.B, G.C
+    X, Y = riccati_in_digits(A, B, np.eye(2), 1.0), riccati_in_digits(A.T, C.T, np.eye(2), 1.0)
+    F = B.T @ X @ A / (1.0 + B.T @ X @ B)
+    filtered = Y - Y @ C.T @ C @ Y / (C @ Y @ C.T + 1.0)
+    cost = np.trace(X) + float((F @ filtered @ F.T * (B.T @ X @ B + 1.0))[0, 0])
+    assert answer.norm**2 == pytest.approx(cost, rel=1e-5) and answer.holds
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e10])
+def test_units_of_signals_do_not_count_for_weights(unit):
+    """A variance of nanometres, in square metres, beside one of volts was refused as 0."""
+    A, B, C = np.diag([0.5, -1.0]), np.array([[1.0, 0.2], [0.3, 1.0]]), np.eye(2)
+    R, V = np.array([[1.0, 0.3], [0.3, 0.5]]), np.array([[0.1, 0.02], [0.02, 0.2]])
+    scale = np.diag([1.0, unit])
+    back = np.linalg.inv(scale)
+    answer = lqg(
+        control.ss(A, B @ back, scale @ C, 0), 1.0, back @ R @ back, 1.0, scale @ V @ scale
+    )
+    F, X, _ = control.lqr(A, B, np.eye(2), R)
+    _, Y, _ = control.lqe(A, np.eye(2), C, np.eye(2), V)
+    assert answer.norm**2 == pytest.approx(np.trace(X) + np.trace(R @ F @ Y @ F.T))
+
+
 def test_recovery_brings_the_loop_to_that_of_full_information():
     G = control.ss([[0.0, 1.0], [-3.0, -4.0]], [[0.0], [1.0]], [[2.0, 1.0]], 0)
     Q = 80 * np.array([[35.0**2, 35.0], [35.0, 1.0]]) / 35
@@ -224,7 +266,10 @@ def test_a_mode_that_no_control_reaches_is_named():
         ({"Q": np.eye(3)}, r"Q has shape \(3, 3\); for 2 states \(2, 2\) is needed"),
         ({"Q": [[1.0, 2.0], [0.0, 1.0]]}, "Q is not symmetric"),
         ({"Q": -1.0}, "Q must be positive semidefinite; its least eigenvalue is -1"),
-        ({"R": 0.0}, "R must be positive definite"),
+        ({"Q": [[1.0, 0.0], [0.0, -1e-12]]}, "semidefinite; its least eigenvalue is -1e-12"),
+        ({"Q": [[1e-20, 1e-20], [1e-20, 0.0]]}, "Q must be positive semidefinite"),
+        ({"W": [[1.0, 0.0], [1e-6, 1e-10]]}, "W is not symmetric"),
+        ({"R": 0.0}, "R must be positive definite; it is singular"),
         ({"R": np.eye(2)}, "R has shape"),
         ({"W": "big"}, "W"),
         ({"W": [[np.nan, 0], [0, 1]]}, "W"),

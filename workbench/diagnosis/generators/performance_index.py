@@ -27,7 +27,9 @@ from workbench.executor.effort import tries
 from workbench.input_checks import need_positive
 from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.solvers import slicot_routine
+from workbench.systems.balancing import balanced, balancing
 from workbench.systems.bilinear import to_continuous
+from workbench.systems.generalised_plant import response
 from workbench.systems.range_hints import warn_far_frequencies
 
 NUMBERS = ("lower", "upper", "omega")
@@ -40,8 +42,8 @@ MOST_LEVELS = 60
 """Largest number of levels that are tried."""
 AXIS_DISTANCE_SHARE = 1e-6
 """A zero counts as on the imaginary axis if it is nearer to it than this share of its size."""
-NEGLIGIBLE_INDEX = 1e-10
-"""An index below this counts as 0: it may be rounding."""
+CANCELLED_SHARE = 1e-10
+"""A gain from disturbances counts as 0 up to this share of the terms that cancel in it."""
 VANISHED_GAIN_SHARE = 1e-6
 """At a zero on the axis, a gain from the faults counts as 0 below this share of the largest."""
 
@@ -237,22 +239,26 @@ def _peak(
     omega = np.geomspace(low, high, FIRST_FREQUENCIES)
     values = ratio(omega)
     best, at = float(values.max()), float(omega[values.argmax()])
-    if best < NEGLIGIBLE_INDEX:
-        return 0.0, NEGLIGIBLE_INDEX, at
-    vanish = _axis_zeros(
-        _residual_system(Q, model, residual, faults), np.ones(len(faults)), model.dt
-    )
+    terms = np.linalg.norm(_terms(Q, model, disturbances, omega)[:, residual], axis=1)
+    rounding = CANCELLED_SHARE * float((terms / fault_gain(omega)).max())
+    if best < rounding:
+        return 0.0, rounding, at
+    both = (*faults, *disturbances)
+    sizes = np.abs(residual_response(Q, model, both, omega)[:, residual]).max(axis=0)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    units = sizes[: len(faults)]
+    vanish = _axis_zeros(_residual_system(Q, model, residual, faults, units), units**2, model.dt)
     vanish = vanish[(vanish >= low) & (vanish <= high)]
     if vanish.size:
         least = fault_gain(vanish)
         if least.min() < VANISHED_GAIN_SHARE * fault_gain(omega).max():
             return np.inf, np.inf, float(vanish[least.argmin()])
-    system = _residual_system(Q, model, residual, (*faults, *disturbances))
+    system = _residual_system(Q, model, residual, both, sizes)
     for _ in range(MOST_LEVELS):
         level = (1.0 + tolerance) * best
         # divided by level^2 the spectrum has a pencil with entries of one size
         weights = np.array([1.0] * len(faults) + [-1.0 / level**2] * len(disturbances))
-        zeros = _axis_zeros(system, weights, model.dt)
+        zeros = _axis_zeros(system, weights * sizes**2, model.dt)
         inside = np.sort(zeros[(zeros > low) & (zeros < high)])
         if not inside.size:
             return best, level, at
@@ -267,10 +273,29 @@ def _peak(
     raise SolverError(f"the index of residual {residual + 1} does not settle; give a narrower band")
 
 
+def _terms(Q: StateSpace, model: FaultModel, names: Sequence[str], omega: Array) -> Array:
+    """Bounds (F, r, k) of the terms of which the gains from inputs of the model are sums.
+
+    Rounding may also have left small entries in Q. So Q and the signals [y; u] are bounded by
+    norms, with y and u in units in which all inputs of the model move them alike.
+    """
+    labels = list(model.system.input_labels)
+    into = np.array([[name == u for name in labels] for u in model.controls], dtype=float)
+    into = np.broadcast_to(into.reshape(-1, len(labels)), (len(omega), len(into), len(labels)))
+    signals = np.concatenate([np.abs(model.response(labels, omega)), into], axis=1)
+    units = balancing(signals.max(axis=0), 0)[0]
+    through = np.linalg.norm(response(Q, omega) / units, axis=2)
+    moved = np.linalg.norm(units[:, None] * signals, axis=1)
+    chosen: Array = moved[:, [labels.index(name) for name in names]]
+    return through[:, :, None] * chosen[:, None]
+
+
 def _residual_system(
-    Q: StateSpace, model: FaultModel, residual: int, names: Sequence[str]
+    Q: StateSpace, model: FaultModel, residual: int, names: Sequence[str], units: Array
 ) -> tuple[Array, ...]:
-    """A, B, C, D from inputs of the model to one residual, without modes that cancel."""
+    """A, B, C, D from inputs of the model, divided by units, to one residual, without modes that
+    cancel.
+    """
     import control
 
     B, D = model.matrices(names)
@@ -288,7 +313,9 @@ def _residual_system(
         np.hstack([row.D @ plant.C, row.C]),
         row.D @ plant.D + Q.D[[residual], p:] @ from_u,
     )
-    return _minimal(*matrices)
+    A, B, C, D = matrices
+    B, D = B / units, D / units
+    return _minimal(*balanced(A, B, C), D)
 
 
 def _minimal(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, ...]:

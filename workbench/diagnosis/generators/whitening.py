@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
+from scipy.linalg import LinAlgError, solve_continuous_are
 
 from workbench._core.heavy_types import StateSpace
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
@@ -24,6 +24,7 @@ from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError
 from workbench.input_checks import is_real
+from workbench.systems.equations.riccati import sampled_solution
 from workbench.systems.realisation import Matrices, realisation
 
 NOISE_RANK_SHARE = 1e-9
@@ -129,17 +130,18 @@ def _innovations(
 ) -> Matrices:
     """The filter that whitens the output of (A, B, C, D) driven by white noise, to intensity 1."""
     R, S = D @ D.T + extra**2 * np.eye(len(C)), B @ D.T
+    of_noise = np.vstack([B.T, np.zeros((len(C), len(A)))])
     try:
         if not len(A):
             Y = A
         elif sampled:
-            Y = solve_discrete_are(A.T, C.T, B @ B.T, R, s=S)
+            Y = sampled_solution(A.T, C.T, of_noise, np.vstack([D.T, extra * np.eye(len(C))]))
         else:
             Y = solve_continuous_are(A.T, C.T, B @ B.T, R, s=S)
         spread = R + C @ Y @ C.T if sampled else R
         gain: NDArray[Any] = np.linalg.solve(spread, ((A @ Y if sampled else Y) @ C.T + S).T).T
         root: NDArray[Any] = np.linalg.inv(np.linalg.cholesky(spread))
-    except LinAlgError as error:
+    except (LinAlgError, ValueError) as error:
         raise InputError(
             "noise has no spectral factor: it does not reach every residual at every frequency "
             f"({' '.join(str(error).split())}); give a regularisation, or add measurement noise"

@@ -11,11 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from workbench._core.arrays import RealArray
+from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import lagged_triangle, least_squares
 from workbench.identification.innovations.scaling import Scaling
+from workbench.input_checks import need_kind, need_whole
 
 
 def arx(
@@ -46,7 +48,9 @@ def arx(
     Raises
     ------
     InputError
-        A finding of the record's report forbids its use; `as_experiments` takes ``assume``.
+        The record is none, as arrays are; `as_experiments` makes one. The order is no whole number
+        of 0 or more; or a finding of the record's report forbids its use: `as_experiments` takes
+        ``assume``.
 
     Examples
     --------
@@ -59,6 +63,10 @@ def arx(
     >>> float(model.A[0, 0].round(4)), model.order
     (0.5, 1)
     """
+    need_kind(record, Experiments, "record")
+    need_whole(order, "order")
+    if order < 0:
+        raise InputError(f"order is {order}; it must be 0 or more")
     record.report_for(direct=direct, order=order).need_usable()
     return arx_model(record, order, direct=direct, delay=delay_samples, apart=apart)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from workbench._core.arrays import RealArray
@@ -36,3 +37,8 @@ class IdentifiedModels(ProgramAnswer):
     def lti(self) -> StateSpace:
         """The simulator's system from u to y, at the record's sampling time."""
         return replace(self.simulator, dt=self.dt).system()
+
+    def summary(self) -> str:
+        models = f"predictor of order {self.predictor.order}, simulator of {self.simulator.order}"
+        shown = "" if math.isnan(self.value) else f"\n  free-run fit of y1 {self.value:.4g} %"
+        return f"IdentifiedModels: {models}{shown}"

@@ -16,6 +16,7 @@ from workbench.errors import InputError
 from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
 from workbench.identification.transfer_functions.filters import DerivativeFilter
 from workbench.identification.transfer_functions.record import SampledRecord
+from workbench.input_checks import as_list, need_whole
 
 SINGULAR = 1e-13
 """Reciprocal condition number of the normal equations below which the data do not determine the
@@ -40,6 +41,10 @@ class FilteredRecord:
     def of(
         cls, record: SampledRecord, degrees: tuple[int, int], denominator: ArrayLike
     ) -> FilteredRecord:
+        if len(as_list(degrees, "degrees")) != 2:
+            raise InputError(f"degrees are {degrees}; give two: the numerator's, the denominator's")
+        for one in degrees:
+            need_whole(one, "each of the degrees")
         m, n = degrees
         if not 0 <= m <= n:
             raise InputError(

@@ -33,6 +33,7 @@ from workbench.identification.transfer_functions.filtered_record import (
 )
 from workbench.identification.transfer_functions.filters import mirrored
 from workbench.identification.transfer_functions.record import SampledRecord
+from workbench.input_checks import need_kind
 
 CHANGE_TOLERANCE = 1e-4
 """The iterations end when the coefficients change by less than this, in standard deviations."""
@@ -74,6 +75,7 @@ def filtered_least_squares(
     >>> np.r_[found.numerator, found.denominator].round(2).tolist()
     [3.0, 1.0, 2.0]
     """
+    need_kind(record, SampledRecord, "record")
     model = FilteredRecord.of(record, degrees, denominator)
     phi, target = model.regressors()
     theta = solved(phi.T @ phi, phi.T @ target)
@@ -115,6 +117,8 @@ def refined_instruments(
     >>> refined_instruments(record, start).denominator.round(2).tolist()
     [1.0, 2.0]
     """
+    need_kind(record, SampledRecord, "record")
+    need_kind(start, TransferFunctionEstimate, "start")
     degrees = len(start.numerator) - 1, len(start.denominator) - 1
     values = np.append(start.numerator, mirrored(start.denominator)[1:])
     for done in range(1, MOST_ITERATIONS + 1):
@@ -167,6 +171,8 @@ def output_error(
     >>> output_error(record, start).numerator.round(2).tolist()
     [3.0]
     """
+    need_kind(record, SampledRecord, "record")
+    need_kind(start, TransferFunctionEstimate, "start")
     degrees = len(start.numerator) - 1, len(start.denominator) - 1
     values = np.append(start.numerator, mirrored(start.denominator)[1:])
     model = FilteredRecord.at(record, degrees, values)

@@ -18,7 +18,13 @@ from workbench.systems.joints import system_of
 from workbench.systems.realisation import realisation
 
 SYMMETRY = 1e-9
-"""Relative asymmetry of a weight that counts as rounding."""
+"""Asymmetry of a weight, or a negative eigenvalue, that counts as rounding, with the diagonal
+scaled to 1.
+"""
+DIAGONAL_ROUNDING = 1e-14
+"""An entry of a weight's diagonal up to this share of the largest entry, times the number of
+entries, may be rounding.
+"""
 
 
 def lqg(
@@ -116,13 +122,29 @@ def _root(weight: ArrayLike, size: int, name: str, of: str, *, definite: bool = 
         )
     if not np.isfinite(matrix).all():
         raise InputError(f"{name} has entries that are not finite")
-    scale = float(np.abs(matrix).max(initial=0.0))
-    if np.abs(matrix - matrix.T).max(initial=0.0) > SYMMETRY * scale:
+    scaled, units = _in_own_units(matrix, definite)
+    if np.abs(scaled - scaled.T).max(initial=0.0) > SYMMETRY:
         raise InputError(f"{name} is not symmetric")
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    least = float(values.min(initial=np.inf))
-    if least < -SYMMETRY * scale or (definite and least <= SYMMETRY * scale * bool(size)):
-        kind = "positive definite" if definite else "positive semidefinite"
-        raise InputError(f"{name} must be {kind}; its least eigenvalue is {least:.3g}")
-    root: RealArray = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
+    least = float(values.min(initial=1.0))
+    if least < -SYMMETRY or (definite and least <= SYMMETRY):
+        kind = "definite" if definite else "semidefinite"
+        own = np.linalg.eigvalsh((matrix + matrix.T) / 2)[0]
+        why = f"its least eigenvalue is {own:.3g}" if least < 0.0 else "it is singular"
+        raise InputError(f"{name} must be positive {kind}; {why}")
+    root: RealArray = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * units
     return root if name in ("Q", "R") else root.T
+
+
+def _in_own_units(matrix: RealArray, definite: bool) -> tuple[RealArray, RealArray]:
+    """The matrix (n, n) with its signals in units that make the diagonal 1, and these units (n,).
+
+    Signals may have units as far apart as metres and nanometres. An entry of the diagonal that
+    rounding alone may have left gives no unit: the largest one is used.
+    """
+    diagonal = np.diag(matrix)
+    scale = float(np.abs(matrix).max(initial=0.0)) or 1.0
+    rounding = DIAGONAL_ROUNDING * len(matrix) * scale
+    units = np.sqrt(np.where(diagonal > (0.0 if definite else rounding), diagonal, scale))
+    units[diagonal < -rounding] = np.sqrt(-diagonal[diagonal < -rounding])
+    return matrix / units[:, None] / units, units

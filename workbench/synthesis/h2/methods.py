@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
+from scipy.linalg import LinAlgError, solve_continuous_are
 
 from workbench._core.arrays import RealArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
@@ -21,6 +21,7 @@ from workbench.synthesis.h2.separation import Separated, separated_controller
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
 from workbench.systems.balancing import balanced
+from workbench.systems.equations.riccati import sampled_solution
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import StandardPlant
@@ -88,9 +89,10 @@ def _root(plant: StandardPlant) -> RealArray:
     if not plant.states:
         return np.zeros((0, 0))
     C, D = plant.C1, plant.D12
-    solve = solve_discrete_are if plant.dt else solve_continuous_are
     try:
-        X: RealArray = solve(plant.A, plant.B2, C.T @ C, D.T @ D, s=C.T @ D)
+        if plant.dt:
+            return sampled_solution(plant.A, plant.B2, C, D)
+        X: RealArray = solve_continuous_are(plant.A, plant.B2, C.T @ C, D.T @ D, s=C.T @ D)
     except (LinAlgError, ValueError) as error:
         raise SolverError(f"a Riccati equation is singular or nearly so: {error}") from None
     return X

@@ -29,15 +29,19 @@ from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL
 from workbench.synthesis.h_infinity.methods import LEVEL_ACCURACY, distance
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.settling import Made, claimed
-from workbench.systems.balancing import balanced, speed
-from workbench.systems.bilinear import continuous, to_continuous
+from workbench.systems.balancing import balanced
+from workbench.systems.bilinear import continuous
 from workbench.systems.conversion import as_system, as_weight
-from workbench.systems.equations.riccati import hamiltonian_solution
+from workbench.systems.equations.riccati import (
+    ScaledStates,
+    hamiltonian_solution,
+    scaled_states,
+)
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible_matrices
 from workbench.systems.interconnection import common_dt, named_realisation
 from workbench.systems.norms import hinf_norm
-from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.realisation import Matrices, matrices_of, realisation
 from workbench.systems.standard_plant import standard_plant
 
 HANKEL_ROUNDING = 1e6
@@ -123,18 +127,20 @@ class LoopShaping(HinfSynthesis):
         return replace(answer, whole=self.controller(answer))
 
     @cached_property
+    def scaled_states(self) -> ScaledStates:
+        """The shaped plant in continuous time, with time and states in units of its own."""
+        return scaled_states(matrices_of(self.shaped), sampled=bool(self.shaped.dt))
+
+    @cached_property
     def epsilon_max(self) -> float:
         """The largest margin sqrt(1 - |[N M]|_H^2), where |.|_H is the Hankel norm and N, M are
         normalised left coprime factors.
 
         It is computed from Lyapunov equations of the factors, which no method uses.
         """
-        A, B, C, D = (np.asarray(getattr(self.shaped, name)) for name in "ABCD")
-        if self.shaped.dt:
-            A, B, C, D = to_continuous((A, B, C, D))
-        if not len(A):
+        if not self.shaped.nstates:
             return 1.0
-        A, B, C = balanced(A, B, C)
+        A, B, C, D = self.scaled_states.matrices
         R = np.eye(len(D)) + D @ D.T
         # The generalised filter Riccati equation with its cross term.
         Z = solve_continuous_are(A.T, C.T, B @ B.T, R, s=B @ D.T)
@@ -192,14 +198,8 @@ def _four_blocks(G: StateSpace) -> GeneralisedPlant:
 @method(LoopShaping, "coprime", optimal=False, accuracy=LEVEL_ACCURACY)
 def _coprime_riccati(program: LoopShaping, context: Context) -> Claim:
     """Two Riccati equations of G_s give the least level in closed form; K is made 1e-3 above it."""
-    system = program.shaped
-    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
-    if system.dt:
-        A, B, C, D = to_continuous((A, B, C, D))
-    rate = speed(A, B, C)
-    root = math.sqrt(rate)
-    A, B, C = balanced(A / rate, B / root, C / root)
-    found = _coprime_solutions((A, B, C, D))
+    G, rate, _ = program.scaled_states
+    found = _coprime_solutions(G)
     if found is None:
         return None, Outcome.FAILED, "a Riccati equation has no stabilising solution, numerically"
     X, Z = found
@@ -209,9 +209,10 @@ def _coprime_riccati(program: LoopShaping, context: Context) -> Claim:
     if gamma <= least:
         return None, Outcome.INFEASIBLE, f"no controller is below gamma = {gamma:.6g}: {said}"
     try:
-        Ak, Bk, Ck, Dk = _central((A, B, C, D), X, Z, gamma)
+        Ak, Bk, Ck, Dk = _central(G, X, Z, gamma)
     except LinAlgError as error:
         return None, Outcome.FAILED, f"{said}; {error}"
+    root = math.sqrt(rate)
     K = rate * Ak, -root * Bk, root * Ck, -Dk  # negative feedback
     size = hinf_norm(continuous(standard_plant(program.plant)).close(K))
     return claimed(program, Made(K, size, gamma, said=said))

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from scipy.linalg import LinAlgError, matrix_balance, schur, solve_continuous_are
+from scipy.linalg import (
+    LinAlgError,
+    matrix_balance,
+    schur,
+    solve_continuous_are,
+    solve_discrete_are,
+)
 
 from workbench._core.arrays import EPS, RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.errors import SolverError
-from workbench.systems.balancing import balanced
-from workbench.systems.realisation import realisation
+from workbench.errors import InputError, SolverError
+from workbench.systems.balancing import balanced, singular, speed, state_units
+from workbench.systems.bilinear import to_continuous
+from workbench.systems.realisation import Matrices, realisation
 
 ASYMMETRY_TOLERANCE = 1e-4
 """Largest asymmetry of X1^T X2, relative to its largest entry. Rounding errors cause less than
@@ -86,6 +95,75 @@ def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
     if values[0] < -NEGATIVE_EIGENVALUE_TOLERANCE * max(values[-1], 0.0) - AXIS_ROUNDING * error:
         return None
     return X / half[:, None] / half
+
+
+def sampled_solution(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> RealArray:
+    """The stabilising X (n, n): u minimises the sum of |C x + D u|^2, x[k + 1] = A x[k] + B u[k].
+
+    s = (z - 1) / (z + 1) gives a continuous-time equation with the same X (V. Mehrmann, IMA J.
+    Numerical Analysis 16 (1996) 407-438). There time is scaled, so that poles may lie as near to
+    z = 1 as fast sampling puts them. SciPy solves equations that this transformation does not
+    suit, such as those with a pole at z = -1.
+
+    Raises LinAlgError if there is no solution.
+    """
+    X = _solution_in_continuous_time(A, B, C, D)
+    if X is not None:
+        return X
+    try:
+        found: RealArray = solve_discrete_are(A, B, C.T @ C, D.T @ D, s=C.T @ D)
+    except ValueError as error:
+        raise LinAlgError(str(error)) from None
+    return found
+
+
+def _solution_in_continuous_time(
+    A: RealArray, B: RealArray, C: RealArray, D: RealArray
+) -> RealArray | None:
+    """As `sampled_solution`; None where the transformed equation gives no solution."""
+    try:
+        (A, B, C, D), _, into = scaled_states((A, B, C, D), sampled=True)
+    except InputError:
+        return None
+    R = D.T @ D
+    if singular(R):
+        return None
+    gain = np.linalg.solve(R, D.T @ C)
+    A, C = A - B @ gain, C - D @ gain
+    X = hamiltonian_solution(np.block([[A, -B @ np.linalg.solve(R, B.T)], [-C.T @ C, -A.T]]))
+    return None if X is None else into.T @ X @ into
+
+
+class ScaledStates(NamedTuple):
+    """A realisation with its unit of time 1 / ``rate``; its states are ``into`` x of the given
+    x.
+    """
+
+    matrices: Matrices
+    rate: float
+    into: RealArray
+
+
+def scaled_states(given: Matrices, *, sampled: bool) -> ScaledStates:
+    """A realisation in continuous time, with time and states in units of its own.
+
+    A sampled one is transformed by s = (z - 1) / (z + 1). If a transfer function is sampled fast,
+    its states are nearly parallel. No units of the states separate them, but those of a Schur form
+    are separated.
+
+    Raises InputError for a pole at z = -1.
+    """
+    A, B, C, D = given
+    U = np.eye(len(A))
+    if sampled and len(A):
+        T, U = schur(A)
+        A, B, C, D = to_continuous((T, U.T @ B, C @ U, D))
+    rate = speed(A, B, C)
+    root = rate**0.5
+    A, B, C = A / rate, B / root, C / root
+    units = state_units(A, B, C)
+    parts = A * units[:, None] / units, B * units[:, None], C / units, D
+    return ScaledStates(parts, rate, units[:, None] * U.T)
 
 
 FAR = 2.0**60

@@ -154,7 +154,8 @@ class UncertaintyCover(Program):
             raise InputError(
                 "known plants are stable: leave out unstable_poles, or give their responses alone"
             )
-        if self.leave_out and self.responses.assumption:
+        # Points with a variance are estimates; those that stand for an assumption have none.
+        if self.leave_out and self.responses.assumption and self.responses.variance is None:
             raise InputError(
                 f"leave_out is {self.leave_out}, but the responses stand for an assumption "
                 f"({self.responses.assumption}), which needs all of them"

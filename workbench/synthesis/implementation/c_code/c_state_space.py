@@ -6,12 +6,13 @@ import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.linalg import null_space, solve_discrete_are
+from scipy.linalg import null_space
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import SolverError
 from workbench.synthesis.implementation.working_point.actuator import Actuator
+from workbench.systems.equations.riccati import sampled_solution
 
 CONDITIONING_NOISE = 1e-4
 """Assumed error of a control in the design of the anti-windup gain, relative to the controller's
@@ -171,13 +172,15 @@ def anti_windup_gain(K: StateSpace) -> RealArray:
     if not len(A):
         return np.zeros((0, len(C)))
     size = float(np.abs(D).max() + np.abs(C).max() * np.abs(B).max()) or 1.0
-    noise = (CONDITIONING_NOISE * size) ** 2 * np.eye(len(C))
+    noise = CONDITIONING_NOISE * size * np.eye(len(C))
+    entering = np.vstack([B.T, np.zeros((len(C), len(A)))])
     try:
-        P = solve_discrete_are(A.T, C.T, B @ B.T, D @ D.T + noise, s=B @ D.T)
-    except (np.linalg.LinAlgError, ValueError) as error:
+        P = sampled_solution(A.T, C.T, entering, np.vstack([D.T, noise]))
+    except np.linalg.LinAlgError as error:
         raise SolverError(
             f"there is no anti-windup gain: {error}; a pole on the unit circle that no measurement "
             "moves? remove it, or give no limits"
         ) from None
-    gain: RealArray = np.linalg.solve(C @ P @ C.T + D @ D.T + noise, (A @ P @ C.T + B @ D.T).T).T
+    spread = C @ P @ C.T + D @ D.T + noise @ noise
+    gain: RealArray = np.linalg.solve(spread, (A @ P @ C.T + B @ D.T).T).T
     return gain

@@ -12,15 +12,18 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, null_space, solve_continuous_lyapunov, solve_discrete_lyapunov
+from scipy.linalg import LinAlgError, null_space, solve_discrete_lyapunov
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.certify.stability import stability_check
+from workbench.errors import InputError
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h2.direct import DIRECT_TERM_ROUNDING, direct_term
+from workbench.systems.balancing import balanced, state_units
 from workbench.systems.bilinear import from_continuous_plane
+from workbench.systems.equations.gramians import gramian_factors
 from workbench.systems.realisation import Matrices, matrices_of, realisation
 from workbench.systems.standard_plant import StandardPlant
 
@@ -97,10 +100,11 @@ class EnergyProblem:
         if not dt and not direct_term(self.plant, K.D) <= DIRECT_TERM_ROUNDING:
             return unstable
         try:
-            P, Q = _gramian(A, B, dt), _gramian(A.T, C.T, dt)
-        except (LinAlgError, RuntimeWarning):  # the Lyapunov equation is singular up to rounding
+            P, Q = _gramians(A, B, C, dt)
+        except (LinAlgError, InputError, RuntimeWarning):  # singular up to rounding
             return unstable
-        return float(np.trace(B.T @ Q @ B) + np.sum(D**2)), P, Q, loop
+        energy = float(np.trace(B.T @ Q @ B) + np.sum(D**2))
+        return (energy, P, Q, loop) if energy >= 0.0 else unstable
 
     def _derivatives(self, x: RealArray) -> list[RealArray]:
         """Derivatives (k, ...) of the matrices of the loop by the parameters."""
@@ -114,11 +118,18 @@ class EnergyProblem:
         return [np.array(each) for each in zip(*found, strict=True)]
 
 
-def _gramian(A: RealArray, B: RealArray, dt: float) -> RealArray:
-    """The controllability Gramian of a stable system; warnings of SciPy become errors."""
+def _gramians(A: RealArray, B: RealArray, C: RealArray, dt: float) -> tuple[RealArray, RealArray]:
+    """The Gramians of a stable system; warnings of SciPy become errors.
+
+    In continuous time they are products of factors: beside a pole as fast as that of a derivative's
+    filter, the equations themselves lose digits, up to the sign of the energy.
+    """
+    if not dt:
+        units = state_units(A, B, C)
+        S, R = gramian_factors(*balanced(A, B, C))
+        S, R = S / units[:, None], R * units
+        return S @ S.T, R.T @ R
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
-        found = (
-            solve_discrete_lyapunov(A, B @ B.T) if dt else solve_continuous_lyapunov(A, -B @ B.T)
-        )
-    return np.asarray(found, dtype=float)
+        P, Q = (solve_discrete_lyapunov(*pair) for pair in ((A, B @ B.T), (A.T, C.T @ C)))
+    return np.asarray(P, dtype=float), np.asarray(Q, dtype=float)
