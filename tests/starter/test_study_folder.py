@@ -9,6 +9,7 @@ import nbformat
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.signal import lfilter
 
 import workbench as wb
 from workbench.bench.project import use_problems
@@ -265,3 +266,20 @@ def test_the_simulated_step_is_one_that_a_record_has_seen(records, tmp_path):
     files = records.parent.glob("*.csv")
     speeds = [np.loadtxt(file, delimiter=",", skiprows=1)[:, 2] for file in files]
     assert step == pytest.approx(max(map(np.ptp, speeds)) / 2, rel=1e-2)
+
+
+@pytest.mark.parametrize("away", [-4e-12, 4e-12])
+def test_a_line_at_a_tenth_of_the_sampling_rate_is_used_however_times_are_rounded(
+    tmp_path, untried, away
+):
+    """Of a sampling time that is told to nine digits, the last line may lie beyond the tenth."""
+    rng, lines, count = np.random.default_rng(2), np.arange(1, 51, 7), 500
+    angle = 2 * np.pi * np.outer(np.arange(count), lines) / count
+    u = np.tile(np.cos(angle + rng.uniform(0, 6, lines.size)).sum(axis=1), 4)
+    time = (0.01 + away) * np.arange(u.size)
+    for k in (1, 2):
+        y = lfilter([0.0, 0.1 * k], [1.0, -0.9], u) + 1e-3 * rng.standard_normal(u.size)
+        table = np.column_stack([time, u, y])
+        np.savetxt(tmp_path / f"lag{k}.csv", table, delimiter=",", header="time,u,y", comments="")
+    chosen = write_study(tmp_path / "lag", str(tmp_path / "lag*.csv"))
+    assert chosen.band_hz[1] == pytest.approx(10.0, rel=1e-6)

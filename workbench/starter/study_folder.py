@@ -22,6 +22,11 @@ from workbench.starter.rest import refuse_opposite_gains
 from workbench.starter.study_files import write_files
 from workbench.uncertainty import Responses
 
+ROUNDED = 1e-6
+"""Relative difference between a measured frequency and a multiple of the sampling rate that counts
+as rounding of the recorded times.
+"""
+
 
 def write_study(
     folder: str | Path,
@@ -220,7 +225,7 @@ def usable_responses(
         assume=assume,
         hold=True,
         **stated,
-    ).within(0.0, UNDISTORTED / look.period)
+    ).within(0.0, (1 + ROUNDED) * UNDISTORTED / look.period)
     refuse_opposite_gains(responses, list(responses.plants))
     notes = tuple(filter(None, [responses.assumption])) + look.notes
     responses = responses.linear_within(BENT)
