@@ -28,7 +28,8 @@ TRAN_DINH = {
 """Least norms of static gains: the best of HIFOO, PENBMI and the authors' own method.
 
 For AC9 and EB1 to EB3 the norm is HIFOO's. The lower norms that were listed here before the first
-run are below what controllers of any order can reach.
+run are below what controllers of any order can reach. HIFOO, run as below for 20 s, confirms the
+norm of HE5 (8.89516); in 12 s it reached 0.320062 for AC12.
 
 Q. Tran Dinh, S. Gumussoy, W. Michiels, M. Diehl, Combining convex-concave decompositions and
 linearization approaches for solving BMIs, with application to static output feedback, IEEE Trans.
@@ -36,7 +37,7 @@ Automatic Control 57 (2012) 1377-1390.
 """
 
 APKARIAN_NOLL = {("AC10", 0): 13.11, ("AC10", 1): 10.21, ("BDT2", 0): 0.8364, ("HF1", 0): 0.447}
-"""Least norms by plant and order.
+"""Least norms by plant and order. That of HF1 is rounded: no controller reaches less than 0.4472.
 
 P. Apkarian, D. Noll, Nonsmooth H-infinity synthesis, IEEE Trans. Automatic Control 51 (2006) 71-86.
 """

@@ -27,19 +27,27 @@ WELL_STABLE = 0.02
 """Distance of the rightmost pole from the axis, relative to the plant's speed, that is enough."""
 DECADES = 1.0
 """Standard deviation of the magnitude of random gains [decades]."""
+UNSCALED_SHARE = 0.5
+"""Share of the random controllers with gains of size one in the user's units, which are often
+chosen so that the gains that matter are of that size.
+"""
 
 
 def stable_draws(
     norm: LoopNorm, family: FreeMatrices, rng: np.random.Generator, count: int
 ) -> Iterator[RealArray]:
-    """Parameters (k,) of random controllers whose loops are stable; fewer where few become so."""
+    """Parameters (k,) of random controllers whose loops are stable; fewer where few become so.
+
+    Controllers have gains of the plant's own sizes, or of size one.
+    """
     speed, gains = sizes_of(norm.plant)
     n, m, p = family.order, family.inputs, family.outputs
     row, column = np.ones((n + p, 1)), np.ones((1, n + m))
     row[:n], column[0, :n] = math.sqrt(speed), math.sqrt(speed)
     for _ in range(count):
         units = row * column
-        units[n:, n:] = gains * 10.0 ** (DECADES * rng.normal())
+        unscaled = rng.random() < UNSCALED_SHARE
+        units[n:, n:] = 1.0 if unscaled else gains * 10.0 ** (DECADES * rng.normal())
         unit = units.ravel()
         start = unit * rng.normal(size=unit.size)
         rightmost = partial(_rightmost_pole, norm, family, speed, unit)

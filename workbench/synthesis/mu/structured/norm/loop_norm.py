@@ -19,7 +19,6 @@ from workbench._core.arrays import RealArray
 from workbench.solvers import slicot_routine
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
-from workbench.systems.balancing import balanced
 from workbench.systems.norms import stable
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
@@ -120,13 +119,13 @@ def peak_of(loop: Matrices) -> tuple[float, float]:
 
     The states are balanced first: SLICOT overlooks peaks where their units are too different.
     """
-    A, B, C = balanced(*loop[:3])
-    D = loop[3]
+    A, B, C, D = loop
     if not len(A):
         return float(np.linalg.norm(D, 2)), 1.0
     sizes = len(A), B.shape[1], len(C)
     unit = np.eye(len(A))
     try:
+        _, A, B, C, _ = slicot_routine("tb01id")(*sizes, 0.0, A, B, C)
         peak, omega = slicot_routine("ab13dd")(
             "C", "I", "S", "D", *sizes, A, unit, B, C, D, NORM_ACCURACY
         )
