@@ -89,16 +89,16 @@ def test_bad_input_of_the_fit(signal, frequency, harmonics, message):
 
 
 @pytest.mark.parametrize(
-    ("frequencies", "periods", "rate", "message"),
+    ("frequencies", "periods", "dt", "message"),
     [
-        ([10.0, 60.0], 3, 100.0, "60 Hz .* Nyquist"),
-        ([10.0], 0, 100.0, "at least one period"),
-        ([10.0, 20.0], [1, 0], 100.0, "at least one period"),
-        ([10.0], 1.5, 100.0, "whole numbers"),
-        ([10.0], 3, 0.0, "sample rate"),
-        ([np.nan], 3, 100.0, "NaN"),
+        ([10.0, 60.0], 3, 0.01, "60 Hz .* Nyquist"),
+        ([10.0], 0, 0.01, "at least one period"),
+        ([10.0, 20.0], [1, 0], 0.01, "at least one period"),
+        ([10.0], 1.5, 0.01, "whole numbers"),
+        ([10.0], 3, 0.0, "dt is 0"),
+        ([np.nan], 3, 0.01, "NaN"),
     ],
 )
-def test_bad_input_of_the_excitation(frequencies, periods, rate, message):
+def test_bad_input_of_the_excitation(frequencies, periods, dt, message):
     with pytest.raises(InputError, match=message):
-        SteppedSine(frequencies, periods, 1.0, 1 / rate)
+        SteppedSine(frequencies, periods, 1.0, dt)
