@@ -74,4 +74,5 @@ def _number(row: Mapping[str, Any]) -> Number:
     if "within" in row:
         off = row["within"] * abs(row["printed"])
         low, high = row["printed"] - off, row["printed"] + off
-    return Number(row["what"], row["run"], quantity, low, high, printed, row.get("exact", False))
+    exact, untouched = row.get("exact", False), tuple(row.get("untouched", ()))
+    return Number(row["what"], row["run"], quantity, low, high, printed, exact, untouched)

@@ -72,7 +72,8 @@ class Number:
 
     ``run`` is a problem's name. ``printed`` is the value in the thesis, if it states one. A number
     without limits decides nothing and is only shown. ``exact``: whether the number is independent
-    of the draws of its run and of variables that no parameter of the run sets.
+    of the draws of its run and of variables that no parameter of the run sets. ``untouched``:
+    variables that parameters of the run set, and that leave this number as it is.
     """
 
     what: str
@@ -82,6 +83,7 @@ class Number:
     high: float = math.inf
     printed: float | None = None
     exact: bool = False
+    untouched: tuple[str, ...] = ()
 
     @property
     def told(self) -> tuple[str, ...]:
@@ -90,6 +92,8 @@ class Number:
 
     def depends_on(self, name: str) -> bool:
         """Whether the number may change with a variable."""
+        if name in self.untouched:
+            return False
         touching = of_problem(self.run)
         set_by_run = touching.get(name) is not None
         return (

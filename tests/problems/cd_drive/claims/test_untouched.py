@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tables import each
-from workbench.plants.cd_drive.claims.assignments import of_problem, variables
+from workbench.plants.cd_drive.claims import summaries
+from workbench.plants.cd_drive.claims.assignments import asked as parameters_of
+from workbench.plants.cd_drive.claims.assignments import natural, of_problem, variables
 from workbench.plants.cd_drive.claims.chapters import numbers, sources
 from workbench.plants.cd_drive.drive.disc import VELOCITY
 from workbench.plants.cd_drive.drive.tables import (
@@ -136,3 +138,17 @@ def test_exact_numbers_of_the_excursion_follow_from_closed_forms():
         assert run.metrics[name] == pytest.approx(1e6 * largest, rel=1e-9)
     nominal = find_drive("focus", "nominal")
     assert len({coil_gain(nominal, gain) for gain in variables()["gain"].values}) == 1
+
+
+def test_numbers_that_are_said_to_be_untouched_are_so_in_the_runs_of_other_readings():
+    tried = 0
+    for number in numbers():
+        value = number.quantity.of(stored(number.run)) if number.untouched else None
+        for name in number.untouched:
+            for answer in variables()[name].values:
+                parameters = parameters_of(number.run, natural() | {name: answer}, number.told)
+                key = (number.run, summaries.words(parameters or {}), str(number.quantity))
+                if parameters and key in summaries.stored():
+                    assert summaries.stored()[key].value == pytest.approx(value, rel=1e-5)
+                    tried += 1
+    assert tried > 20
