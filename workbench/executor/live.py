@@ -155,7 +155,7 @@ def _announce_compilation() -> Iterator[None]:
 @cache
 def _announce() -> None:
     """Print, once in a process, that it is compiling."""
-    words = "workbench: compiling loops, which can take a minute; later starts find them on disk"
+    words = "workbench: compiling loops, which can take minutes; later starts find them on disk"
     print(words, file=sys.stderr, flush=True)
 
 

@@ -39,10 +39,10 @@ from ..diagnosis.scratch_draws import ScratchDraw
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis
-from ..laboratory.bench_reading import BenchReading
 from ..laboratory.bench_setup import RATE
 from ..laboratory.printed_noise import Amplitude, Fixed
 from ..laboratory.record import Record
+from .bench_reading import BenchReading
 from .strategies.runs import AFTER, FALSE, Experiment
 from .strategy_looks import COLOURS, titled
 

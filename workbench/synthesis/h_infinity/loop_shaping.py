@@ -35,7 +35,7 @@ from workbench.systems.conversion import as_system, as_weight
 from workbench.systems.equations.riccati import (
     ScaledStates,
     hamiltonian_solution,
-    scaled_states,
+    scaled_realisation,
 )
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible_matrices
@@ -129,7 +129,7 @@ class LoopShaping(HinfSynthesis):
     @cached_property
     def scaled_states(self) -> ScaledStates:
         """The shaped plant in continuous time, with time and states in units of its own."""
-        return scaled_states(matrices_of(self.shaped), sampled=bool(self.shaped.dt))
+        return scaled_realisation(matrices_of(self.shaped), sampled=bool(self.shaped.dt))
 
     @cached_property
     def epsilon_max(self) -> float:

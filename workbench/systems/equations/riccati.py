@@ -122,7 +122,7 @@ def _solution_in_continuous_time(
 ) -> RealArray | None:
     """As `sampled_solution`; None where the transformed equation gives no solution."""
     try:
-        (A, B, C, D), _, into = scaled_states((A, B, C, D), sampled=True)
+        (A, B, C, D), _, into = scaled_realisation((A, B, C, D), sampled=True)
     except InputError:
         return None
     R = D.T @ D
@@ -144,7 +144,7 @@ class ScaledStates(NamedTuple):
     into: RealArray
 
 
-def scaled_states(given: Matrices, *, sampled: bool) -> ScaledStates:
+def scaled_realisation(given: Matrices, *, sampled: bool) -> ScaledStates:
     """A realisation in continuous time, with time and states in units of its own.
 
     A sampled one is transformed by s = (z - 1) / (z + 1). If a transfer function is sampled fast,

@@ -38,9 +38,9 @@ from workbench.types import DataArray, Dataset, Figure, RealArray
 from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.printed_noise import Amplitude, Fixed
+from ..bench_reading import BenchReading
 from .figures import SHOWN, one_record, reactions
 from .runs import CONTROLLERS, THIRD, PlainLoop, Reaction
 

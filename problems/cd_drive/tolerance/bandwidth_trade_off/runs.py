@@ -20,9 +20,9 @@ from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.plants import controller
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, red_book
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD, RATE, find_drive
 from ...laboratory.record import Record
+from ..bench_reading import BenchReading
 
 MET = 0.45
 """Time [s] at which the scratch begins; the disc is at full deviation since 0.2 s."""

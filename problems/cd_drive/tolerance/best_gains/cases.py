@@ -13,9 +13,9 @@ import numpy as np
 from workbench.simulation import Cascade, Part, linear_controller
 from workbench.types import RealArray, StateSpace
 
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import MEASUREMENTS
+from ..bench_reading import BenchReading
 from ..ensemble import Circumstance
 from ..playability.runs import evaluated, sampled_controller, scored
 from ..tactics import Strategies, clean_level

@@ -33,9 +33,9 @@ from workbench.types import DataArray, Dataset, Figure, RealArray
 from ...drive.plants import Gain
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.printed_noise import Amplitude, Fixed
+from ..bench_reading import BenchReading
 from ..ensemble import GROUPS, circumstances, groups
 from ..playability.runs import chosen, met, sampled_controller
 from ..playability.search import LARGEST_SENSITIVITY, peak_sensitivity

@@ -40,9 +40,9 @@ from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, red_book
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.printed_noise import Amplitude, Fixed
+from ..bench_reading import BenchReading
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES, stand_in_filter
 from .cells import cells_table

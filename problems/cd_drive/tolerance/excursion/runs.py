@@ -19,9 +19,9 @@ from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, red_book
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import RATE
 from ...laboratory.record import Record
+from ..bench_reading import BenchReading
 from ..tactics import STRATEGIES, Strategies, clean_level
 from .theory import BlindLens
 

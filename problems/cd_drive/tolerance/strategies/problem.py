@@ -41,10 +41,10 @@ from ...drive.plants import Gain
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values, drives
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.printed_noise import Amplitude, Fixed
 from ...laboratory.record import Record
+from ..bench_reading import BenchReading
 from ..tactics import STRATEGIES, Strategies, stand_in_filter
 from .claims import CLAIMED, LEVELS, claims_table, error_tables, over_reference, unmet
 from .figures import strategy_figures
@@ -126,7 +126,9 @@ def strategies(
     F = stand_in_filter()
     if fault_filter in DESIGNED:
         if designed is None:
-            raise InputError(f"the fault filter {fault_filter!r} is asked for, and no run of it")
+            raise InputError(
+                f"the fault filter {fault_filter!r} is asked for, and no run of it is given"
+            )
         F = restored_system(designed.data, DESIGNED[fault_filter][1])
     K_prime = discretise(slower.answer.K, PERIOD)
     reading = BenchReading(gain, delay, noise, noise_fixed)

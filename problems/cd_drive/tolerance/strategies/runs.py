@@ -20,9 +20,9 @@ from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, Values, red_book
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.record import Record
+from ..bench_reading import BenchReading
 from ..scenario import Scenario, Stage
 
 ENGAGED = 1.0

@@ -38,8 +38,8 @@ from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
-from ...laboratory.bench_reading import BenchReading
 from ...laboratory.printed_noise import Amplitude, Fixed
+from ..bench_reading import BenchReading
 from ..strategies.runs import LENGTH, Experiment, StrategyOutcome
 from ..strategy_looks import titled
 

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import pytest
-from workbench.plants.cd_drive.laboratory.bench_reading import BenchReading
 from workbench.plants.cd_drive.laboratory.bench_setup import NOISE
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
+from workbench.plants.cd_drive.tolerance.bench_reading import BenchReading
 
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])

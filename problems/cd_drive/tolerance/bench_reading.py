@@ -7,8 +7,8 @@ from typing import Any
 
 from ..drive.plants import Gain
 from ..drive.tables import Axis, Values
-from .experiment import Laboratory
-from .printed_noise import Amplitude, Fixed, position_noise
+from ..laboratory.experiment import Laboratory
+from ..laboratory.printed_noise import Amplitude, Fixed, position_noise
 
 
 @dataclass(frozen=True)
