@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench._core.arrays import ComplexArray, RealArray
+from workbench._core.arrays import Array, ComplexArray, RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.answer import Answer
 from workbench.certificate import THIS_SYSTEM, Check, Checker, relative_excess
@@ -183,7 +183,7 @@ def _reduced(part: Matrices, system: StateSpace, tolerance: float) -> Matrices:
     left, right, values = balancing_projections(S, R)
     whole = matrices_of(system)
     gains = out[:, None] * (_values_about(system, poles, whole[:3]) + whole[3]) * into
-    sizes = np.append(np.linalg.norm(gains, axis=(-2, -1)), values)
+    sizes = np.append(np.linalg.norm(_finite(gains), axis=(-2, -1)), values)
     size = float(sizes.max(initial=0.0))
     tails = 2.0 * np.append(np.cumsum(values[::-1])[::-1], 0.0)
     order = int(np.argmax(tails <= tolerance * size))
@@ -203,25 +203,29 @@ def _channel_units(system: StateSpace, poles: ComplexArray) -> tuple[RealArray, 
         _values_about(system, poles, (A, B, np.eye(n))),
         _values_about(system, poles, (A, np.eye(n), C)),
     )
-    terms = np.maximum(np.abs(C) @ np.abs(from_u), np.abs(to_y) @ np.abs(B)) + np.abs(D)
-    out, into = balancing(terms.max(axis=0, initial=0.0), 0)
+    with np.errstate(all="ignore"):
+        terms = np.maximum(np.abs(C) @ np.abs(from_u), np.abs(to_y) @ np.abs(B)) + np.abs(D)
+    out, into = balancing(_finite(terms).max(axis=0, initial=0.0), 0)
     return into, out
 
 
 def _values_about(
     system: StateSpace, poles: ComplexArray, parts: tuple[RealArray, RealArray, RealArray]
 ) -> ComplexArray:
-    """The values (K, p, m) of C (s - A)^-1 B at points of the plane around poles of the system, off
-    the boundary.
+    """The values (n, p, m) of C (s - A)^-1 B at points of the plane around the n poles of the
+    system, off the boundary.
     """
     A, B, C = parts
     turned = np.exp(1.2j)
     points = 1.0 + np.abs(poles - 1.0) * turned if system.dt else np.abs(poles) * turned
     with np.errstate(all="ignore"):
         M = np.block([[A, B], [C, np.zeros((len(C), B.shape[1]))]])
-        values = frequency_response(M, len(A), points)
-    found: ComplexArray = values[np.isfinite(values).all(axis=(-2, -1))]
-    return found
+        return frequency_response(M, len(A), points)
+
+
+def _finite(values: Array) -> Array:
+    """Those of the matrices (n, p, m) that are finite."""
+    return values[np.isfinite(values).all(axis=(-2, -1))]
 
 
 def _mirrored(part: Matrices) -> Matrices:
