@@ -174,3 +174,13 @@ def test_what_rounding_leaves_of_an_output_is_no_unit():
     G = control.ss(A, [[1.0], [0.1 + 0.2], [0.3]], C, 0, remove_useless_states=False)
     assert abs(G(0.0)[1]) > 0.0
     assert minimal_realisation(G).system.nstates == 1
+
+
+@pytest.mark.parametrize("far", [1e4, 1e6])
+def test_a_fast_mode_that_matters_about_its_own_frequency_stays(far):
+    """Poles at 1/far and far with equal residues: about far both have the same gain."""
+    G = control.ss(np.diag([-1 / far, -far]), np.ones((2, 1)), np.ones((1, 2)), 0)
+    found = minimal_realisation(G).system
+    assert found.nstates == 2
+    s = 1j * far
+    np.testing.assert_allclose(found(s), 1 / (s + 1 / far) + 1 / (s + far), rtol=1e-8)

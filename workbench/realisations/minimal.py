@@ -161,7 +161,9 @@ def _errors(system: StateSpace, parts: SystemParts, kept: list[Matrices]) -> tup
 
 
 def _reduced(part: Matrices, system: StateSpace, tolerance: float) -> Matrices:
-    """A stable part by balanced truncation to the least order within the tolerance."""
+    """A stable part by balanced truncation, to the least order that is within the tolerance as a
+    whole and about every pole.
+    """
     A, B, C, D = part
     if not len(A):
         return part
@@ -186,7 +188,23 @@ def _reduced(part: Matrices, system: StateSpace, tolerance: float) -> Matrices:
     sizes = np.append(np.linalg.norm(_finite(gains), axis=(-2, -1)), values)
     size = float(sizes.max(initial=0.0))
     tails = 2.0 * np.append(np.cumsum(values[::-1])[::-1], 0.0)
-    order = int(np.argmax(tails <= tolerance * size))
+    least = int(np.argmax(tails <= tolerance * size))
+
+    def values_about(order: int) -> ComplexArray:
+        """The values of the part, truncated to an order, at the points of `gains`."""
+        T, V = left[:order], right[:, :order]
+        return _values_about(system, poles, (rate * (T @ a @ V), rate * (T @ b), c @ V))
+
+    exact = _values_about(system, poles, (rate * a, rate * b, c))
+    allowed = tolerance * np.linalg.norm(gains, axis=(-2, -1))
+    order = next(
+        (
+            k
+            for k in range(least, len(a))
+            if (np.linalg.norm(exact - values_about(k), axis=(-2, -1)) <= allowed).all()
+        ),
+        len(a),
+    )
     T, V = left[:order], right[:, :order]
     return rate * (T @ a @ V), rate * (T @ b) / into, (c @ V) / out[:, None], D
 

@@ -43,7 +43,7 @@ def stored(reference):
 def test_the_stand_ins_margins_are_those_of_another_study(reference):
     found = delayed_margins("focus", {"F": stand_in_filter()}, 1.0)
     known = reference("cd/focus/switching-stability").data.sel(controller="K (1 - F)")
-    for name, values in (("growth", found.growth), ("phase_margin", found.phase)):
+    for name, values in (("growth", found.growth), ("phase_margin", found.phase_deg)):
         expected = known[name].transpose("sampling", "plant").values
         np.testing.assert_allclose(values[0], expected, rtol=1e-3)
 
