@@ -26,7 +26,7 @@ natural reading. Below them stand the runs on which the verdict rests, each with
 command that makes it again: first those that give these numbers, then those that show other
 [readings](thesis.md#readings)."""
 TRUTH = {True: "true", False: "false", None: "not decided"}
-WHY_OPEN = {
+COUNTED = {
     "false": "it is false under {}",
     "true": "it is true under {}",
     "not decided": "under {} a limit is within the interval of a number",
@@ -93,7 +93,7 @@ def _why(item: Item, found: Lookup) -> str:
 def counted(item: Item, found: Lookup, most: int | None = None) -> dict[str, int]:
     """Numbers of the readings of an item by what is known of it; `most`: changes of an answer."""
     deciding = [number for number in item.numbers if number.decides]
-    counts = dict.fromkeys(WHY_OPEN, 0)
+    counts = dict.fromkeys(COUNTED, 0)
     for own, told in standings(item, found):
         if most is not None and changes(own) > most:
             continue
@@ -104,7 +104,7 @@ def counted(item: Item, found: Lookup, most: int | None = None) -> dict[str, int
 
 def _counts(counts: Mapping[str, int]) -> str:
     """Numbers of readings as words."""
-    return ", ".join(WHY_OPEN[name].format(count) for name, count in counts.items() if count)
+    return ", ".join(COUNTED[name].format(count) for name, count in counts.items() if count)
 
 
 def _runs(item: Item, found: Lookup, runs: Runs) -> str:

@@ -32,9 +32,6 @@ SHORTER: dict[str, dict[str, Any]] = {
     "linearity": {"draws": 2},
     "optical-gain": {"draws": 2},
     "strategies": {"draws": 4},
-    "false-detections": {"draws": 12},
-    "wrong-rotation": {"draws": 12},
-    "bandwidth-trade-off": {"draws": 12},
 }
 """Parameters that make runs under another reading shorter than the reference results."""
 ONE_CHANGE = (

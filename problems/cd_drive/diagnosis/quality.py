@@ -7,7 +7,6 @@ to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -56,27 +55,7 @@ def no_alarm() -> Controller:
     return Controller(_no_alarm, np.zeros(0), np.zeros(0), reads=1)
 
 
-def prompt_quality(intervals: Sequence[tuple[float, float]], dt: float) -> Controller:
-    """Part that gives 0 in intervals (from, until) [s], and 1 elsewhere.
-
-    Time starts when the part is first in charge; dt: sampling period [s].
-    """
-    times = np.array(intervals, float).ravel()
-    # Half a sample of offset makes the comparison insensitive to rounding.
-    return Controller(_prompt, np.zeros(1), times / dt - 0.5, dt=dt)
-
-
 @kernel
 def _no_alarm(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
     """Step of `no_alarm`."""
     told[0] = 1.0 - given[0]
-
-
-@kernel
-def _prompt(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
-    """Step of `prompt_quality`; the state counts samples; parameters: the intervals in samples."""
-    told[0] = 1.0
-    for i in range(0, len(parameters), 2):
-        if parameters[i] <= state[0] < parameters[i + 1]:
-            told[0] = 0.0
-    state[0] += 1.0

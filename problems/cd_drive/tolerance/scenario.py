@@ -161,9 +161,14 @@ class Scenario:
             bumpless=self.bumpless,
             false=self.false_alarms,
             quality=self.quality,
-            dimmed=self.disc.dimmed(self.defects, np.arange(round(self.duration * RATE)) / RATE),
+            dimmed=self._dimmed if self.quality == "prompt" else (),
             **designs,
         )
+
+    @property
+    def _dimmed(self) -> list[tuple[float, float]]:
+        """Intervals [s] in which a defect takes light."""
+        return self.disc.dimmed(self.defects, np.arange(round(self.duration * RATE)) / RATE)
 
     def run(self, **designs: Any) -> Record:
         """Simulate. Raises InputError if a strategy cannot be made or a part of it fails."""

@@ -24,6 +24,7 @@ from workbench.simulation import (
     interval_gate,
     linear_controller,
     tracking_controller,
+    zero_controller,
 )
 from workbench.types import StateSpace
 
@@ -34,7 +35,6 @@ from ..diagnosis.quality import (
     dimming_detector,
     diode_quality,
     no_alarm,
-    prompt_quality,
 )
 from ..diagnosis.stand_in import low_pass
 from ..drive.plants import controller
@@ -128,7 +128,11 @@ class Strategies:
     def _quality(self) -> list[Part]:
         """Parts that compute the quality."""
         if self.quality == "prompt":
-            return [Part("quality", prompt_quality(self.dimmed, PERIOD), [])]
+            return [
+                Part("alarm", zero_controller(), []),
+                Part("lit", no_alarm(), ["alarm"]),
+                Part("quality", interval_gate(self.dimmed, PERIOD), ["lit"]),
+            ]
         if self.quality == "binary":
             return [
                 Part("alarm", dimming_detector(self.level), MEASUREMENTS),

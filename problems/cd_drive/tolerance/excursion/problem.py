@@ -12,8 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench import Run, problem, ref
-from workbench.errors import InputError
+from workbench import Run, problem
 from workbench.executor import Context
 from workbench.study import (
     CLAIM_SHARE,
@@ -32,7 +31,6 @@ from workbench.study import (
     table,
 )
 from workbench.synthesis import discretise
-from workbench.systems import restored_system
 from workbench.types import DataArray, Dataset
 
 from ...drive.disc import VELOCITY
@@ -43,8 +41,9 @@ from ...drive.tables import Axis, red_book
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.printed_noise import Amplitude, Fixed
 from ..bench_reading import BenchReading
+from ..fault_filters import chosen_filter, needs_with_filter
 from ..strategy_looks import titled
-from ..tactics import STRATEGIES, stand_in_filter
+from ..tactics import STRATEGIES
 from .cells import cells_table
 from .checks import disc_difference, flight_difference, half_step_change
 from .figures import against_theory, maps
@@ -69,10 +68,7 @@ Filter = Literal["high-pass", "with margins"]
 
 def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, Any]:
     """References to K', and to the designed fault filter if it is asked for."""
-    found = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
-    if fault_filter == "with margins":
-        found["designed"] = ref(f"cd/{axis}/designed-filter")
-    return found
+    return needs_with_filter(axis, fault_filter)
 
 
 @problem(
@@ -115,11 +111,7 @@ def excursion(
     noise, noise_fixed: as in `cd/<axis>/strategies`.
     """
     K_prime = discretise(slower.answer.K, PERIOD)
-    F = stand_in_filter()
-    if fault_filter == "with margins":
-        if designed is None:
-            raise InputError("the designed fault filter is asked for, and no run of it is given")
-        F = restored_system(designed.data, "designed")
+    F = chosen_filter(fault_filter, designed)
     reading = BenchReading(delay=delay, noise=noise, noise_fixed=noise_fixed)
     crossing = Crossing(axis, K_prime, F, drive, rotation, depth, swing, reading)
     return Excursion(crossing, angles, lengths, draws)

@@ -12,8 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench import Run, problem, ref
-from workbench.errors import InputError
+from workbench import Run, problem
 from workbench.executor import Context
 from workbench.study import (
     CLAIM_SHARE,
@@ -31,7 +30,6 @@ from workbench.study import (
     table,
 )
 from workbench.synthesis import discretise
-from workbench.systems import restored_system
 from workbench.types import DataArray, StateSpace
 
 from ...diagnosis.defect_runs import ROTATION
@@ -45,7 +43,8 @@ from ...laboratory.bench_setup import PERIOD
 from ...laboratory.printed_noise import Amplitude, Fixed
 from ...laboratory.record import Record
 from ..bench_reading import BenchReading
-from ..tactics import STRATEGIES, Strategies, stand_in_filter
+from ..fault_filters import chosen_filter, needs_with_filter
+from ..tactics import STRATEGIES, Strategies
 from .claims import CLAIMED, LEVELS, claims_table, error_tables, over_reference, unmet
 from .figures import strategy_figures
 from .runs import LENGTH, Experiment, StrategyOutcome, envelope
@@ -65,16 +64,11 @@ HALF_STEP_CHANGE = 0.05
 """Largest accepted change of an excursion when the step of the simulation is halved, relative."""
 
 Filter = Literal["high-pass", "robust", "with margins"]
-DESIGNED = {"robust": ("fault-filter", "discrete"), "with margins": ("designed-filter", "designed")}
-"""Problem that designs a filter, and the name of the filter in its run."""
 
 
 def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, Any]:
     """References to K', and to the designed fault filter if it is asked for."""
-    found: dict[str, Any] = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
-    if fault_filter in DESIGNED:
-        found["designed"] = ref(f"cd/{axis}/{DESIGNED[fault_filter][0]}")
-    return found
+    return needs_with_filter(axis, fault_filter)
 
 
 @problem(
@@ -123,13 +117,7 @@ def strategies(
     (`printed_noise`). quality: signal w_Q, "graded", "binary", or "prompt", which knows the
     scratches. length: of the larger scratch along the track [m].
     """
-    F = stand_in_filter()
-    if fault_filter in DESIGNED:
-        if designed is None:
-            raise InputError(
-                f"the fault filter {fault_filter!r} is asked for, and no run of it is given"
-            )
-        F = restored_system(designed.data, DESIGNED[fault_filter][1])
+    F = chosen_filter(fault_filter, designed)
     K_prime = discretise(slower.answer.K, PERIOD)
     reading = BenchReading(gain, delay, noise, noise_fixed)
     experiment = Experiment(
