@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from workbench import Run, ref
 from workbench.errors import InputError
 from workbench.systems import restored_system
@@ -13,9 +15,9 @@ DESIGNED = {"robust": ("fault-filter", "discrete"), "with margins": ("designed-f
 """Problem that designs a filter, and the name of the filter in its run."""
 
 
-def needs_with_filter(axis: str, fault_filter: str = "high-pass") -> dict[str, ref]:
+def needs_with_filter(axis: str, fault_filter: str = "high-pass") -> dict[str, Any]:
     """References to K', and to the fault filter if it is a designed one."""
-    found = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
+    found: dict[str, Any] = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
     if fault_filter in DESIGNED:
         found["designed"] = ref(f"cd/{axis}/{DESIGNED[fault_filter][0]}")
     return found
