@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from workbench.errors import InputError
-from workbench.identification import local_polynomial, local_response
+from workbench.identification import local_polynomial, local_rational, local_response
 
 LAG = [0.0, 0.03], [1.0, -0.97]
 SHARP = [0.0, 0.0, 0.02], [1.0, -2 * 0.999 * np.cos(0.5), 0.998]
@@ -146,3 +146,13 @@ def test_short_records_have_regions(samples):
     u, y = record(([0.0, 0.5], [1.0, -0.5]), noise, np.random.default_rng(6), samples, 30)
     found = local_response(u, y, 1.0)
     assert np.isfinite(found.variance).all() and (found.variance > 0).all()
+
+
+@pytest.mark.parametrize("estimate", [local_polynomial, local_rational, local_response])
+def test_one_channel_may_be_given_without_a_second_axis(estimate):
+    u = np.random.default_rng(3).standard_normal(300)
+    y = lfilter([0.0, 0.5], [1.0, -0.7], u)
+    more = (0.1,) if estimate is local_response else ()
+    plain, columns = estimate(u, y, *more), estimate(u[:, None], y[:, None], *more)
+    np.testing.assert_array_equal(plain.response, columns.response)
+    np.testing.assert_array_equal(estimate(u[:, None], list(y), *more).response, columns.response)

@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 
+from workbench.certify import certified_norm, stability_check
 from workbench.errors import InputError
 from workbench.mu import conditions
 from workbench.solution import solve
@@ -17,11 +18,14 @@ from workbench.synthesis import (
     MuSynthesis,
     approximate,
     discretise,
+    dropout_modes,
     export,
+    filtering_modes,
     load_controller,
     reduce_order,
     sampled_conditions,
     second_order_sections,
+    unswitched_modes,
 )
 from workbench.uncertainty import Responses, StadiumCover, UncertaintyModel, generalised_plant
 
@@ -194,3 +198,30 @@ def test_what_is_no_system_is_refused_with_what_to_do(plant, given, message):
 def test_a_block_of_two_is_no_block():
     with pytest.raises(InputError, match=r"block 1 is a tuple of 2; \(system, inputs, outputs\)"):
         generalised_plant([(1.0, "a")], {}, exogenous="a", performance="b")
+
+
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_a_system_of_scipy_is_refused_with_the_way_out(dt):
+    import scipy.signal
+
+    given = scipy.signal.TransferFunction([1.0], [1.0, 0.5], **({} if dt is None else {"dt": dt}))
+    with pytest.raises(InputError, match=r"control\.ss\(s\.A, .*\)") as told:
+        certified_norm(given)
+    s = given.to_ss()
+    way = str(told.value).partition("and ")[2]
+    found = eval(way, {"control": control, "s": s})
+    assert certified_norm(found) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_what_certifies_takes_any_linear_system():
+    G = control.tf([3.0], [1.0, 1.0])
+    assert certified_norm(G) == pytest.approx(3.0, rel=1e-3)
+    assert stability_check(G).holds
+    assert not stability_check(control.tf([1.0, -1.0], [1.0, 0.0, -1.0])).holds  # 1 / (s + 1)
+    K = discretise(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    for modes in (dropout_modes, unswitched_modes):
+        with pytest.raises(InputError, match="coupled"):
+            modes(control.tf([1.0, 0.1], [1.0, -1.5, 0.56], 0.1))
+    F = control.tf([0.5], [1.0, -0.5], 0.1)
+    both = [filtering_modes(K, one) for one in (F, control.ss(F))]
+    assert np.array_equal(both[0][1].A, both[1][1].A)

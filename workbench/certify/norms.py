@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from workbench.certify.modes.partial_fractions import enclosed_fractions
 from workbench.certify.rounding import Enclosure, exact, nearest_power_of_two
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.systems.balancing import with_state_units
+from workbench.systems.conversion import as_loop
 from workbench.systems.realisation import realisation
 
 NORM_TOLERANCE = 1e-4
@@ -40,14 +42,14 @@ long. The bound holds always.
 """
 
 
-def certified_norm(loop: StateSpace) -> float:
+def certified_norm(loop: Any) -> float:
     """Upper bound of the H-infinity norm of a stable loop, certified at every frequency.
 
     Partial fractions prove it if eigenvectors in doubles are good enough. Otherwise the norm is the
     peak of mu for one full block, with the multipliers D = 1: intervals on which these multipliers
     prove the bound cover the band from 0 to infinity, or to half the sampling rate. It lies above
     the norm by no more than a part in 10^4; `workbench.mu.h_infinity_norm` encloses the norm more
-    narrowly, from both sides.
+    narrowly, from both sides. The loop is any linear system of python-control.
 
     Examples
     --------
@@ -57,6 +59,7 @@ def certified_norm(loop: StateSpace) -> float:
     >>> 3.0 <= bound <= 3.0003
     True
     """
+    loop = as_loop(loop)
     parts = [np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D)]
     key = (*(part.tobytes() for part in parts), parts[3].shape, loop.dt)
     if key not in _norms:  # checks and second opinions ask for the norm of the same loop

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from workbench._core.arrays import EPS, Array, RealArray
-from workbench._core.heavy_types import StateSpace
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.eigenvalues import FEWEST_KEPT, Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.modal_form import MODAL_FORMS, real_balls
 from workbench.certify.rounding import TINY, exact
 from workbench.systems.balancing import balancing, with_state_units
+from workbench.systems.conversion import as_loop
 
 SHARP_SHARE = 1e-5
 """The worst pole's disc is small enough if its radius is below this share of its distance from the
@@ -21,11 +22,12 @@ little more or less work; ten times as much is more than `verify` allows.
 """
 
 
-def stability_check(loop: StateSpace) -> Check:
+def stability_check(loop: Any) -> Check:
     """Check that all poles of a loop are proven to be stable.
 
     Stable poles lie left of the imaginary axis in continuous time, and within the unit circle in
-    discrete time. The value is an upper bound of their distance beyond that boundary.
+    discrete time. The value is an upper bound of their distance beyond that boundary. The loop is
+    any linear system of python-control; of a transfer function all its poles count.
 
     Examples
     --------
@@ -34,6 +36,7 @@ def stability_check(loop: StateSpace) -> Check:
     >>> stability_check(control.ss(-1.0, 1.0, 1.0, 0.0)).holds
     True
     """
+    loop = as_loop(loop)
     A = np.asarray(loop.A, dtype=float)
     if len(A) >= FEWEST_KEPT and np.isfinite(A).all():
         # scaled as for the loop's norm, which uses the same discs

@@ -35,6 +35,14 @@ def as_system(system: Any, name: str) -> StateSpace:
     return found
 
 
+def as_loop(loop: Any) -> StateSpace:
+    """A loop that is given as a StateSpace as it is, also without signals; others by `as_system`.
+
+    Checks are asked of the same loop again and again, and of autonomous ones.
+    """
+    return loop if hasattr(loop, "A") else as_system(loop, "loop")
+
+
 def as_states(system: Any, name: str) -> StateSpace:
     """As `with_all_poles`; if there is no realisation, InputError names the system."""
     try:

@@ -109,6 +109,12 @@ def type_hint(part: Any) -> str:
             "; a measured response has no poles: fit a model or a cover to it first; of its own it "
             "has margins, by `loop_margins`, and mu at its frequencies, by `upper_bound`"
         )
+    if hasattr(part, "to_ss"):
+        time = ", s.dt" if part.dt is not None else ""
+        return (
+            "; of a system of scipy.signal take s = system.to_ss() and "
+            f"control.ss(s.A, s.B, s.C, s.D{time})"
+        )
     if isinstance(part, type):
         return f"; {part.__name__} is a class, give one of its objects"
     if hasattr(part, "checks"):

@@ -9,9 +9,10 @@ numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-playe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from workbench import Check, figures, problem
 from workbench.certificate import THIS_SYSTEM
@@ -33,7 +34,7 @@ from ..diagnosis.position_estimator.model import (
     of_prototype,
     thesis_estimator,
 )
-from ..drive.plants import controller
+from ..drive.plants import Gain, controller
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis
 from ..laboratory.bench_setup import PERIOD
@@ -44,8 +45,6 @@ SEEN = ("f_en", "estimate", "estimate, no u_p")
 """Input of the controller: the measured error (figure 8.4) or its estimate. u_p is added in all
 cases except the last, which shows the observer alone.
 """
-DELAY = 1
-"""Delay of the computer [samples], as in the experiments with strategy B."""
 FAST = ("thesis", "ITAE 5 kHz")
 """Observers of 5 kHz."""
 SAME = 0.05
@@ -55,15 +54,22 @@ FREQUENCY = np.geomspace(10.0, 10e3, 300)
 
 
 @problem("cd/{axis}/observer-bandwidth", axis=("focus", "radial"), data=TABLES)
-def observer_bandwidth(axis: Axis) -> ObserverBandwidth:
+def observer_bandwidth(
+    axis: Axis,
+    gain: Gain = "own",
+    delay: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0,
+) -> ObserverBandwidth:
     """Bandwidth of strategy B's loop on a clean disc, with its observer and without (sec. 7.3.3).
 
-    T of twelve drives and the nominal one is computed, sampled at 35 kHz with one sample of delay,
-    with the frequency at which it falls to -3 dB: with the controller alone, with the thesis'
-    observer, with one with ITAE poles at 5 kHz, and with the Kalman filter, all designed for the
-    nominal drive. The controller gets f_en or the observer's estimate of it.
+    T of twelve drives and the nominal one is computed, sampled at 35 kHz, with the frequency at
+    which it falls to -3 dB: with the controller alone, with the thesis' observer, with one with
+    ITAE poles at 5 kHz, and with the Kalman filter, all designed for the nominal drive. The
+    controller gets f_en or the observer's estimate of it.
+
+    gain: of the twelve drives. delay: of the computer [samples]; one in the experiments with
+    strategy B.
     """
-    return ObserverBandwidth(axis)
+    return ObserverBandwidth(axis, gain, delay)
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,8 @@ class ObserverBandwidth(Study):
     """Loops of every drive with every observer."""
 
     axis: Axis
+    gain: Gain
+    delay: float
 
     headline: ClassVar[str] = "largest_change_thesis_estimate_no_u_p"
 
@@ -82,7 +90,7 @@ class ObserverBandwidth(Study):
     drive = dim(lambda drives: list(drives))
     frequency = dim(FREQUENCY, unit="Hz", meaning="frequency")
 
-    drives = part(lambda self: sampled_drives(self.axis))
+    drives = part(lambda self: sampled_drives(self.axis, self.gain, self.delay))
     laws = part(lambda self: every_law(self.axis))
 
     @array(dims=(observer, seen, drive), unit="Hz", meaning="where |T| falls to -3 dB for good")
@@ -141,7 +149,7 @@ class ObserverBandwidth(Study):
         """largest relative difference of |T| from -3 dB at a bandwidth, or of a spectral radius"""
         import control
 
-        worst, drives = 0.0, sampled_drives(self.axis)
+        worst, drives = 0.0, sampled_drives(self.axis, self.gain, self.delay)
         for (o, s), K in every_law(self.axis).items():
             for name, P in drives.items():
                 at = {"observer": o, "seen": s, "drive": name}
@@ -208,10 +216,10 @@ def changes(bandwidth: DataArray) -> DataArray:
     return bandwidth / alone - 1.0
 
 
-def sampled_drives(axis: Axis) -> dict[str, StateSpace]:
-    """u [V] -> f_en [units] of every drive, including hold and delay."""
-    every = plants(axis, "own", "printed")
-    return {name: sampled_model(one, PERIOD, delay_samples=DELAY) for name, one in every.items()}
+def sampled_drives(axis: Axis, gain: Gain = "own", delay: float = 1.0) -> dict[str, StateSpace]:
+    """u [V] -> f_en [units] of every drive, including hold and delay [samples]."""
+    every = plants(axis, gain, "printed")
+    return {name: sampled_model(one, PERIOD, delay_samples=delay) for name, one in every.items()}
 
 
 def every_law(axis: Axis) -> dict[tuple[str, str], StateSpace]:

@@ -33,12 +33,13 @@ LEAST_REMOVED = 0.5
 """Least share of the uncertainty above HIGH_FREQUENCY that the automatic gain control removes."""
 
 
-def needs(axis: str, frequencies: int = 400, **_: Any) -> dict[str, Any]:
+def needs(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> dict[str, Any]:
     """References to the runs of both covers by both methods, and of the parametric spread, on one
     grid.
     """
+    choice: Any = {"frequencies": frequencies, "gain": gain}
     covers = {
-        f"{shape}_{method}": ref(f"cd/{axis}/{shape}-cover", method=method, frequencies=frequencies)
+        f"{shape}_{method}": ref(f"cd/{axis}/{shape}-cover", method=method, **choice)
         for shape, method in product(COVER_SHAPES, COVER_METHODS)
     }
     return covers | {"parametric": ref(f"cd/{axis}/parametric", frequencies=frequencies)}
@@ -53,6 +54,7 @@ def comparison(  # type: ignore[no-untyped-def]
     stadium_joint,
     parametric,
     frequencies: Frequencies = 400,
+    gain: Gain = "own",
 ) -> UncertaintyComparison:
     """Parametric, complex and mixed uncertainty side by side (figure 5.16, section 5.6).
 
@@ -60,11 +62,12 @@ def comparison(  # type: ignore[no-untyped-def]
     and with a nominal chosen for small sets; and the three gain variants about the nominal of Table
     5.2.
 
-    frequencies: number of frequencies, logarithmically spaced from 5 Hz to 5 kHz.
+    frequencies: number of frequencies, logarithmically spaced from 5 Hz to 5 kHz. gain: of the
+    twelve drives, but for the three variants.
     """
     covers = (circle_steps, circle_joint, stadium_steps, stadium_joint)
     runs = dict(zip(product(COVER_SHAPES, COVER_METHODS), covers, strict=True))
-    return UncertaintyComparison(axis, runs, parametric)
+    return UncertaintyComparison(axis, runs, parametric, gain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,7 @@ class UncertaintyComparison(Study):
     axis: Axis
     runs: dict[tuple[str, str], Run]
     spread: Run
+    gain_of_drives: Gain
 
     headline: ClassVar[str] = "radius_over_width_at_peak"
 
@@ -102,7 +106,7 @@ class UncertaintyComparison(Study):
                 one.response(2 * np.pi * hertz)
                 for one in (stadium.nominal, circle.W_c, stadium.W_c, stadium.W_r)
             ]
-            about = _about(self.axis, hertz, "own", responses[0])
+            about = _about(self.axis, hertz, self.gain_of_drives, responses[0])
             rows.append([*about, *map(np.abs, responses[1:])])
         return rows
 

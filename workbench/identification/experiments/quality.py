@@ -70,7 +70,7 @@ def require_alive(record: np.ndarray, name: str) -> None:
 
 
 def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """A record as float arrays u (N, nu) and y (N, ny).
+    """A record as float arrays u (N, nu) and y (N, ny); one channel may be given as (N,).
 
     Raises
     ------
@@ -79,6 +79,8 @@ def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """
     pair = []
     for name, values in (("u", u), ("y", y)):
+        if np.ndim(values) == 1:
+            values = np.reshape(np.asarray(values), (-1, 1))
         if np.ndim(values) != 2:
             raise InputError(
                 f"{name} has shape {np.shape(values)}; an array of samples by channels is needed"

@@ -89,6 +89,8 @@ def local_polynomial(
 ) -> LocalPolynomial:
     """Response from u (N, nu) to y (N, ny) at lines of the record between 0 and 1/2.
 
+    A single channel may be given as (N,).
+
     The loop must be open; for a plant in a closed loop use `driven_response`. The memory used,
     apart from the record, its spectra and the result, does not grow with N.
 

@@ -40,6 +40,8 @@ def local_rational(
 ) -> LocalPolynomial:
     """Response from u (N, nu) to y (N, ny) at lines of the record between 0 and 1/2.
 
+    A single channel may be given as (N,).
+
     Parameters
     ----------
     degree

@@ -74,6 +74,8 @@ def local_response(
 ) -> ResponseEstimate:
     """Response from inputs u (N, nu) to outputs y (N, ny), with regions for bias and noise.
 
+    A single channel may be given as (N,).
+
     The loop must be open; for a plant in a closed loop use `driven_response`.
 
     Parameters

@@ -16,6 +16,7 @@ from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
 from workbench.errors import InputError
 from workbench.synthesis.switching.loops import Modes
+from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
 
 SLOW_POLE_TOLERANCE = 1e-6
@@ -45,6 +46,7 @@ def split_slowest(K: StateSpace) -> SplitController:
     K has one input and one output. Its slowest pole is real, and its state is not coupled with
     others: `discretise` gives such controllers. Raises InputError otherwise.
     """
+    K = as_system(K, "the controller")
     A = K.A
     slow = int(np.argmin(abs(np.diag(A) - 1.0)))
     fast = [i for i in range(len(A)) if i != slow]
@@ -106,7 +108,7 @@ def filtering_modes(controller: StateSpace, F: StateSpace) -> Modes:
     >>> clean.A.shape  # the controller's state and that of the filter
     (2, 2)
     """
-    alone = _mode_of(controller)
+    alone, F = _mode_of(controller), as_system(F, "F")
     n, both = len(alone.A), block_diag(alone.A, F.A)
     wide = np.hstack([alone.C, np.zeros((1, F.nstates))])
     clean = realisation((both, np.vstack([alone.B, F.B]), wide, alone.D), alone.dt)

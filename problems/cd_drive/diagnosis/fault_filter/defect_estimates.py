@@ -12,7 +12,7 @@ from workbench.types import RealArray, StateSpace
 
 from ...control.loops import open_loop, plants
 from ...drive.disc import VELOCITY
-from ...drive.plants import ANTIALIASING
+from ...drive.plants import ANTIALIASING, Gain
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD, RATE
 
@@ -62,20 +62,20 @@ def converted(defect: Callable[[RealArray], RealArray]) -> tuple[RealArray, Real
 
 
 def estimates(
-    axis: Axis, F: StateSpace, shape: str, delay: float
+    axis: Axis, F: StateSpace, shape: str, delay: float, gain: Gain
 ) -> tuple[RealArray, RealArray, RealArray]:
     """Times (N,), the defect (N,), and its estimates u_f (12, N) [m], one per drive.
 
     F is sampled, e [m] -> u_f [m]; each drive's e is f_en by its own optical gain.
     """
     time, seen = sampled_defect(shape)
-    return time, seen, estimated(sensitivities(axis, delay), F, seen)
+    return time, seen, estimated(sensitivities(axis, delay, gain), F, seen)
 
 
-def sensitivities(axis: Axis, delay: float) -> list[StateSpace]:
-    """Sampled S of the twelve drives' loops, with a delay [samples]."""
+def sensitivities(axis: Axis, delay: float, gain: Gain) -> list[StateSpace]:
+    """Sampled S of the twelve drives' loops, with a delay [samples] and these gains."""
     found = []
-    for name, system in plants(axis, "own", "printed").items():
+    for name, system in plants(axis, gain, "printed").items():
         if name == "nominal":
             continue
         L = open_loop(axis, system, delay)

@@ -10,9 +10,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from workbench import Check, Run, figures, problem, solve
 from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION
@@ -27,7 +28,7 @@ from workbench.types import DataArray, Dataset, Figure, RealArray, StateSpace
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.control_problem import optical_gain
-from ...drive.plants import controller
+from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD, RATE
@@ -48,8 +49,6 @@ STAGES = ("none", "full", "reduced", "sampled")
 """No filter at all; filters of full and of reduced order; the reduced one in the sampled loop."""
 ORDER = 10
 """Order of the reduced filter (figure 7.12)."""
-DELAY = 1.0
-"""Delay of the sampled loop [samples]."""
 LENGTHS = (0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1e3 * LONGEST)
 """Lengths of defects along the track [mm], raised cosines; figure 7.13 prints none."""
 SHOWN = (0.4, 0.8)
@@ -64,7 +63,12 @@ NAMES = {"channels": "a scaling for each channel", "rows": "both rows"}
 
 
 @problem("cd/{axis}/printed-filter", slow=True, axis=("focus", "radial"), needs=needs, data=TABLES)
-def printed_filter(axis: Axis, covered: Run) -> PrintedFilter:
+def printed_filter(
+    axis: Axis,
+    covered: Run,
+    gain: Gain = "own",
+    delay: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0,
+) -> PrintedFilter:
     """The fault filter with the scalings 5e-3 and 2e-5 and the weights of section 7.3.2.
 
     The H-infinity norm of the scaled estimation error is minimised for the nominal drive, by both
@@ -72,8 +76,10 @@ def printed_filter(axis: Axis, covered: Run) -> PrintedFilter:
     reduction to tenth order, for that in the sampled loop, and for no filter at all. Bumps of seven
     lengths are estimated in the loops of the twelve drives. The thesis prints the numbers of the
     focus loop only; the radial loop has them too, with its own W_p.
+
+    gain: of the twelve drives. delay: of the sampled loop [samples].
     """
-    return PrintedFilter(axis, stadiums_of(covered))
+    return PrintedFilter(axis, stadiums_of(covered), gain, delay)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +88,8 @@ class PrintedFilter(Study):
 
     axis: Axis
     model: UncertaintyModel
+    gain_of_drives: Gain
+    delay: float
 
     headline: ClassVar[str] = "mu_sampled_rows"
 
@@ -97,7 +105,7 @@ class PrintedFilter(Study):
         K = control.ss(controller(self.axis))
         return {
             "continuous": fault_loop(self.axis, self.model, K),
-            "sampled": fault_loop(self.axis, self.model, K, DELAY),
+            "sampled": fault_loop(self.axis, self.model, K, self.delay),
         }
 
     design, stage, bound = dim(DESIGNS), dim(STAGES), dim("lower", "upper")
@@ -151,7 +159,7 @@ class PrintedFilter(Study):
 
     @array(dims=(design, length, "drive"), unit="1", meaning="error of a bump over its size, rms")
     def error(self, functions: list[Rational]) -> Any:
-        loops = sensitivities(self.axis, DELAY)
+        loops = sensitivities(self.axis, self.delay, self.gain_of_drives)
         seen = [sampled_bump(length) for length in LENGTHS]
         played = [sampled(F) for F in _filters(functions).values()]
         return [[relative_errors(one, estimated(loops, F, one)) for _, one in seen] for F in played]
@@ -264,7 +272,7 @@ class PrintedFilter(Study):
         drawn, panels = figures.axes(
             len(SHOWN), len(DESIGNS), size=(10.0, 5.6), sharex=True, sharey=True
         )
-        loops = sensitivities(self.axis, DELAY)
+        loops = sensitivities(self.axis, self.delay, self.gain_of_drives)
         places = ((length, name) for length in SHOWN for name in DESIGNS)
         for panel, (length, name) in zip(panels, places, strict=True):
             time, seen = sampled_bump(length)

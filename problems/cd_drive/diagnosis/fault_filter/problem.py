@@ -84,11 +84,12 @@ def fault_filter(
     may be off. If no filter keeps both limits on every plant, the set is reduced to what the loop
     tolerates, and error and leakage are increased by their least common factor.
 
-    frequencies, gain: of the stadiums, as in `cd/focus/cover-for-control`. error: wanted relative
+    frequencies, gain: of the stadiums, as in `cd/focus/cover-for-control`, and of the drives in
+    whose loops defects are estimated. error: wanted relative
     error from 1.5 kHz. leakage: wanted leakage of the Red Book's envelope into the estimate [m], up
     to 200 Hz. order: of the sampled filter. delay: of the sampled loop [samples].
     """
-    return FaultFilterStudy("focus", stadiums_of(covered), error, leakage, order, delay)
+    return FaultFilterStudy("focus", stadiums_of(covered), error, leakage, order, delay, gain)
 
 
 @problem(
@@ -108,10 +109,10 @@ def radial_fault_filter(
 ) -> FaultFilterStudy:
     """The same of the radial loop, with the same requirements in units of its acceptable error.
 
-    frequencies, gain: of the stadiums, as in `cd/radial/cover-for-control`. error, leakage, order,
-    delay: as in `cd/focus/fault-filter`.
+    frequencies, gain: of the stadiums, as in `cd/radial/cover-for-control`, and of the drives.
+    error, leakage, order, delay: as in `cd/focus/fault-filter`.
     """
-    return FaultFilterStudy("radial", stadiums_of(covered), error, leakage, order, delay)
+    return FaultFilterStudy("radial", stadiums_of(covered), error, leakage, order, delay, gain)
 
 
 def allowed_leakage(axis: Axis) -> float:
@@ -137,6 +138,7 @@ class FaultFilterStudy(Study):
     leakage: float
     order: int
     delay: float
+    gain: Gain
 
     headline: ClassVar[str] = "leakage"
 
@@ -276,7 +278,7 @@ class FaultFilterStudy(Study):
     @array(dims=(filter, shape, "drive", time), unit="m")
     def estimate(self, played: dict[str, StateSpace], context: Context) -> Any:
         every = [
-            [estimates(self.axis, F, shape, self.delay)[2] for shape in SHAPES]
+            [estimates(self.axis, F, shape, self.delay, self.gain)[2] for shape in SHAPES]
             for F in context.track(list(played.values()), "defects")
         ]
         return np.array(every, np.float32)

@@ -72,6 +72,24 @@ def test_the_gain_of_a_cover_that_is_not_needed_changes_nothing():
         assert all(np.array_equal(getattr(one, m), getattr(other, m)) for m in "ABCD")
 
 
+def test_controllers_for_three_parameters_are_made_and_judged_without_a_set_of_points():
+    """Their numbers are the same with fitted weights and with the sets of each frequency."""
+    of_parameters = [
+        n for n in numbers() if n.run.endswith("/controllers") and "sets" in n.untouched
+    ]
+    assert of_parameters
+    assert all("parametric" in str(n.quantity).lower() for n in of_parameters)
+    assert not any(form in str(n.quantity) for n in of_parameters for form in ("stadium", "circle"))
+    for axis in ("focus", "radial"):
+        problem = registry().find(f"cd/{axis}/controllers")
+        natural = problem.bind({})
+        for need in problem.needs(natural)["designed"]:
+            if need.parameters["form"] == "parametric":
+                design = registry().find(need.name)
+                every = design.needs(design.bind(dict(need.parameters)))
+                assert not any("cover" in one.name for one in every.values())
+
+
 def test_the_corrected_values_of_the_focus_loop_do_not_move_a_lens():
     """Only a damper of the lumped model differs, and no loop contains that model."""
     pairs = zip(drives("focus"), drives("focus", "corrected"), strict=True)

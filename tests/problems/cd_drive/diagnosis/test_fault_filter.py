@@ -155,7 +155,9 @@ def test_defects_are_seen_through_the_filter(shape):
 
 def test_an_exact_inverse_estimates_a_defect_of_its_drive_exactly(loops):
     # u_f = e has the error 1 - S; u_f = 0 the error 1.
-    _, seen, nothing = estimates("focus", control.ss([], [], [], [[0.0]], 1 / 35e3), "bump", 1.0)
+    _, seen, nothing = estimates(
+        "focus", control.ss([], [], [], [[0.0]], 1 / 35e3), "bump", 1.0, "own"
+    )
     assert relative_errors(seen, nothing) == pytest.approx(np.ones(12))
 
 
@@ -182,7 +184,7 @@ def test_a_cover_that_is_too_wide_ends_in_the_best_filter(reference, axis, wider
     """
     model = stadiums_of(reference(f"cd/{axis}/cover-for-control"))
     model = replace(model, W_c=replace(model.W_c, gain=wider * model.W_c.gain))
-    study = FaultFilterStudy(axis, model, 0.3, allowed_leakage(axis), 10, 1.0)
+    study = FaultFilterStudy(axis, model, 0.3, allowed_leakage(axis), 10, 1.0, "own")
     found = wb.solve(study)
     assert found.certificate.holds
     metrics = found.metrics
