@@ -234,6 +234,13 @@ class Structure:
         """Number of perturbation outputs of the plant, all blocks together."""
         return sum(block.columns for block in self.blocks)
 
+    @property
+    def unstructured(self) -> bool:
+        """Whether Delta is one full block or one complex number: mu is the largest singular value."""
+        block = next(iter(self))
+        number = isinstance(block, Complex) and block.rows == 1
+        return len(self) == 1 and (isinstance(block, Full) or number)
+
     @cached_property
     def row_slices(self) -> tuple[slice, ...]:
         """Rows of Delta (columns of M) that belong to each block."""

@@ -156,7 +156,14 @@ class _Search:
     def ascend(self, count: int, agree: int) -> None:
         """Keep the best of ``count`` ascents; the search ends earlier once ``agree`` of them
         agree.
+
+        One full block needs no search: its Delta is that of the largest singular value.
         """
+        if self.structure.unstructured:
+            u, size, vh = np.linalg.svd(self.M, full_matrices=False)
+            first = vh[:, 0].conj()[:, :, None] * u[:, :, 0].conj()[:, None, :]
+            self.improve(slice(0, len(self.M)), size[:, 0], first)
+            return
         starts = self.varied_starts(count)
         places = range(0, len(self.M), DEADLINE_MATRICES)
         chunks = [slice(place, place + DEADLINE_MATRICES) for place in places]

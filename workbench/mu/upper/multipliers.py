@@ -52,6 +52,9 @@ def path_multipliers(
     count = len(M)
     level = level * (1 - LEVEL_MARGIN)
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
+    if structure.unstructured:  # the least bound is the largest singular value, by D = 1
+        D[:] = np.eye(pattern.size)
+        return D, G, np.zeros(count), np.zeros(count, int)
     gaps, iterations = np.full(count, np.inf), np.zeros(count, int)
     places = diagonal_places(pattern)
     lanes = None if places is None else LANES.taken()
