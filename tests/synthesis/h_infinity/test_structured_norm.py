@@ -68,6 +68,7 @@ def test_the_distance_from_the_best_of_any_order_is_told():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.cases(0)
 def test_an_order_that_is_no_hindrance_gives_the_least_norm():
     every = hinf(MixedSensitivity(G, W_S=W_S, W_KS=W_KS).plant)
