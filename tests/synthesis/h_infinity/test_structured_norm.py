@@ -118,6 +118,7 @@ def test_a_level_above_the_reachable_norm_is_met_and_one_below_is_not_claimed():
     assert not wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS, gamma=0.9 * norm, order=0)).holds
 
 
+@pytest.mark.slow
 @pytest.mark.cases(0)
 def test_a_controller_that_is_asked_to_be_slow_is_slow():
     fast = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS)).answer
