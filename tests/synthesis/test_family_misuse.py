@@ -13,7 +13,20 @@ from workbench.plants.textbook.distillation import distillation_column
 from workbench import Outcome, solve
 from workbench.errors import InputError
 from workbench.structure import Full, Real, Structure
-from workbench.synthesis import PD, PI, PID, Decentralised, LeadLag, Modal, MuSynthesis, Static
+from workbench.synthesis import (
+    PD,
+    PI,
+    PID,
+    Decentralised,
+    H2HinfSynthesis,
+    H2Synthesis,
+    HinfSynthesis,
+    LeadLag,
+    Modal,
+    MuSynthesis,
+    Static,
+)
+from workbench.uncertainty import GeneralisedPlant
 
 PLANT = tracking(1 / (S + 1), 1.0)
 APART = tracking(1 / (S + 1), 1.0, apart=True)
@@ -74,10 +87,36 @@ NO_FAMILIES = [
 ]
 
 
+QUIET = control.ss(
+    [[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1.0], [0, 1.0, 0]]
+)  # no direct term from the disturbances to the performance
+PROGRAMS = {
+    "mu": lambda **asked: MuSynthesis(PLANT, **asked),
+    "hinf": lambda **asked: HinfSynthesis(PLANT.nominal(), **asked),
+    "h2": lambda **asked: H2Synthesis(GeneralisedPlant(QUIET, None, 1, 1), **asked),
+    "mixed": lambda **asked: H2HinfSynthesis(PLANT, 10.0, **asked),
+}
+NO_DEMANDS = [
+    *(("order", value) for value in (-1, 1.5, "2", True, NAN, [2])),
+    *(("fastest_pole", value) for value in NO_NUMBERS),
+    *(("largest_gain", value) for value in NO_NUMBERS),
+    *(("stable", value) for value in (1, "yes", None, [True])),
+    *(("random", value) for value in (-1, 1.5, "2", None, NAN)),
+]
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize(("family", "said"), NO_FAMILIES)
-def test_families_that_are_none_or_do_not_fit(family, said):
+def test_families_that_are_none_or_do_not_fit(program, family, said):
     with pytest.raises(InputError, match=said):
-        MuSynthesis(PLANT, family=family)
+        PROGRAMS[program](family=family)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@each(("name", "value"), NO_DEMANDS)
+def test_demands_that_are_none(program, name, value):
+    with pytest.raises(InputError, match=name):
+        PROGRAMS[program](**{"order": 1, name: value})
 
 
 @pytest.mark.parametrize("family", [PID(), PI(), PD(), LeadLag(), Decentralised(PI())])
@@ -184,7 +223,6 @@ def test_plants_and_structures_that_do_not_fit():
 
 def sampled(plant):
     from workbench.systems.bilinear import bilinear_sampled
-    from workbench.uncertainty import GeneralisedPlant
 
     system = bilinear_sampled(plant.system, 0.01)
     return GeneralisedPlant(system, plant.structure, plant.controls, plant.measurements)

@@ -68,6 +68,7 @@ def test_the_distance_from_the_best_of_any_order_is_told():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.cases(0)
 def test_an_order_that_is_no_hindrance_gives_the_least_norm():
     every = hinf(MixedSensitivity(G, W_S=W_S, W_KS=W_KS).plant)
@@ -91,6 +92,24 @@ def test_no_stable_controller_exists_where_poles_and_zeros_interlace_wrongly():
 
 
 @pytest.mark.cases(0)
+@pytest.mark.slow
+@pytest.mark.cases(0)
+def test_a_stable_controller_is_found_where_the_best_one_is_unstable():
+    # M. Zeren, H. Ozbay, On the synthesis of stable H-infinity controllers, IEEE Trans. Automatic
+    # Control 44 (1999) 431-435: the least norm of all controllers is 34.24
+    s = control.tf("s")
+    plant = (s + 5) * (s - 1) * (s - 5) / ((s**2 + 4 * s + 5) * (s - 20) * (s - 30))
+    weights = {"W_S": control.tf([1.0], [1.0, 1.0]), "W_KS": 0.2}
+    best = wb.solve(MixedSensitivity(plant, **weights)).answer
+    assert best.least == pytest.approx(34.24, abs=0.01)
+    assert best.K.poles().real.max() > 0
+    program = MixedSensitivity(plant, **weights, order=3, stable=True)
+    found = wb.solve(program, options=wb.Options(time_limit=20))
+    assert found.holds
+    assert found.answer.K.poles().real.max() < 0
+    assert best.least < found.answer.norm < 2 * best.least
+
+
 def test_a_level_above_the_reachable_norm_is_met_and_one_below_is_not_claimed():
     program = MixedSensitivity(G, W_S=W_S, W_KS=W_KS, order=0)
     norm = wb.solve(program).answer.norm
@@ -99,6 +118,7 @@ def test_a_level_above_the_reachable_norm_is_met_and_one_below_is_not_claimed():
     assert not wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS, gamma=0.9 * norm, order=0)).holds
 
 
+@pytest.mark.slow
 @pytest.mark.cases(0)
 def test_a_controller_that_is_asked_to_be_slow_is_slow():
     fast = wb.solve(MixedSensitivity(G, W_S=W_S, W_KS=W_KS)).answer

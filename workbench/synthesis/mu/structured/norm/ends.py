@@ -9,6 +9,7 @@ other starts go on too, and further random ones, before the search hops and evol
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from workbench.executor import Context
 from workbench.executor.clock import clocked_by, time_is_up
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.norm import descents
+from workbench.synthesis.mu.structured.norm.reduced_plant import reduced_plant
 from workbench.synthesis.mu.structured.norm.search import NormPoint, NormSearch
 
 FINALISTS = 3
@@ -32,6 +34,8 @@ AGREED = 1e-4
 """Relative difference of the best two ends of descents below which the search goes no further."""
 CLIMBING_SHARE = 0.2
 """Share of the time left that lower orders may take."""
+REDUCED_SHARE = 0.7
+"""Share of the time left that a search with fewer states of a large plant may take."""
 DRAWN_BELOW = 2
 """Random starts of the lowest order from which a search climbs."""
 
@@ -81,7 +85,26 @@ def search_ends(
     sampled gradients and, where the best ends still differ, goes ``on``. With None, the descents
     from the first starts are all. The search ends at a norm of ``level``. Raises SolverError where
     there is no start, and NoStabilisingGainError where none can be.
+
+    For a large plant the search uses a plant with fewer states, and then BFGS descends with the
+    large plant from the best controller found. ``reached`` are norms with fewer states then.
     """
+    fewer = reduced_plant(stated.plant)
+    if fewer is not None:
+        search = NormSearch(stated, context)
+        own = search.share_of_time(REDUCED_SHARE)
+        with clocked_by(own):
+            ends = _ends(replace(stated, plant=fewer), own, level, descent, on)
+        there = search.about(ends.best.controller)
+        if there is not None:
+            return ends._replace(best=descents.by_bfgs(there))
+    return _ends(stated, context, level, descent, on)
+
+
+def _ends(
+    stated: MuSynthesis, context: Context, level: float, descent: Descent, on: Descent | None
+) -> Ends:
+    """The ends of a search with the plant as it is."""
     search = NormSearch(stated, context)
     starts = [*search.starts(), *_from_lower_orders(search)]
     ended, others = _descended(starts, context, descent, level)

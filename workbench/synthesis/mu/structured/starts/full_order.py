@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from workbench._core.heavy_types import StateSpace
-from workbench.certify.stability import stability_check
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
@@ -24,6 +23,7 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable
+from workbench.systems.norms import stable
 from workbench.systems.realisation import Matrices, realisation
 
 DETOUR = 6
@@ -68,7 +68,7 @@ def _reduced_to_order(program: MuSynthesis, order: int, context: Context) -> Ite
 def _stable(program: MuSynthesis, K: StateSpace) -> bool:
     """Whether the loop is determined and stable."""
     try:
-        return stability_check(program.plant.close(K)).holds
+        return stable(program.plant.close(K).A)
     except InputError:
         return False
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 from workbench._core.arrays import RealArray
 from workbench._core.heavy_types import StateSpace
-from workbench.errors import InputError, TimeLimitError
+from workbench.errors import TimeLimitError
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
@@ -50,11 +50,9 @@ def _move_left(search: Search, family: Family, x: RealArray, units: RealArray) -
     def abscissa(y: RealArray) -> float:
         nonlocal best, least
         search.context.seconds_left("rightmost pole")
-        try:
-            poles = search.program.loop(family.system(y * units)).poles()
-        except InputError:  # direct terms cancel, or numbers overflow
+        value = search.abscissa(family.system(y * units)) / search.speed
+        if not np.isfinite(value):
             return FAR_RIGHT
-        value = float(np.max(poles.real)) / search.speed
         if value < least:
             best, least = y.copy(), value
         return value
