@@ -160,6 +160,16 @@ def test_weights_hide_nothing_between_frequencies(kind):
     assert (-roots.real / np.abs(roots) > 0.98 * min(limit, 0.1)).all()
 
 
+@pytest.mark.parametrize("kind", ["circle", "stadium"])
+def test_plants_that_are_alike_at_one_frequency_are_covered(kind):
+    """The narrowest sets there have no size, so ratios to them are infinite."""
+    omega = np.geomspace(0.1, 10, 20)
+    spread = np.array([-0.1, 0.0, 0.1]) * (np.arange(20) != 7)[:, None]
+    values = (1 + spread) / (1j * omega[:, None] + 1)
+    program = program_of(kind, Responses(omega=omega, values=values))
+    assert wb.solve(program, method="inflation").certificate.valid
+
+
 @pytest.mark.cases(2)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", ["circle", "stadium"])

@@ -133,6 +133,20 @@ def test_weights_together_are_smaller_than_one_after_the_other_and_those_with_fr
     assert sizes["descent"] <= sizes["joint"] + 1e-3
 
 
+def test_weights_together_keep_half_of_their_size_where_nothing_is_known():
+    """A share of the previous round's weights alone would let them fall by half in each round."""
+    program = cover(left_order=1, right_order=1)
+    steps, joint = (solved(program, name) for name in ("steps", "joint"))
+    assert program.objective(joint) < program.objective(steps) - 0.1
+    outside = np.concatenate([OMEGA[0] / [10, 100], OMEGA[-1] * np.array([10, 100])])
+    for name in ("W_1", "W_2"):
+        before, after = (
+            system_response(getattr(one.model, name), outside) for one in (steps, joint)
+        )
+        shares = np.abs(np.diagonal(after / np.where(before == 0, 1, before), axis1=1, axis2=2))
+        assert shares.min() >= 0.5 * (1 - 1e-3)
+
+
 def test_full_weights_leave_smaller_sets_than_diagonal_ones():
     sizes = [cover("output", left=s, right=s).sets for s in ("diagonal", "full")]
     assert (

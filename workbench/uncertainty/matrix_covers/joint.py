@@ -52,9 +52,10 @@ OUTSIDE = 1e-4
 at the end. With half of it more constraints are added; double widens sets by 1e-4.
 """
 LASTING = 0.25
-"""Least share of the previous squares that must remain outside the given frequencies. A weight must
-not vanish where nothing is known: half of its size is kept. With half of it weights fall to 0.35
-there; with double of it they must stay at 0.7, and sets in the band are larger.
+"""Least share of the given weights' squares that must remain outside the given frequencies. A
+weight must not vanish where nothing is known: half of its size is kept, over all rounds. With half
+of it weights fall to 0.35 there; with double of it they must stay at 0.7, and sets in the band are
+larger.
 """
 
 
@@ -69,6 +70,7 @@ def smaller_weights(
     fine, shares = program.for_fits()
     left, right = transposed_system(W_1.system), W_2.system
     state, before = _Round(fine, left, right), np.inf
+    lasting = state.outer_squares()
     active = state.near() & np.isin(np.arange(fine.axis.size), thinned(fine.axis.size))[:, None]
     for _ in context.track(range(ROUNDS), "joint weights"):
         radius = float(shares @ state.log_radius())
@@ -76,7 +78,7 @@ def smaller_weights(
             break
         before = radius
         for _ in range(ADDITIONS):
-            left, right = state.solved((W_1.poles, W_2.poles), active, shares, context)
+            left, right = state.solved((W_1.poles, W_2.poles), active, shares, lasting, context)
             found = _Round(fine, left, right)
             outside = found.outside() & ~active
             if not outside.any():
@@ -101,6 +103,9 @@ class _Round:
         self.norms = np.linalg.norm(M, 2, axis=(2, 3))
         self.scale = self.norms.max()
         self.M = M / self.scale
+        # the left weight includes the scale
+        self.own = self.W[0] * self.scale, self.W[1]
+        self.outer = np.r_[0:CONSTANT_DECADES, self.inside.stop : len(self.grid)]
 
     def near(self) -> np.ndarray:
         """Mask of the plants (F, N) near the boundary of the sets."""
@@ -116,6 +121,11 @@ class _Round:
         found: np.ndarray = peak & (self.norms > 1 + OUTSIDE)
         return found
 
+    def outer_squares(self) -> list[Array]:
+        """Squares of both weights (E, n, n) at the frequencies outside the given ones."""
+        outer = [W[self.outer] for W in self.own]
+        return [ctranspose(W) @ W for W in outer]
+
     def log_radius(self) -> RealArray:
         """Logarithm of the mean radius (F,) of the sets, enlarged so that they contain all
         plants.
@@ -128,12 +138,14 @@ class _Round:
         poles: tuple[list[Array], list[Array]],
         active: np.ndarray,
         shares: RealArray,
+        lasting: list[Array],
         context: Context,
     ) -> tuple[StateSpace, StateSpace]:
-        """The transposed W_1, and W_2, that minimise the linearised volume."""
-        program = self.program
-        # both in units of the previous round; the left one includes the scale
-        W = self.W[0] * self.scale, self.W[1]
+        """The transposed W_1, and W_2, that minimise the linearised volume, and keep a share of the
+        squares ``lasting`` outside the given frequencies.
+        """
+        program, W, ends = self.program, self.own, self.outer
+        # both in units of the previous round
         roots = [np.linalg.inv(each) for each in W]
         left, right = (
             ShapedSquare(self.grid, np.linalg.norm(each, axis=1), shape, its)
@@ -155,13 +167,14 @@ class _Round:
         )
         L = L[0].conj(), L[1].conj()
         M = self.M[numbers, plants]
-        ends = np.r_[0:CONSTANT_DECADES, self.inside.stop : len(self.grid)]
         limits = [_block_inequality((L[0][place], L[1][place]), (R[0][place], R[1][place]), M)]
-        for square, root, before in ((left, roots[0], 0), (right, roots[1], len(left))):
+        parts = (left, right), roots, lasting, (0, len(left))
+        for square, root, outer, before in zip(*parts, strict=True):
             coefficients, constant = square.at(ends, root[ends])
+            kept = LASTING * ctranspose(root[ends]) @ outer @ root[ends]
             after = slope.size - before - len(square)
             wide = np.pad(coefficients, ((0, 0), (before, after), (0, 0), (0, 0)))
-            limits.append((wide, constant - LASTING * np.eye(root.shape[-1])))
+            limits.append((wide, constant - kept))
         found = least(slope, [left, right], limits, context)
         return left.weight(found[: len(left)]), right.weight(found[len(left) :])
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from workbench._core.arrays import RealArray
 from workbench.executor import Context
-from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
 from workbench.uncertainty.covers.joint.moved_pairs import with_moved_pair
 from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
-from workbench.uncertainty.covers.sizes.inflation import extent
+from workbench.uncertainty.covers.sizes.inflation import extent, plant_sizes
 from workbench.uncertainty.covers.weights import needed_radius
 
 GENERATIONS, KEPT = 6, 5
@@ -115,4 +115,5 @@ def _inflation(program: UncertaintyCover, model: FoundModel) -> RealArray:
         size = size + np.abs(end)
     if program.form == "multiplicative":
         size = size * np.abs(model.nominal.response(omega))
-    return np.asarray(size / np.maximum(extent(program.raw_sets), np.finfo(float).tiny))
+    rounding = RADIUS_ROUNDING * plant_sizes(program.points)  # plants may be alike at a frequency
+    return np.asarray(size / np.maximum(extent(program.raw_sets), rounding))
