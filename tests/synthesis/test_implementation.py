@@ -205,6 +205,28 @@ def test_the_start_holds_what_an_integrator_holds():
     assert from_y.shape == from_u.shape == (1, 1)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_start_has_no_gain_that_is_rounding_only(seed):
+    """Two loops that share nothing: a signal of one moves no state of the other, to the last
+    bit."""
+    rng = np.random.default_rng(seed)
+
+    def one(size):
+        poles = [1.0, *rng.uniform(-0.5, 0.95, 3)]
+        turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+        B, C = rng.normal(size=(4, 1)), size * rng.normal(size=(1, 4))
+        return control.ss(turn @ np.diag(poles) @ turn.T, turn @ B, C @ turn.T, [[size]], 0.1)
+
+    K = control.append(one(1.0), one(30.0))
+    from_y, from_u = start_gains(K)
+    for gains in (from_y, from_u):
+        assert (gains[:4, 1] == 0.0).all() and (gains[4:, 0] == 0.0).all()
+        assert (gains[:4, 0] != 0.0).all() and (gains[4:, 1] != 0.0).all()
+    y, u = rng.normal(size=2), rng.normal(size=2)
+    x = from_y @ y + from_u @ u
+    assert K.C @ x + K.D @ y == pytest.approx(u, rel=1e-11)  # no bump
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_conditioning_is_stable_and_inverts_where_it_can(seed):
     rng = np.random.default_rng(seed)

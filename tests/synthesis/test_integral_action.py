@@ -57,6 +57,21 @@ def test_a_controller_without_a_real_pole_stays():
     assert with_integrator(K) is K
 
 
+def test_a_slow_pair_becomes_two_integrators():
+    """Poles of the weights of two channels may come out as a pair; the next real pole is none."""
+    rng = np.random.default_rng(5)
+    A = np.zeros((5, 5))
+    A[:2, :2] = [[-1e-9, 2e-9], [-2e-9, -1e-9]]
+    A[2:, 2:] = np.diag([-1e-3, -0.1, -3.0])
+    turn = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    B, C = rng.normal(size=(5, 2)), rng.normal(size=(2, 5))
+    given_K = control.ss(turn @ A @ turn.T, turn @ B, C @ turn.T, np.zeros((2, 2)))
+    K = with_integrator(given_K)
+    assert integrators(K.A) == 2 and integral_check(K).holds
+    omega = np.geomspace(1e-2, 1e2, 20)
+    assert K(1j * omega) == pytest.approx(given_K(1j * omega), rel=1e-5)
+
+
 def test_each_channel_gets_an_integrator_of_its_own():
     rng = np.random.default_rng(4)
     A = np.diag([-1e-9, -2e-9, -3.0, -5.0]) + np.diag([0.0, 0.0, 1.0], 1)

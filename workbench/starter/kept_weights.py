@@ -100,7 +100,7 @@ def kept_weights(
     shapes = _told_covers(every, best)
     if lower and best.peak < KEPT and len(every) > len(models):
         cover, too_fast = best.cover, every[-len(models) - 1].bandwidth_hz
-        best, more = halved_gap(best, too_fast, lambda most: rung(lower(most), [cover])[0])
+        best, more = halved_gap(best, too_fast, lambda most: rung(lower(most), [cover])[0], KEPT)
         every += more
     told = replace(best.choices, reasons=best.choices.reasons | {"shape": shapes})
     if best.peak < 1 and len(every) > len(models):
@@ -125,15 +125,17 @@ class Trial(Protocol):
 T = TypeVar("T", bound=Trial)
 
 
-def halved_gap(best: T, too_fast: float, tried: Callable[[float], T]) -> tuple[T, list[T]]:
-    """The fastest trial that is kept between the best and a bandwidth [Hz] that is too fast, and
-    all trials between them.
+def halved_gap(
+    best: T, too_fast: float, tried: Callable[[float], T], kept: float
+) -> tuple[T, list[T]]:
+    """The fastest trial with a peak below ``kept`` between the best and a bandwidth [Hz] that is
+    too fast, and all trials between them.
     """
     every = []
     for _ in range(HALVINGS):
         middle = tried(math.sqrt(best.bandwidth_hz * too_fast))
         every.append(middle)
-        if middle.peak < KEPT:
+        if middle.peak < kept:
             best = middle
         else:
             too_fast = middle.bandwidth_hz

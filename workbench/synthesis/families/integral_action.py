@@ -11,27 +11,28 @@ from workbench.certificate import THIS_SYSTEM, Check
 from workbench.systems.balancing import balanced
 from workbench.systems.realisation import realisation
 
+NEARLY_EQUAL = 1e-9
+"""Relative difference of two sizes of an eigenvalue that is due to rounding."""
+
 
 def with_integrator(K: StateSpace) -> StateSpace:
-    """K with its real poles nearest to zero moved to zero, one for each channel; these integrators
+    """K with its poles nearest to zero moved to zero, one for each channel; these integrators
     become the first states.
 
-    A weight with a pole near zero leads to a controller with nearly this pole. The number of
-    channels is the smaller one of the numbers of inputs and outputs. K is returned unchanged if it
-    has the integrators already, or too few real poles.
+    A weight with a pole near zero leads to a controller with nearly this pole; of several channels
+    two such poles may be a complex pair. The number of channels is the smaller one of the numbers
+    of inputs and outputs. If the poles nearest to zero contain half a pair, the real poles nearest
+    to zero are moved instead. K is returned unchanged if it has the integrators already, or too few
+    such poles.
     """
     count = channel_count(K)
     if integrators(np.asarray(K.A)) >= count:
         return K
     A, B, C = balanced(K.A, K.B, K.C)
-    T = schur(A)[0]
-    paired = np.append(np.diag(T, -1), 0.0) + np.append(0.0, np.diag(T, -1)) != 0.0
-    real = np.sort(np.abs(np.diag(T)[~paired]))
-    if real.size < count:
+    found = _slowest_first(A, count, real=False) or _slowest_first(A, count, real=True)
+    if found is None:
         return K
-    T, Q, found = schur(A, sort=lambda re, im: im == 0.0 and abs(re) <= real[count - 1])
-    if found != count:
-        return K
+    T, Q = found
     # Two decoupled subsystems: the entries of the first rows right of the diagonal become zero.
     X = solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
     inward, outward = Q.T @ B, C @ Q
@@ -40,6 +41,31 @@ def with_integrator(K: StateSpace) -> StateSpace:
     T[:count] = 0.0
     labels = {"inputs": list(K.input_labels), "outputs": list(K.output_labels)}
     return realisation((T, inward, outward, K.D), 0.0, **labels)
+
+
+def _slowest_first(A: RealArray, count: int, *, real: bool) -> tuple[RealArray, RealArray] | None:
+    """Real Schur form of A and its basis, with the ``count`` eigenvalues nearest to zero first.
+
+    With ``real`` only real eigenvalues count. None if there are too few, or half a pair is among
+    them.
+    """
+    T = schur(A)[0]
+    below = np.diag(T, -1)
+    paired = np.append(below, 0.0) + np.append(0.0, below) != 0.0
+    # both of a pair have the same size: the root of the determinant of its block
+    size = np.abs(np.diag(T))
+    for i in np.flatnonzero(below):
+        size[i : i + 2] = np.sqrt(np.linalg.det(T[i : i + 2, i : i + 2]))
+    usable = np.sort(size[~paired] if real else size)
+    if usable.size < count:
+        return None
+    last = usable[count - 1] * (1 + NEARLY_EQUAL)
+
+    def first(re: float, im: float) -> bool:
+        return bool((im == 0.0 or not real) and np.hypot(re, im) <= last)
+
+    T, Q, found = schur(A, sort=first)
+    return (T, Q) if found == count else None
 
 
 def channel_count(K: StateSpace) -> int:

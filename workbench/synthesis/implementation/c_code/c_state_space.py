@@ -18,6 +18,10 @@ CONDITIONING_NOISE = 1e-4
 """Assumed error of a control in the design of the anti-windup gain, relative to the controller's
 gain.
 """
+GAIN_ROUNDING = 1e-12
+"""Rounding of a gain of the start, relative to the terms of its sum. Smaller gains are zero but for
+rounding, and are left out of the code; the control at the start changes by no more than this.
+"""
 
 Number = Callable[[float], str]
 """Function: number -> its C literal."""
@@ -153,8 +157,23 @@ def start_gains(K: StateSpace) -> tuple[RealArray, RealArray]:
     back = np.linalg.pinv(C)
     free = null_space(C) if len(A) else np.zeros((0, 0))
     inner = free @ np.linalg.pinv(moves @ free) if free.size else np.zeros_like(moves)
-    from_u = back - inner @ moves @ back
-    return -from_u @ D - inner @ B, from_u
+    from_u = _difference(back, (inner @ moves, back))
+    from_y = _difference(np.zeros((len(A), D.shape[1])), (from_u, D), (inner, B))
+    return from_y, from_u
+
+
+def _difference(first: RealArray, *products: tuple[RealArray, RealArray]) -> RealArray:
+    """``first`` (n, k) less products of pairs of matrices (n, m) and (m, k).
+
+    Numbers below `GAIN_ROUNDING`, relative to the terms of their sum, become exact zeros.
+    """
+    total, size = first.copy(), np.linalg.norm(first, axis=1, keepdims=True) * np.ones(first.shape)
+    for left, right in products:
+        total -= left @ right
+        rows, columns = np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0)
+        size += np.outer(rows, columns)
+    kept: RealArray = np.where(np.abs(total) > GAIN_ROUNDING * size, total, 0.0)
+    return kept
 
 
 def anti_windup_gain(K: StateSpace) -> RealArray:
