@@ -8,6 +8,8 @@ from scipy.signal import freqz, lfilter
 
 from workbench.errors import InputError
 from workbench.identification import local_polynomial, local_rational, local_response
+from workbench.identification.responses.bands import fitted_bands
+from workbench.identification.responses.local_polynomial import spectrum
 
 LAG = [0.0, 0.03], [1.0, -0.97]
 SHARP = [0.0, 0.0, 0.02], [1.0, -2 * 0.999 * np.cos(0.5), 0.998]
@@ -77,6 +79,38 @@ def test_regions_of_polynomials_in_narrow_bands_lose_it():
     kept = np.abs(new.response[:, 0, 0] - exact) <= new.radius(confidence=0.95)[:, 0, 0]
     assert lost.mean() > 0.2 and kept.mean() > 0.93
     assert np.median(new.variance) < np.median(old.variance)
+
+
+@pytest.mark.cases(1)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_dead_time_does_not_widen_regions(seed):
+    """In the widest band its phase turns five times, which no model follows and none contradicts.
+
+    The yardstick is a setting chosen with the truth, of a width in which the phase turns little.
+    """
+    rng, lines = np.random.default_rng(seed), np.arange(11, 80)
+    late = lfilter([1.0], [1.0, -0.85], rng.standard_normal(3000))
+    y = lfilter([0.0, 0.08], [1.0, -0.92], np.roll(late, 45))[1500:, None]
+    u, y = late[1500:, None], y + 0.1 * y.std() * rng.standard_normal((1500, 1))
+    exact = truth(([0.0] * 46 + [0.08], [1.0, -0.92]), lines / 1500)
+    found = local_response(u, y, 1.0, frequency_hz=lines / 1500)
+    narrow = local_rational(u, y, lines=14, at=lines)
+    radius = found.radius(confidence=0.95)[:, 0, 0]
+    assert (np.abs(found.response[:, 0, 0] - exact) <= radius).mean() > 0.93
+    narrow_radius = np.sqrt(3.89 * narrow.variance[:, 0, 0])  # 95 %, 6 degrees of freedom
+    assert np.median(radius / narrow_radius) < 1.5
+
+
+def test_the_line_at_frequency_0_has_no_influence():
+    """The mean has been removed there, so it says nothing of the response."""
+    u, y = (spectrum(x) for x in record(LAG, noise, np.random.default_rng(7), 400, 30))
+    places, model = np.array([1.0, 9.0, 9.5, 10.0, 10.6, 11.0]), [(2, 1)]
+    found = fitted_bands(u, y[:, 0], 400, places, 20, model)[0]
+    u[0], y[0] = 1e3, 1e4
+    other = fitted_bands(u, y[:, 0], 400, places, 20, model)[0]
+    assert (found.lines != 0).all() and (np.diff(found.lines, axis=1) > 0).all()
+    np.testing.assert_array_equal(other.response, found.response)
+    np.testing.assert_array_equal(other.left, found.left)
 
 
 @pytest.mark.cases(0)

@@ -103,7 +103,7 @@ CASES = {
         "t,u,y,y\n0,1,2,3\n1,2,3,4\n", r"'y': name one of them, 'y\[0\]', 'y\[1\]'"),
     # instants
     "falling": (time([0.0, 0.1, 0.05, 0.3]), "falls or stays at line 4: sort the rows"),
-    "standing": (time([0.0, 0.1, 0.1, 0.3]), "falls or stays at line 4"),
+    "standing": (time([0.0, 0.1, 0.1, 0.3]), "falls or stays at line 4.*rounded, give dt"),
     "a gap": (time([0.0, 0.1, 0.2, 0.5, 0.6]), "line 5: a step of 0.3 where the usual one is 0.1"),
     "rounded": (time([0.0, 0.0003, 0.0007, 0.001]), "give dt instead"),
     "milliseconds since 1970": (time(range(1706695200000, 1706695200500, 100)), "such as t_ms"),

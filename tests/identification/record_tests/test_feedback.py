@@ -72,7 +72,7 @@ def test_a_regulated_plant_is_found_out_whatever_its_set_points_do(steps):
 def test_an_exact_function_of_the_output_is_a_static_plant_or_a_controller(steps):
     (finding,) = open_loop(regulated(steps, direct=True)).findings
     assert finding.kind == "static" and not finding.forbids
-    assert "-1/K" in finding.message
+    assert "-1/K" in finding.message and "excitation=" in finding.remedy
     record = open_log(3, "white", spoiled=False, plant="lag").record
     assert not open_loop(replace(record, direct=True)).findings
 

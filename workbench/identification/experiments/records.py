@@ -121,9 +121,11 @@ def _need_even(
         raise InputError(f"{table.path}: variable {name!r} needs {count} rising instants")
     if not steps.min() > 0:
         row = int(np.argmin(steps > 0)) + 1
+        rounded = "; where its instants are only rounded, give dt instead" * bool(steps.min() == 0)
         raise InputError(
             f"{table.path}: variable {name!r} needs {count} rising instants, and falls or stays at "
             f"{table.place(rows[row])}: sort the rows, cut the record there, or name another column"
+            f"{rounded}"
         )
     # Instants in text files are rounded, so deviations up to a tenth of a step are accepted.
     apart = np.abs(steps - steps.mean()) > 0.1 * steps.mean()

@@ -40,16 +40,31 @@ LARGEST_LEVERAGE = 0.98
 class BandFits:
     """Results of the bands about F lines for one output.
 
-    ``response`` (F, nu); ``variance`` (F, nu) of its error due to noise; ``free`` (F,), number of
-    lines minus unknowns of each band, mirrored lines counted once; ``left`` (F,), sum of squared
-    residuals; ``mirrored`` (F,), share of lines that a band contains twice.
+    ``response`` (F, nu); ``variance`` (F, nu) of its error due to noise; ``unknowns`` (F,), number
+    of coefficients, and ``free`` (F,), number of lines minus unknowns, both with mirrored lines
+    counted once; ``lines`` (F, width), their numbers; ``squares`` (F, width), squared residuals at
+    the lines; ``mirrored`` (F,), share of lines that a band contains twice.
     """
 
     response: ComplexArray
     variance: RealArray
+    unknowns: RealArray
     free: RealArray
-    left: RealArray
+    lines: IntegerArray
+    squares: RealArray
     mirrored: RealArray
+
+    @cached_property
+    def left(self) -> RealArray:
+        """Sum (F,) of squared residuals."""
+        found: RealArray = self.squares.sum(axis=1)
+        return found
+
+    def left_within(self, band: BandFits) -> RealArray:
+        """Sum (F,) of squared residuals at the lines of a band that this one contains."""
+        within = (self.lines >= band.lines[:, :1]) & (self.lines <= band.lines[:, -1:])
+        found: RealArray = np.where(within, self.squares, 0.0).sum(axis=1)
+        return found
 
 
 def unknowns(inputs: int, degree: int, poles: int) -> int:
@@ -82,7 +97,7 @@ def fitted_bands(
     """
     nu = U.shape[1]
     lines = np.round(chosen[:, None]).astype(int) - width // 2 + np.arange(width)
-    lines += (lines >= 0) & (lines[:, :1] < 0)  # without line 0
+    lines += (lines >= 0) & (lines[:, :1] <= 0)  # without line 0
     around = lines % samples
     place = np.minimum(around, samples - around)
     mirrored = around > place
@@ -97,13 +112,13 @@ def fitted_bands(
     for degree, poles in models:
         fit = _Fit(columns, powers[..., : max(degree, poles) + 1], values, degree, poles)
         last, slopes, left = fit.solved(last)
-        free = width - unknowns(nu, degree, poles)
-        variance = _variance(slopes, left, nu, free)
+        count = unknowns(nu, degree, poles)
+        variance = _variance(slopes, left, nu, width - count)
         variance[_unexcited_bands(fit.above, degree, U)] = np.inf
         share = once / width
-        found.append(
-            BandFits(last[0][:, :nu], variance, free * share, _square(left), 2.0 * (1.0 - share))
-        )
+        sizes = count * share, (width - count) * share
+        squares, twice = np.abs(left) ** 2, 2.0 * (1.0 - share)
+        found.append(BandFits(last[0][:, :nu], variance, *sizes, lines, squares, twice))
     return found
 
 

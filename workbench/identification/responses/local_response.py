@@ -1,10 +1,11 @@
 """Response from one arbitrary record: local models of several kinds and widths, averaged.
 
 Near each frequency the record is fitted by polynomials and by rational functions, in bands from
-narrow to wide. A fit is dropped if a larger model in the same band explains its residuals. The bias
-of a remaining fit is estimated by its distance from those of larger variance, beyond the distance
-that noise explains. In the average, fits with smaller expected errors have more weight. The
-variance includes the distance between the fits, so that a region is wide where they disagree.
+narrow to wide. A fit is dropped if its residuals are explained by a larger model in the same band,
+or by a model in the band of half the width, at the lines of that band. The bias of a remaining fit
+is estimated by its distance from those of larger variance, beyond the distance that noise explains.
+In the average, fits with smaller expected errors have more weight. The variance includes the
+distance between the fits, so that a region is wide where they disagree.
 
 Sources: A. Goldenshluger, O. Lepski, "Bandwidth selection in kernel density estimation: oracle
 inequalities and adaptive minimax optimality", Annals of Statistics 39(3), 2011 (bias by
@@ -42,7 +43,7 @@ SPARE_LINES = 6
 DEGREES = 40.0
 """Degrees of freedom that are assigned to the variance of an average."""
 CHANCE = 1e-4
-"""Probability with which noise alone makes a larger fit of the same band replace a smaller one."""
+"""Probability with which noise alone makes one larger or local fit reject another."""
 BIAS_WEIGHT = 0.5
 """Weight of a fit's squared bias relative to its variance: the bias is itself uncertain."""
 SHARPNESS = 1.5
@@ -188,30 +189,33 @@ def _candidates(
     nu, last = U.shape[1], (samples - 1) // 2
     widths = [LINES_FOR_EACH * (nu + 1) * 2**k for k in range(DOUBLINGS)]
     found: list[BandFits] = []
+    narrower: list[BandFits] = []
     for width in [width for width in widths if width <= last] or [last]:
         models = [one for one in MODELS if unknowns(nu, *one) + SPARE_LINES <= width]
-        found += _reject_smaller_fits(fitted_bands(U, y, samples, places, width, models))
+        fits = fitted_bands(U, y, samples, places, width, models)
+        found += _reject_misfits(fits, narrower)
+        narrower = fits
     return found
 
 
-def _reject_smaller_fits(nested: list[BandFits]) -> list[BandFits]:
+def _reject_misfits(nested: list[BandFits], narrower: list[BandFits]) -> list[BandFits]:
     """Nested fits of one band; rejected ones get infinite variance.
 
-    A fit is rejected if its residuals favour a larger one. A larger fit whose coefficients are
-    undetermined does not count: without noise the largest fit always has smaller residuals, by
-    coefficients that nothing determines.
+    A fit is rejected if its residuals favour a larger one of the same band or, at the lines of the
+    narrower band, one that is not smaller: so the largest fit of a band that is too wide is
+    rejected, too. A larger fit whose coefficients are undetermined does not count: without noise
+    the largest fit always has smaller residuals, by coefficients that nothing determines.
 
     A fit gets at least the variance of a smaller accepted one, for the same noise. To linear order,
     a pole beside a line, which follows that line's noise, seems more accurate than it is.
     """
     found: list[BandFits] = []
     for k, fit in enumerate(nested):
-        rejected = np.zeros(len(fit.left), bool)
+        rejected = np.zeros(len(fit.free), bool)
         for large in nested[k + 1 :]:
-            more = fit.free - large.free
-            limit = stats.f.isf(CHANCE, 2 * more, 2 * large.free)
-            worse = (fit.left - large.left) * large.free > limit * more * large.left
-            rejected |= worse & np.isfinite(large.variance).all(axis=1)
+            rejected |= _explains(large, fit.left, large.unknowns - fit.unknowns)
+        for local in narrower[k:]:
+            rejected |= _explains(local, fit.left_within(local), local.unknowns)
         least = np.zeros(fit.variance.shape)
         for small in found:
             noise = fit.left * small.free / np.maximum(small.left * fit.free, TINY)
@@ -221,6 +225,16 @@ def _reject_smaller_fits(nested: list[BandFits]) -> list[BandFits]:
         variance = np.where(rejected[:, None], np.inf, np.maximum(fit.variance, least))
         found.append(replace(fit, variance=variance))
     return found
+
+
+def _explains(fit: BandFits, left: RealArray, more: RealArray) -> BoolArray:
+    """Mask (F,) of places where a fit with so many more unknowns explains another's residuals.
+
+    ``left`` (F,): sum of the other's squared residuals at the lines of this fit. An F test.
+    """
+    limit = stats.f.isf(CHANCE, 2 * more, 2 * fit.free)
+    less: BoolArray = (left - fit.left) * fit.free > limit * more * fit.left
+    return less & np.isfinite(fit.variance).all(axis=1)
 
 
 def _average(bands: list[BandFits]) -> tuple[ComplexArray, RealArray]:

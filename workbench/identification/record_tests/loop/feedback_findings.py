@@ -12,6 +12,11 @@ WAY_OUT = (
     "(driven_response), or open the loop; if the loop was open, y is recorded too early: shift it, "
     "or are input and output exchanged?"
 )
+IF_DELAYED = (
+    "if the plant delays by a sample, the loop was closed: give what drove it as excitation= "
+    "(Responses.from_files, ClosedLoopFit, driven_response), or say direct=False (StateSpaceFit, "
+    "record_report), which refuses the record"
+)
 OTHER_EXCITATION = "give a signal as excitation that does not depend on the outputs"
 
 
@@ -41,7 +46,7 @@ def static(name: str, direct: bool) -> Finding:
         where=f"input '{name}'",
         strength=1.0,
         measure="share of the input's variance that the outputs of the same sample tell",
-        remedy="if the plant delays by a sample, say direct=False" if direct else WAY_OUT,
+        remedy=IF_DELAYED if direct else WAY_OUT,
         forbids=not direct,
     )
 
