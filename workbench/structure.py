@@ -236,7 +236,7 @@ class Structure:
 
     @property
     def unstructured(self) -> bool:
-        """Whether Delta is one full block or one complex number: mu is the largest singular value."""
+        """Whether mu is the largest singular value: Delta is one full block or complex number."""
         block = next(iter(self))
         number = isinstance(block, Complex) and block.rows == 1
         return len(self) == 1 and (isinstance(block, Full) or number)
