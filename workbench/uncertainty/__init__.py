@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from workbench.uncertainty.responses.between_lines import refined_responses
     from workbench.uncertainty.responses.extrapolation import widened_responses
     from workbench.uncertainty.responses.plants import Responses
+    from workbench.uncertainty.responses.smoothed import smoothed_responses
 else:
     __getattr__, __dir__ = on_demand(__name__)
 
@@ -121,6 +122,7 @@ __all__ = [
     "refined_responses",
     "series",
     "smooth_orientation",
+    "smoothed_responses",
     "ss",
     "tf",
     "vertex_deltas",

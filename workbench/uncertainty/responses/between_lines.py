@@ -68,9 +68,9 @@ def refined_responses(responses: Responses, *, unstable_poles: int = 0) -> Respo
     models, _ = measured_plants(responses, 1, unstable_poles, Context())
     lines, points = responses.omega, responses.points
     omega = _places(lines, models, responses.dt)
-    ratio = points / _modelled(models, lines, responses.dt)
+    ratio = points / modelled(models, lines, responses.dt)
     turned = np.log(np.abs(ratio)) + 1j * np.unwrap(np.angle(ratio), axis=0)
-    values = _modelled(models, omega, responses.dt) * np.exp(_along(omega, lines, turned))
+    values = modelled(models, omega, responses.dt) * np.exp(_along(omega, lines, turned))
     values[np.searchsorted(omega, lines)] = points
     present = _along(omega, lines, responses.present.astype(float)) == 1.0
     given = np.zeros(points.shape) if responses.variance is None else responses.variance
@@ -82,8 +82,8 @@ def refined_responses(responses: Responses, *, unstable_poles: int = 0) -> Respo
     ratios = responses.ratios
     if ratios is not None:
         # The covariance of y is over |u|^2: relative to the response it changes little.
-        relative = _along(omega, lines, ratios.joint / _sizes(points))
-        ratios = replace(ratios, joint=relative * _sizes(values)).with_numerator(added)
+        relative = _along(omega, lines, ratios.joint / products_with_input(points))
+        ratios = replace(ratios, joint=relative * products_with_input(values)).with_numerator(added)
     return replace(
         responses,
         omega=omega,
@@ -98,13 +98,13 @@ def _places(omega: RealArray, models: Sequence[Rational], dt: float) -> RealArra
     """The frequencies, and those between them at which a model is off a straight line."""
     for _ in range(HALVINGS):
         middle = np.sqrt(omega[1:] * omega[:-1])
-        ends, inside = _modelled(models, omega, dt), _modelled(models, middle, dt)
+        ends, inside = modelled(models, omega, dt), modelled(models, middle, dt)
         away = np.log(inside**2 / (ends[1:] * ends[:-1])) / 2
         omega = np.union1d(omega, middle[(np.abs(away) > STRAIGHT).any(axis=1)])
     return omega
 
 
-def _modelled(models: Sequence[Rational], omega: RealArray, dt: float) -> ComplexArray:
+def modelled(models: Sequence[Rational], omega: RealArray, dt: float) -> ComplexArray:
     """Responses (F, N) of the models."""
     axis = bilinear_frequency(omega, dt)
     return np.stack([one.response(axis) for one in models], axis=1)
@@ -117,7 +117,7 @@ def _along(omega: RealArray, lines: RealArray, columns: Any) -> Any:
     return np.stack(flat, axis=1).reshape(omega.size, *columns.shape[1:])
 
 
-def _sizes(values: ComplexArray) -> ComplexArray:
+def products_with_input(values: ComplexArray) -> ComplexArray:
     """Products (F, N, 2, 2) of y and u with their conjugates, where u is 1."""
     both = np.stack([values, np.ones_like(values)], axis=-1)
     return both[..., :, None] * both[..., None, :].conj()
