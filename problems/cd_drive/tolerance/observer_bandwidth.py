@@ -53,7 +53,12 @@ FREQUENCY = np.geomspace(10.0, 10e3, 300)
 """Frequencies [Hz] of the figure."""
 
 
-@problem("cd/{axis}/observer-bandwidth", axis=("focus", "radial"), data=TABLES)
+@problem(
+    "cd/{axis}/observer-bandwidth",
+    axis=("focus", "radial"),
+    data=TABLES,
+    added=("gain", "delay"),
+)
 def observer_bandwidth(
     axis: Axis,
     gain: Gain = "own",

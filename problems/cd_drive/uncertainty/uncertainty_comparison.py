@@ -45,7 +45,13 @@ def needs(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> di
     return covers | {"parametric": ref(f"cd/{axis}/parametric", frequencies=frequencies)}
 
 
-@problem("cd/{axis}/uncertainty-comparison", axis=("focus", "radial"), needs=needs, data=TABLES)
+@problem(
+    "cd/{axis}/uncertainty-comparison",
+    axis=("focus", "radial"),
+    needs=needs,
+    data=TABLES,
+    added=("gain",),
+)
 def comparison(  # type: ignore[no-untyped-def]
     axis: Axis,
     circle_steps,

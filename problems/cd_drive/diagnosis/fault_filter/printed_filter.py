@@ -62,7 +62,14 @@ TOP = 10e3
 NAMES = {"channels": "a scaling for each channel", "rows": "both rows"}
 
 
-@problem("cd/{axis}/printed-filter", slow=True, axis=("focus", "radial"), needs=needs, data=TABLES)
+@problem(
+    "cd/{axis}/printed-filter",
+    slow=True,
+    axis=("focus", "radial"),
+    needs=needs,
+    data=TABLES,
+    added=("gain", "delay"),
+)
 def printed_filter(
     axis: Axis,
     covered: Run,
