@@ -119,7 +119,7 @@ def test_the_gap_between_a_kept_and_a_too_fast_bandwidth_is_halved(edge):
     def tried(hz):
         return SimpleNamespace(bandwidth_hz=hz, peak=0.9 if hz < edge else 1.2)
 
-    best, every = kept_weights.halved_gap(tried(0.25), 1.0, tried)
+    best, every = kept_weights.halved_gap(tried(0.25), 1.0, tried, 0.98)
     assert len(every) == kept_weights.HALVINGS
     assert best.bandwidth_hz < edge <= best.bandwidth_hz * 4 ** (0.5**kept_weights.HALVINGS) * 1.001
     first = tried(1.0)
