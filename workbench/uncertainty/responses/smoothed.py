@@ -84,7 +84,9 @@ def smoothed_responses(responses: Responses, *, unstable_poles: int = 0) -> Resp
     share = responses.variance / np.abs(responses.values) ** 2
     fitted_at = np.isin(responses.omega, responses.thinned(FREQUENCIES).omega)
     values, variance = responses.values.copy(), responses.variance.copy()
-    joint = None if responses.ratios is None else responses.ratios.joint.copy()
+    added = np.zeros(variance.shape)
+    ratios = responses.ratios
+    joint = None if ratios is None else ratios.joint.copy()
     for k in range(values.shape[1]):
         there = np.flatnonzero(responses.present[:, k])
         of_model = _error_of_model(
@@ -100,21 +102,19 @@ def smoothed_responses(responses: Responses, *, unstable_poles: int = 0) -> Resp
         left = both + (np.eye(len(both)) - both) @ of_model  # of the noise of all lines
         part = np.tile(share[there, k], 2) / 2
         alone, whole = smooth**2 @ share[there, k], (left**2 @ part).reshape(2, -1).sum(axis=0)
-        added = np.maximum(whole - alone, 0.0) + excess
-        variance[there, k] = (alone + added) * size
+        added[there, k] = (np.maximum(whole - alone, 0.0) + excess) * size
+        variance[there, k] = alone * size + added[there, k]
         if joint is not None:
             # the covariances are over |u|^2, and so relative to the response
             relative = joint[there, k] / products_with_input(responses.values[there, k])
             smoothed = np.tensordot(smooth**2, relative, 1)
             joint[there, k] = smoothed * products_with_input(values[there, k])
-            joint[there, k, 0, 0] += added * size
     said = (
         f"responses are means over the lines within a factor of {REACH:g}, once a model of each "
         "plant is divided out: no plant has a narrower resonance that noise hides"
     )
-    ratios = responses.ratios
     if ratios is not None and joint is not None:
-        ratios = replace(ratios, joint=joint)
+        ratios = replace(ratios, joint=joint).with_numerator(added)
     return replace(
         responses,
         values=values,
