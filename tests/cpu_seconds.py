@@ -17,9 +17,9 @@ import pytest
 
 LIMIT = 5.0
 """Most processor seconds of a test that is not marked slow, where `yardstick` takes `REFERENCE`."""
-LIMIT_OF_ALL = 450.0
-"""Most processor seconds of a sample of all tests; with what is around it, which is about fifty,
-two processors need less than five minutes then."""
+LIMIT_OF_ALL = 600.0
+"""Most processor seconds of a sample of all tests in a new checkout: 450, and 150 to compile;
+two processors need about five minutes for the former."""
 REFERENCE = 0.045
 """Processor seconds of `yardstick` where the limit was set; on a slower processor, or one that is
 shared, a test may take longer in proportion."""
